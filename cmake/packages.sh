@@ -1,0 +1,52 @@
+# Sourced by quickstart.sh and test.sh: the Debian 12 packages that volalign is built from.
+
+VOLALIGN_BUILD_PACKAGES=(
+  g++ cmake ninja-build pkg-config
+  libtorch-dev libopenblas0-pthread
+  libeigen3-dev libnanoflann-dev libceres-dev libopencv-dev
+  libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
+  libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
+  libcli11-dev libfmt-dev libspdlog-dev
+)
+VOLALIGN_TEST_PACKAGES=(libgtest-dev python3-torch)
+
+# install_packages NAME...: installs what is missing, as root or through sudo; names what cannot be had.
+install_packages() {
+  local missing=() package
+  for package in "$@"; do
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
+  done
+  if [ ${#missing[@]} -eq 0 ]; then
+    echo "packages: all ${#} are installed"
+    return
+  fi
+  echo "packages: installing ${missing[*]}"
+  local as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    if ! command -v sudo >/dev/null; then
+      echo "error: these Debian packages are missing: ${missing[*]}; run this as root, or install them first" >&2
+      return 1
+    fi
+    as_root=(sudo)
+  fi
+  local log
+  log=$(mktemp)
+  if ! { "${as_root[@]}" apt-get update -qq &&
+         "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+           apt-get install -y -qq --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+    tail -n 5 "$log" >&2
+    echo "error: apt-get could not install ${missing[*]}; Debian 12 (bookworm) is expected; the log is $log" >&2
+    return 1
+  fi
+  rm -f "$log"
+}
+
+# build_preset NAME TARGET...: configures once and builds; a second run has nothing to do.
+build_preset() {
+  local preset=$1
+  shift
+  [ -f "build/$preset/build.ninja" ] || cmake --preset "$preset" >"build-$preset.log" 2>&1 ||
+    { tail -n 20 "build-$preset.log" >&2; echo "error: cmake --preset $preset failed; the log is build-$preset.log" >&2; return 1; }
+  rm -f "build-$preset.log"
+  cmake --build --preset "$preset" --target "$@"
+}

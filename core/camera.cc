@@ -1,0 +1,127 @@
+#include "core/camera.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+
+#include "core/error.h"
+#include "core/file_util.h"
+
+namespace volalign {
+
+void Intrinsics::Validate(const std::string& what) const {
+  const auto require = [&](bool holds, const std::string& text) {
+    if (!holds) throw DataError(fmt::format("{}: {}", what, text));
+  };
+  require(width > 0 && height > 0,
+          fmt::format("image size {}x{} violates width > 0 and height > 0", width, height));
+  require(
+      std::isfinite(fx) && std::isfinite(fy) && fx > 0 && fy > 0,
+      fmt::format("focal lengths fx = {}, fy = {} violate 0 < fx, fy < infinity (pixels)", fx, fy));
+  require(
+      cx > -width && cx < 2 * width && cy > -height && cy < 2 * height,
+      fmt::format("principal point ({}, {}) is not near the {}x{} image", cx, cy, width, height));
+  const std::size_t n = distortion.size();
+  require(n == 0 || n == 4 || n == 5 || n == 8,
+          fmt::format("{} distortion coefficients; OpenCV's 0, 4, 5 or 8 are expected", n));
+  for (const double k : distortion) {
+    require(std::isfinite(k), fmt::format("a distortion coefficient is {}", k));
+  }
+}
+
+Intrinsics Intrinsics::Resized(int new_width, int new_height) const {
+  const double sx = static_cast<double>(new_width) / width;
+  const double sy = static_cast<double>(new_height) / height;
+  Intrinsics out = *this;
+  out.width = new_width;
+  out.height = new_height;
+  out.fx = fx * sx;
+  out.fy = fy * sy;
+  out.cx = (cx + 0.5) * sx - 0.5;
+  out.cy = (cy + 0.5) * sy - 0.5;
+  return out;
+}
+
+Intrinsics Intrinsics::Turned(int quarter_turns) const {
+  if (!distortion.empty()) {
+    throw DataError("intrinsics with distortion cannot be turned: turn the ray table instead");
+  }
+  Intrinsics out = *this;
+  for (int i = ((quarter_turns % 4) + 4) % 4; i > 0; --i) {
+    const Intrinsics in = out;
+    out.width = in.height;
+    out.height = in.width;
+    out.fx = in.fy;
+    out.fy = in.fx;
+    out.cx = in.height - 1 - in.cy;
+    out.cy = in.cx;
+  }
+  return out;
+}
+
+bool operator==(const Intrinsics& a, const Intrinsics& b) {
+  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
+         a.cx == b.cx && a.cy == b.cy && a.distortion == b.distortion;
+}
+
+RayTable PinholeRays(const Intrinsics& intrinsics) {
+  if (!intrinsics.distortion.empty()) {
+    throw DataError("PinholeRays: the intrinsics have lens distortion");
+  }
+  RayTable table;
+  table.width = intrinsics.width;
+  table.height = intrinsics.height;
+  table.rays.reserve(static_cast<std::size_t>(table.width) *
+                     static_cast<std::size_t>(table.height));
+  for (int v = 0; v < table.height; ++v) {
+    for (int u = 0; u < table.width; ++u) {
+      table.rays.emplace_back(static_cast<float>((u - intrinsics.cx) / intrinsics.fx),
+                              static_cast<float>((v - intrinsics.cy) / intrinsics.fy));
+    }
+  }
+  return table;
+}
+
+std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
+  const std::string text = ReadFile(path);
+  std::vector<IntrinsicsPoolEntry> pool;
+  try {
+    for (const YAML::Node& node : YAML::Load(text)) {
+      IntrinsicsPoolEntry entry;
+      entry.sensor = node["sensor"].as<std::string>();
+      const auto size = node["resolution"].as<std::vector<int>>();
+      if (size.size() != 2) {
+        throw ConfigError(fmt::format("{}:{}: resolution wants [width, height]", path,
+                                      node["resolution"].Mark().line + 1));
+      }
+      for (const YAML::Node& item : node["intrinsics"]) {
+        const auto k = item.as<std::vector<double>>();
+        const std::string where = fmt::format("{}:{}", path, item.Mark().line + 1);
+        if (k.size() != 4) throw ConfigError(where + ": intrinsics want [fx, fy, cx, cy]");
+        Intrinsics intrinsics{size[0], size[1], k[0], k[1], k[2], k[3], {}};
+        try {
+          intrinsics.Validate(where);
+        } catch (const DataError& e) {
+          throw ConfigError(e.what());
+        }
+        entry.intrinsics.push_back(intrinsics);
+      }
+      if (entry.intrinsics.empty()) {
+        throw ConfigError(
+            fmt::format("{}:{}: {} has no intrinsics", path, node.Mark().line + 1, entry.sensor));
+      }
+      pool.push_back(entry);
+    }
+  } catch (const YAML::Exception& e) {
+    throw ConfigError(
+        fmt::format("{}:{}: {}; a list of {{sensor, resolution: [w, h], intrinsics: [[fx, fy, cx, "
+                    "cy], ...]}} is expected",
+                    path, e.mark.line + 1, e.msg));
+  }
+  if (pool.empty()) throw ConfigError(path + ": no sensors in the intrinsics pool");
+  return pool;
+}
+
+}  // namespace volalign

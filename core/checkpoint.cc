@@ -1,0 +1,275 @@
+#include "core/checkpoint.h"
+
+#include <ATen/core/ivalue.h>
+#include <ATen/ops/isfinite.h>
+#include <c10/core/GradMode.h>
+#include <fmt/format.h>
+#include <torch/csrc/jit/serialization/pickle.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/file_util.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+
+constexpr char kTool[] = "volalign " VOLALIGN_VERSION;
+
+std::string Digest(const TensorFile& file) {
+  std::string hashes = file.meta;
+  for (const auto& [name, tensor] : file.tensors) {
+    const std::string_view bytes(static_cast<const char*>(tensor.data_ptr()), tensor.nbytes());
+    hashes +=
+        fmt::format("\n{} {} {} {}", name, at::toString(tensor.scalar_type()),
+                    fmt::join(tensor.sizes().begin(), tensor.sizes().end(), ","), Sha256(bytes));
+  }
+  return Sha256(hashes);
+}
+
+/// A pickle may claim any size and stride over a storage; look at the memory only after this.
+void RequireWhole(const at::Tensor& t, const std::string& name, const std::string& path) {
+  const bool plain = t.defined() && t.device().is_cpu() && t.layout() == at::kStrided &&
+                     !t.is_quantized() && t.is_contiguous() && t.storage_offset() >= 0;
+  if (!plain || static_cast<std::size_t>(t.storage_offset()) * t.element_size() + t.nbytes() >
+                    t.storage().nbytes()) {
+    throw DataError(fmt::format("{}: tensor '{}' is damaged: get the file again", path, name));
+  }
+}
+
+std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+json StructureToJson(const Structure& structure) {
+  json boxes = json::array();
+  for (const Box& box : structure.boxes()) {
+    boxes.push_back({{"name", box.name},
+                     {"size", {box.size.x(), box.size.y(), box.size.z()}},
+                     {"structure_from_box", ToRows(box.structure_from_box)}});
+  }
+  return {{"name", structure.name()},
+          {"boxes", boxes},
+          {"labels", structure.SideNames()},
+          {"sha256", structure.Hash()}};
+}
+
+Structure StructureFromJson(const json& j) {
+  std::vector<Box> boxes;
+  for (const json& b : j.at("boxes")) {
+    Box box;
+    box.name = b.at("name").get<std::string>();
+    const auto size = b.at("size").get<std::vector<double>>();
+    if (size.size() != 3) throw DataError("a box's size has not 3 numbers");
+    box.size = Eigen::Vector3d(size[0], size[1], size[2]);
+    box.structure_from_box = PoseFromRows(
+        b.at("structure_from_box").get<std::vector<std::vector<double>>>(), "box " + box.name);
+    boxes.push_back(box);
+  }
+  Structure structure = Structure::FromBoxes(j.at("name").get<std::string>(), std::move(boxes),
+                                             j.at("labels").get<std::vector<std::string>>());
+  if (structure.Hash() != j.at("sha256").get<std::string>()) {
+    throw DataError("the structure's hash does not match its boxes");
+  }
+  return structure;
+}
+
+CheckpointMeta MetaFromJson(const std::string& text) {
+  const json j = json::parse(text);
+  CheckpointMeta meta;
+  meta.tool = j.at("tool").get<std::string>();
+  const json& n = j.at("network");
+  meta.network.base_channels = n.at("base_channels").get<int>();
+  meta.network.num_classes = n.at("num_classes").get<int>();
+  meta.network.attention = n.at("attention").get<bool>();
+  meta.network.normalization = ParseNormalization(n.at("normalization").get<std::string>());
+  meta.network.input = ParseInputEncoding(n.at("input").get<std::string>());
+  meta.network.residual_blocks = n.at("residual_blocks").get<int>();
+  meta.network.background_bias = n.at("background_bias").get<double>();
+  meta.structure = StructureFromJson(j.at("structure"));
+  meta.focal_px = {j.at("focal_px").at(0).get<double>(), j.at("focal_px").at(1).get<double>()};
+  for (const json& size : j.at("image_sizes")) {
+    meta.image_sizes.emplace_back(size.at(0).get<int>(), size.at(1).get<int>());
+  }
+  meta.roll_offsets_deg = j.at("roll_offsets_deg").get<std::vector<double>>();
+  meta.samples = j.at("samples").get<std::int64_t>();
+  meta.config_yaml = j.at("config").get<std::string>();
+  return meta;
+}
+
+void RequireClasses(const CheckpointMeta& meta) {
+  if (meta.structure.num_classes() != meta.network.num_classes) {
+    throw DataError(
+        fmt::format("network.num_classes = {} violates the structure '{}', which has {}",
+                    meta.network.num_classes, meta.structure.name(), meta.structure.num_classes()));
+  }
+}
+
+}  // namespace
+
+std::string MetaToJson(const CheckpointMeta& meta) {
+  json sizes = json::array();
+  for (const auto& [width, height] : meta.image_sizes) sizes.push_back({width, height});
+  const StructureNetOptions& n = meta.network;
+  const json j = {{"tool", meta.tool},
+                  {"network",
+                   {{"base_channels", n.base_channels},
+                    {"num_classes", n.num_classes},
+                    {"attention", n.attention},
+                    {"normalization", ToString(n.normalization)},
+                    {"input", ToString(n.input)},
+                    {"residual_blocks", n.residual_blocks},
+                    {"background_bias", n.background_bias}}},
+                  {"structure", StructureToJson(meta.structure)},
+                  {"focal_px", {meta.focal_px.first, meta.focal_px.second}},
+                  {"image_sizes", sizes},
+                  {"roll_offsets_deg", meta.roll_offsets_deg},
+                  {"samples", meta.samples},
+                  {"config", meta.config_yaml}};
+  return j.dump(1);
+}
+
+void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) {
+  TensorFile stored{file.format, file.meta, {}};
+  c10::Dict<std::string, at::Tensor> tensors;
+  for (const auto& [name, tensor] : file.tensors) {
+    // A clone, because a view would be saved with the whole storage that it looks into.
+    const at::Tensor plain = tensor.detach().to(at::kCPU).clone(at::MemoryFormat::Contiguous);
+    stored.tensors.emplace(name, plain);
+    tensors.insert(name, plain);
+  }
+  c10::impl::GenericDict dict(c10::StringType::get(), c10::AnyType::get());
+  dict.insert("format", stored.format);
+  dict.insert("meta", stored.meta);
+  dict.insert("digest", Digest(stored));
+  dict.insert("tensors", tensors);
+  const std::vector<char> bytes = torch::jit::pickle_save(dict);
+  WriteFileAtomically(path, std::string_view(bytes.data(), bytes.size()));
+}
+
+TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
+  const std::string content = ReadFile(path);
+  const auto foreign = [&](const std::string& why) {
+    return DataError(
+        fmt::format("{}: not a whole file of format {} ({})", path.string(), format, why));
+  };
+  if (content.compare(0, 4, "PK\x03\x04") != 0) throw foreign("no zip archive");
+  TensorFile file;
+  std::string digest;
+  try {
+    const c10::IValue value =
+        torch::jit::pickle_load(std::vector<char>(content.begin(), content.end()));
+    const auto dict = value.toGenericDict();
+    file.format = dict.at("format").toStringRef();
+    if (file.format != format) throw foreign(fmt::format("its format is '{}'", file.format));
+    file.meta = dict.at("meta").toStringRef();
+    digest = dict.at("digest").toStringRef();
+    for (const auto& item : dict.at("tensors").toGenericDict()) {
+      file.tensors.emplace(item.key().toStringRef(), item.value().toTensor());
+    }
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& e) {
+    throw foreign(FirstLine(e.what()));
+  }
+  for (const auto& [name, tensor] : file.tensors) RequireWhole(tensor, name, path.string());
+  if (Digest(file) != digest) throw foreign("its digest does not match: the content was changed");
+  return file;
+}
+
+void AddModuleTensors(const torch::nn::Module& module, const std::string& prefix,
+                      std::map<std::string, at::Tensor>* tensors) {
+  for (const auto& item : module.named_parameters()) {
+    tensors->emplace(prefix + item.key(), item.value());
+  }
+  for (const auto& item : module.named_buffers())
+    tensors->emplace(prefix + item.key(), item.value());
+}
+
+void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::string& prefix,
+                    torch::nn::Module& module, const std::string& what) {
+  std::map<std::string, at::Tensor> targets;
+  AddModuleTensors(module, prefix, &targets);
+  for (const auto& [name, tensor] : source) {
+    if (name.compare(0, prefix.size(), prefix) == 0 && targets.count(name) == 0) {
+      throw DataError(fmt::format("{}: tensor '{}' is not the network's", what, name));
+    }
+  }
+  c10::NoGradGuard no_grad;
+  for (auto& [name, target] : targets) {
+    const auto found = source.find(name);
+    if (found == source.end()) {
+      throw DataError(fmt::format("{}: tensor '{}' is missing", what, name));
+    }
+    const at::Tensor& tensor = found->second;
+    if (tensor.sizes() != target.sizes()) {
+      throw DataError(fmt::format("{}: tensor '{}' has the shape [{}] instead of [{}]", what, name,
+                                  fmt::join(tensor.sizes().begin(), tensor.sizes().end(), ","),
+                                  fmt::join(target.sizes().begin(), target.sizes().end(), ",")));
+    }
+    if (tensor.scalar_type() != target.scalar_type() && tensor.scalar_type() != at::kHalf) {
+      throw DataError(fmt::format("{}: tensor '{}' has the type {} instead of {}", what, name,
+                                  at::toString(tensor.scalar_type()),
+                                  at::toString(target.scalar_type())));
+    }
+    target.copy_(tensor);
+  }
+}
+
+void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
+                    const CheckpointMeta& meta, bool half) {
+  if (!(meta.network == net->options())) {
+    throw Error(
+        fmt::format("{}: the checkpoint's network options are not the network's", path.string()));
+  }
+  RequireClasses(meta);
+  CheckpointMeta stamped = meta;
+  stamped.tool = kTool;
+  TensorFile file{kCheckpointFormat, MetaToJson(stamped), {}};
+  AddModuleTensors(*net, "", &file.tensors);
+  if (half) {
+    for (const auto& item : net->named_parameters()) {
+      const at::Tensor weights = item.value().detach().to(at::kHalf);
+      if (!at::isfinite(weights).all().item<bool>()) {
+        throw Error(fmt::format("{}: parameter '{}' does not fit float16: save it as float32",
+                                path.string(), item.key()));
+      }
+      file.tensors[item.key()] = weights;
+    }
+  }
+  WriteTensorFile(path, file);
+}
+
+LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
+  const TensorFile file = ReadTensorFile(path, kCheckpointFormat);
+  LoadedModel model;
+  try {
+    model.meta = MetaFromJson(file.meta);
+    RequireClasses(model.meta);
+    model.net = StructureNet(model.meta.network);
+  } catch (const std::exception& e) {
+    throw DataError(fmt::format("{}: invalid metadata ({})", path.string(), FirstLine(e.what())));
+  }
+  CopyIntoModule(file.tensors, "", *model.net, path.string());
+  model.net->eval();
+  return model;
+}
+
+void CheckStructure(const CheckpointMeta& meta, const Structure& structure) {
+  const std::vector<std::string> trained = meta.structure.SideNames();
+  const std::vector<std::string> given = structure.SideNames();
+  if (trained == given) return;
+  if (trained.size() != given.size()) {
+    throw DataError(
+        fmt::format("structure '{}' has {} labelled sides, the model was trained on '{}' with {}: "
+                    "train a model for it",
+                    structure.name(), given.size(), meta.structure.name(), trained.size()));
+  }
+  std::size_t i = 0;
+  while (trained[i] == given[i]) ++i;
+  throw DataError(fmt::format(
+      "label {} of structure '{}' is '{}', the model was trained with '{}': train a model for it",
+      i + 1, structure.name(), given[i], trained[i]));
+}
+
+}  // namespace volalign

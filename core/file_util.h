@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace volalign {
+
+/// Whole content of a file. Throws IoError, which names the path and the system's reason.
+std::string ReadFile(const std::filesystem::path& path);
+
+/// Writes to `path`.tmp-PID in the same folder, syncs and renames, so that a reader never sees half
+/// a file. Creates missing parent folders. Throws IoError.
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
+
+/// Lower-case hexadecimal SHA-256 of `bytes` (OpenSSL's EVP).
+std::string Sha256(std::string_view bytes);
+
+}  // namespace volalign

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+
+#include "core/image.h"
+
+namespace volalign {
+
+/// Reads a 16-bit depth file by its content: PNG (16-bit grey), PGM ASCII (P2) or PGM binary (P5,
+/// 8 or 16 bits). Throws IoError if the file cannot be opened, DataError if it is truncated, of
+/// another kind or holds values above its maximum.
+Image16 ReadDepthFile(const std::filesystem::path& path);
+
+/// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.
+LabelImage ReadPng8(const std::filesystem::path& path);
+
+/// Reads an 8-bit RGB PNG. Throws IoError or DataError.
+RgbImage ReadPngRgb(const std::filesystem::path& path);
+
+/// The writers encode in memory and replace `path` atomically (see WriteFileAtomically).
+void WritePng(const std::filesystem::path& path, const Image16& image);
+void WritePng(const std::filesystem::path& path, const LabelImage& image);
+void WritePng(const std::filesystem::path& path, const RgbImage& image);
+/// Binary PGM (P5), 16 bits, big-endian as the format demands.
+void WritePgm(const std::filesystem::path& path, const Image16& image);
+
+/// Metres = raw * depth_scale.
+DepthImage ToMetres(const Image16& raw, double depth_scale);
+/// Rounds to the nearest step; values that do not fit into 16 bits become 0 ("no measurement").
+Image16 FromMetres(const DepthImage& depth, double depth_scale);
+
+}  // namespace volalign

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <c10/core/ScalarType.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+
+#include <cstdint>
+#include <ostream>
+#include <string>
+#include <vector>
+
+namespace volalign {
+
+enum class Normalization { kNone, kBatch, kGroup };
+enum class InputEncoding { kDepth, kDepthMask };
+
+/// "none", "batch", "group"; "depth", "depth_mask". Parsing throws ConfigError for other words.
+const char* ToString(Normalization normalization);
+const char* ToString(InputEncoding input);
+Normalization ParseNormalization(const std::string& word);
+InputEncoding ParseInputEncoding(const std::string& word);
+
+/// Channels that EncodeDepth makes: 1 or 2.
+int EncodedChannels(InputEncoding input);
+
+/// depth_mask: depth is centred here, m, where the structure stands in training.
+inline constexpr double kDepthCentre = 2.0;
+/// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
+/// far values (up to 16 m, facts/sensors.md) from dominating the batch statistics.
+inline constexpr double kDepthClamp = 6.0;
+
+/// Network input [B,C,H,W] float32 of depth maps [B,1,H,W] float32, m, 0 where there is none.
+///   kDepth:     depth itself (the paper), C = 1
+///   kDepthMask: (min(depth, kDepthClamp) - kDepthCentre) * mask and mask = depth > 0, C = 2
+/// Throws Error for another shape or type.
+at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
+
+/// Design section 5; the defaults are the paper's.
+struct StructureNetOptions {
+  int base_channels = 32;  ///< c >= 1
+  int num_classes = 21;    ///< K >= 2, background included
+  bool attention = true;
+  Normalization normalization = Normalization::kNone;
+  InputEncoding input = InputEncoding::kDepth;
+  int residual_blocks = 4;     ///< >= 0
+  double background_bias = 0;  ///< initial bias of the background class in the classifier
+
+  /// Throws ConfigError that names option, value and constraint.
+  void Validate() const;
+  friend bool operator==(const StructureNetOptions& a, const StructureNetOptions& b);
+};
+
+/// Convolution ("same" padding, odd kernel, stride 1), then normalisation if there is one.
+/// Parameters `weight` [out,in,k,k] and `bias` [out] (absent before a normalisation, which would
+/// cancel it), and of a normalisation `norm_weight`, `norm_bias` [out], with kBatch also buffers
+/// `running_mean`, `running_var` [out].
+class ConvUnitImpl : public torch::nn::Module {
+ public:
+  ConvUnitImpl(int in, int out, int kernel, Normalization normalization);
+
+  /// x [B,in,H,W] -> [B,out,H,W] in `dtype`.
+  at::Tensor forward(const at::Tensor& x, at::ScalarType dtype);
+
+  at::Tensor weight, bias, norm_weight, norm_bias, running_mean, running_var;
+
+ private:
+  Normalization normalization_;
+};
+TORCH_MODULE(ConvUnit);
+
+/// The paper's segmentation network (SemanticCorrespondences; design section 5): encoder of 14
+/// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
+/// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0.
+class StructureNetImpl : public torch::nn::Module {
+ public:
+  /// Throws ConfigError for invalid options.
+  explicit StructureNetImpl(const StructureNetOptions& options);
+
+  /// Encoded input [B,C,H,W] float32 (EncodeDepth), any H, W >= 16 -> log-probabilities [B,K,H,W]
+  /// float32. Throws Error for another shape.
+  at::Tensor forward(const at::Tensor& input);
+
+  /// Type in which all but the first convolution, the normalisation statistics and the log-softmax
+  /// are computed: kFloat or kBFloat16. Weights stay float32. bfloat16 has 16 mm steps at 3 m, so
+  /// the depth itself never gets there.
+  void SetComputeType(at::ScalarType dtype);
+
+  const StructureNetOptions& options() const { return options_; }
+  void pretty_print(std::ostream& stream) const override;
+  /// A line a layer: name, kernel, channels; then the number of parameters.
+  std::string prettyString() const;
+
+ private:
+  ConvUnit Add(const std::string& name, int in, int out, int kernel);
+  at::Tensor Relu(ConvUnit& unit, const at::Tensor& x);
+
+  StructureNetOptions options_;
+  at::ScalarType dtype_ = at::kFloat;
+  std::vector<std::vector<ConvUnit>> encoder_;  // a group between two pools each
+  struct ResidualBlock {
+    ConvUnit first{nullptr}, second{nullptr};
+  };
+  std::vector<ResidualBlock> bottleneck_;
+  ConvUnit attention_{nullptr};
+  struct DecoderLevel {
+    ConvUnit first{nullptr}, second{nullptr}, up{nullptr}, merge{nullptr};
+  };
+  std::vector<DecoderLevel> decoder_;
+  ConvUnit last_{nullptr}, classifier_{nullptr};
+};
+TORCH_MODULE(StructureNet);
+
+/// Epsilon of both normalisations, and the number of groups of group normalisation over `channels`.
+inline constexpr double kNormEpsilon = 1e-5;
+std::int64_t NormGroups(std::int64_t channels);
+
+/// Number of trainable values.
+std::int64_t CountParameters(const torch::nn::Module& module);
+
+}  // namespace volalign

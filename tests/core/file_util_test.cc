@@ -1,0 +1,110 @@
+#include "core/file_util.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
+
+#include "core/error.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+std::set<std::string> Listing(const std::filesystem::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+TEST(FileUtil, WritesAndReadsAnyBytes) {
+  const TempFolder folder;
+  std::string bytes;
+  for (int i = 0; i < 70000; ++i) bytes.push_back(static_cast<char>(i * 7));
+  for (const std::string& content : {bytes, std::string(), std::string("\r\n\0x", 4)}) {
+    WriteFileAtomically(folder / "a.bin", content);
+    EXPECT_EQ(ReadFile(folder / "a.bin"), content);
+  }
+  EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.bin"});
+}
+
+TEST(FileUtil, CreatesMissingFolders) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a/b/c.txt", "x");
+  EXPECT_EQ(ReadFile(folder / "a/b/c.txt"), "x");
+  EXPECT_EQ(Listing(folder / "a/b"), std::set<std::string>{"c.txt"});
+}
+
+TEST(FileUtil, AFileNameAloneGoesToTheWorkingFolder) {
+  const TempFolder folder;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  WriteFileAtomically("plain.txt", "x");
+  std::filesystem::current_path(before);
+  EXPECT_EQ(ReadFile(folder / "plain.txt"), "x");
+}
+
+// An open handle keeps what it read from: the new content comes as a new file, never in place.
+TEST(FileUtil, AReaderNeverSeesAMixture) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.txt", std::string(100000, 'o'));
+  std::ifstream reader(folder / "a.txt", std::ios::binary);
+  char first = 0;
+  reader.get(first);
+  WriteFileAtomically(folder / "a.txt", std::string(100000, 'n'));
+  std::string rest(std::istreambuf_iterator<char>(reader), {});
+  EXPECT_EQ(first + rest, std::string(100000, 'o'));
+  EXPECT_EQ(ReadFile(folder / "a.txt"), std::string(100000, 'n'));
+}
+
+TEST(FileUtil, ReadErrorsNamePathAndReason) {
+  const TempFolder folder;
+  ExpectError<IoError>([&] { ReadFile(folder / "missing.txt"); },
+                       {(folder / "missing.txt").string(), "No such file"});
+  ExpectError<IoError>([&] { ReadFile(folder.path()); }, {folder.path().string(), "folder"});
+}
+
+TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "file", "x");
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "file/inner.txt", "y"); },
+                       {(folder / "file").string()});
+  std::filesystem::create_directory(folder / "taken");
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "taken", "y"); },
+                       {(folder / "taken").string(), "rename"});
+  const std::string long_name(300, 'a');
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / long_name, "y"); },
+                       {"create", "too long"});
+  EXPECT_EQ(Listing(folder.path()), (std::set<std::string>{"file", "taken"}));
+  EXPECT_EQ(ReadFile(folder / "file"), "x");
+}
+
+// The device that is always full.
+TEST(FileUtil, AFullDiskIsAnError) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "this system has no /dev/full";
+  const TempFolder folder;
+  const auto temporary = folder / ("a.txt.tmp-" + std::to_string(::getpid()));
+  std::filesystem::create_symlink("/dev/full", temporary);
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", "x"); },
+                       {"write", (folder / "a.txt").string(), "No space left"});
+  EXPECT_TRUE(Listing(folder.path()).empty());
+}
+
+// FIPS 180-2, appendix B, and the empty message.
+TEST(Sha256, KnownAnswers) {
+  EXPECT_EQ(Sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(Sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(Sha256(std::string(1000000, 'a')),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+}  // namespace
+}  // namespace volalign
