@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+namespace volalign {
+
+struct EglContextOptions {
+  /// Index into EGL's list of hardware devices (EGL_EXT_device_enumeration); -1 takes the first one
+  /// on which a context can be made, and software rendering (Mesa, surfaceless) where there is
+  /// none.
+  int device = -1;
+  /// CUDA ordinal whose GPU has to draw (EGL_CUDA_DEVICE_NV; the ordinal that CUDA has without
+  /// CUDA_VISIBLE_DEVICES); -1 for any. At most one of `device` and `cuda_device` may be given.
+  int cuda_device = -1;
+};
+
+/// An off-screen OpenGL 4.5 core context, current on the thread that made it until it is destroyed
+/// there. Contexts of one process share one EGL display a device, which is never terminated; each
+/// worker thread has a context of its own. Software rendering stays on the calling thread
+/// (LP_NUM_THREADS=0 unless the environment says otherwise).
+class EglContext {
+ public:
+  /// Throws IoError: no EGL display or context (names the Debian packages), or a device that does
+  /// not exist.
+  explicit EglContext(const EglContextOptions& options = {});
+  ~EglContext();
+  EglContext(const EglContext&) = delete;
+  EglContext& operator=(const EglContext&) = delete;
+
+  /// GL_RENDERER, GL_VERSION and the platform, for people.
+  std::string Describe() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace volalign

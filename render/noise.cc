@@ -1,0 +1,39 @@
+#include "render/noise.h"
+
+#include <fmt/format.h>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "render/noise_models.h"
+
+namespace volalign {
+namespace {
+
+bool StartsWith(const std::string& text, const std::string& prefix) {
+  return text.compare(0, prefix.size(), prefix) == 0;
+}
+
+}  // namespace
+
+bool HasSensorModel(const std::string& sensor) {
+  return StartsWith(sensor, "azure_kinect") || StartsWith(sensor, "kinect_v2") ||
+         StartsWith(sensor, "realsense_d4") || StartsWith(sensor, "kinect_v1");
+}
+
+NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
+                     std::uint64_t index) {
+  RandomStream random(seed, index, "noise");
+  if (config.model == "none") return {input.view.depth, input.view.labels};
+  if (config.model == "paper") return PaperNoise(config, input, random);
+  if (StartsWith(input.sensor, "azure_kinect")) return TofNoise({/*hexagon=*/true}, input, random);
+  if (StartsWith(input.sensor, "kinect_v2")) return TofNoise({/*hexagon=*/false}, input, random);
+  if (StartsWith(input.sensor, "realsense_d4")) return StereoNoise({}, input, random);
+  if (StartsWith(input.sensor, "kinect_v1")) {
+    // B = 75 mm, f = 580 px at 640x480; Nguyen et al. 2012 give sigma_z = 6 mm at 2 m, 0.07 px.
+    return StereoNoise({640, 43.5, {0.05, 0.09}, {0.03, 0.12}, 90}, input, random);
+  }
+  throw ConfigError(
+      fmt::format("noise.model = sensor: no model for sensor {}; use paper or none", input.sensor));
+}
+
+}  // namespace volalign

@@ -1,0 +1,101 @@
+#include "render/noise_fields.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace volalign {
+namespace {
+
+struct SplineTap {
+  int first = 0;
+  std::array<float, 4> weight{};
+};
+
+/// Taps of a uniform cubic B-spline, scaled so that independent unit-variance nodes give unit
+/// variance.
+std::vector<SplineTap> SplineTaps(int size, double cell, double phase) {
+  std::vector<SplineTap> taps(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) {
+    const double x = i / cell + phase;
+    const double t = x - std::floor(x);
+    const std::array<double, 4> w{(1 - t) * (1 - t) * (1 - t) / 6,
+                                  (3 * t * t * t - 6 * t * t + 4) / 6,
+                                  (-3 * t * t * t + 3 * t * t + 3 * t + 1) / 6, t * t * t / 6};
+    const double norm = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3]);
+    SplineTap& tap = taps[static_cast<std::size_t>(i)];
+    tap.first = static_cast<int>(std::floor(x));
+    for (std::size_t k = 0; k < 4; ++k) tap.weight[k] = static_cast<float>(w[k] / norm);
+  }
+  return taps;
+}
+
+}  // namespace
+
+Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random) {
+  // The kernel's variance is 1/3 cell^2, so the autocorrelation is close to exp(-3/4 x^2): 1/e
+  // at 1.155 cells.
+  const double cell = std::max(correlation_px / 1.155, 1.0);
+  const std::vector<SplineTap> columns = SplineTaps(width, cell, random.Uniform());
+  const std::vector<SplineTap> rows = SplineTaps(height, cell, random.Uniform());
+  const int grid_width = columns.back().first + 4, grid_height = rows.back().first + 4;
+  const PixelRandom noise(random);
+  Image<float> grid(grid_width, grid_height);
+  for (std::size_t i = 0; i < grid.size(); ++i) grid[i] = noise.Normal(i);
+
+  Image<float> field(width, height);
+  std::vector<float> line(static_cast<std::size_t>(grid_width));
+  for (int v = 0; v < height; ++v) {
+    const SplineTap& row = rows[static_cast<std::size_t>(v)];
+    for (int i = 0; i < grid_width; ++i) {
+      float sum = 0;
+      for (int k = 0; k < 4; ++k) {
+        sum += row.weight[static_cast<std::size_t>(k)] * grid(i, row.first + k);
+      }
+      line[static_cast<std::size_t>(i)] = sum;
+    }
+    float* out = &field(0, v);
+    for (int u = 0; u < width; ++u) {
+      const SplineTap& tap = columns[static_cast<std::size_t>(u)];
+      const float* in = &line[static_cast<std::size_t>(tap.first)];
+      out[u] = tap.weight[0] * in[0] + tap.weight[1] * in[1] + tap.weight[2] * in[2] +
+               tap.weight[3] * in[3];
+    }
+  }
+  return field;
+}
+
+int DrawPoisson(double mean, RandomStream& random) {
+  const double limit = std::exp(-mean);
+  int count = 0;
+  for (double product = random.Uniform(); product > limit; product *= random.Uniform()) ++count;
+  return count;
+}
+
+void ClearDisc(double u, double v, double r, Image<std::uint8_t>* keep) {
+  const int v0 = std::max(0, static_cast<int>(std::ceil(v - r)));
+  const int v1 = std::min(keep->height() - 1, static_cast<int>(std::floor(v + r)));
+  for (int y = v0; y <= v1; ++y) {
+    const double half = std::sqrt(std::max(r * r - (y - v) * (y - v), 0.0));
+    const int u0 = std::max(0, static_cast<int>(std::ceil(u - half)));
+    const int u1 = std::min(keep->width() - 1, static_cast<int>(std::floor(u + half)));
+    for (int x = u0; x <= u1; ++x) (*keep)(x, y) = 0;
+  }
+}
+
+void ClearEllipse(double u, double v, double a, double b, double angle, Image<std::uint8_t>* keep) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  const double reach = std::max(a, b);
+  const int u0 = std::max(0, static_cast<int>(std::ceil(u - reach)));
+  const int u1 = std::min(keep->width() - 1, static_cast<int>(std::floor(u + reach)));
+  const int v0 = std::max(0, static_cast<int>(std::ceil(v - reach)));
+  const int v1 = std::min(keep->height() - 1, static_cast<int>(std::floor(v + reach)));
+  for (int y = v0; y <= v1; ++y) {
+    for (int x = u0; x <= u1; ++x) {
+      const double p = (c * (x - u) + s * (y - v)) / a, q = (c * (y - v) - s * (x - u)) / b;
+      if (p * p + q * q <= 1) (*keep)(x, y) = 0;
+    }
+  }
+}
+
+}  // namespace volalign

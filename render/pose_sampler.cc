@@ -1,0 +1,33 @@
+#include "render/pose_sampler.h"
+
+#include <cmath>
+
+#include "core/error.h"
+
+namespace volalign {
+
+Pose SamplePose(const PoseConfig& config, RandomStream& random) {
+  if (config.roll_offsets_deg.empty()) {
+    throw ConfigError(
+        "pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");
+  }
+  constexpr double kPi = 3.14159265358979323846;
+  const double rho = 0.01 * random.Uniform(config.rho_cm[0], config.rho_cm[1]);
+  const double phi = random.Uniform(0, 2 * kPi);
+  const double y = 0.01 * random.Uniform(config.height_cm[0], config.height_cm[1]);
+  const Eigen::Vector3d position(rho * std::cos(phi), y, rho * std::sin(phi));
+
+  const double cos_polar = random.Uniform(-1, 1);
+  const double azimuth = random.Uniform(0, 2 * kPi);
+  const double radius = 0.01 * config.look_at_radius_cm * std::cbrt(random.Uniform());
+  const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
+  const Eigen::Vector3d target = radius * Eigen::Vector3d(sin_polar * std::cos(azimuth), cos_polar,
+                                                          sin_polar * std::sin(azimuth));
+
+  const double roll = random.Uniform(-config.roll_deg, config.roll_deg);
+  const double offset = config.roll_offsets_deg[static_cast<std::size_t>(
+      random.Below(static_cast<int>(config.roll_offsets_deg.size())))];
+  return LookAt(position, target, (roll + offset) * kPi / 180);
+}
+
+}  // namespace volalign

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "core/pose.h"
+#include "core/random.h"
+#include "render/sample_config.h"
+
+namespace volalign {
+
+/// structure_from_sensor as design section 4 (paper, "Implementation details") has it: position
+/// (rho cos phi, y, rho sin phi), look-at point uniform in a ball about the origin, levelled, then
+/// roll and a mounting offset. Throws Error when config.roll_offsets_deg is empty.
+Pose SamplePose(const PoseConfig& config, RandomStream& random);
+
+}  // namespace volalign

@@ -1,0 +1,156 @@
+#include "render/sample.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "core/structure_gltf.h"
+#include "render/depth_renderer.h"
+#include "render/image_size.h"
+#include "render/noise.h"
+#include "render/pose_sampler.h"
+#include "render/scene.h"
+
+namespace volalign {
+namespace {
+
+template <class T>
+void RequireOrdered(const std::array<T, 2>& range, const std::string& key) {
+  if (!(range[0] <= range[1])) {
+    throw ConfigError(fmt::format("{} = [{}, {}] violates low <= high", key, range[0], range[1]));
+  }
+}
+
+void Validate(const SampleConfig& config) {
+  ValidateConfig(config);
+  RequireOrdered(config.pose.rho_cm, "pose.rho_cm");
+  RequireOrdered(config.pose.height_cm, "pose.height_cm");
+  RequireOrdered(config.scene.wall_distance_m, "scene.wall_distance_m");
+  RequireOrdered(config.scene.ceiling_height_m, "scene.ceiling_height_m");
+  RequireOrdered(config.scene.clutter_count, "scene.clutter_count");
+  RequireOrdered(config.scene.clutter_size_m, "scene.clutter_size_m");
+  RequireOrdered(config.scene.tripod_count, "scene.tripod_count");
+  RequireOrdered(config.scene.tripod_distance_m, "scene.tripod_distance_m");
+  if (config.pose.roll_offsets_deg.empty()) {
+    throw ConfigError(
+        "pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");
+  }
+  if (config.image_sizes.empty()) {
+    throw ConfigError("image_sizes = [] has no size; give at least one, e.g. [160x144]");
+  }
+}
+
+/// The pool's intrinsics that fit the image size, by sensor, in the pool's order.
+std::vector<std::pair<std::string, std::vector<const Intrinsics*>>> Candidates(
+    const std::vector<IntrinsicsPoolEntry>& pool, ImageSize size) {
+  std::vector<std::pair<std::string, std::vector<const Intrinsics*>>> out;
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    for (const Intrinsics& intrinsics : entry.intrinsics) {
+      if (!SameAspect(intrinsics, size)) continue;
+      auto it = std::find_if(out.begin(), out.end(),
+                             [&](const auto& c) { return c.first == entry.sensor; });
+      if (it == out.end()) it = out.insert(out.end(), {entry.sensor, {}});
+      it->second.push_back(&intrinsics);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
+  if (batch_size < 1) {
+    throw ConfigError(fmt::format("batch size {} violates batch size >= 1", batch_size));
+  }
+  Validate(config);
+  SampleContext context;
+  context.config = config;
+  context.batch_size = batch_size;
+  context.structure = ReadStructure(config.structure);
+  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(config.intrinsics);
+  std::vector<std::string> names;
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    if (std::find(names.begin(), names.end(), entry.sensor) == names.end()) {
+      names.push_back(entry.sensor);
+    }
+  }
+  for (const std::string& sensor : config.sensors) {
+    if (std::find(names.begin(), names.end(), sensor) == names.end()) {
+      throw ConfigError(fmt::format("sensors: {} is not in {}, which has {}", sensor,
+                                    config.intrinsics, fmt::join(names, ", ")));
+    }
+  }
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    if (config.sensors.empty() || std::find(config.sensors.begin(), config.sensors.end(),
+                                            entry.sensor) != config.sensors.end()) {
+      context.pool.push_back(entry);
+    }
+  }
+  if (config.noise.model == "sensor") {
+    for (const IntrinsicsPoolEntry& entry : context.pool) {
+      if (!HasSensorModel(entry.sensor)) {
+        throw ConfigError(fmt::format(
+            "noise.model = sensor: no model for sensor {}; use paper or none", entry.sensor));
+      }
+    }
+  }
+  for (const std::string& text : config.image_sizes) {
+    const ImageSize size = ParseImageSize(text);
+    if (Candidates(context.pool, size).empty()) {
+      throw ConfigError(fmt::format(
+          "image_sizes: no configured sensor has the aspect ratio of {} (within 2 %)", text));
+    }
+    context.image_sizes.emplace_back(size.width, size.height);
+  }
+  return context;
+}
+
+Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
+                  std::uint64_t index) {
+  const SampleConfig& config = context.config;
+  Sample sample;
+  sample.index = index;
+
+  RandomStream size_random(seed, index / static_cast<std::uint64_t>(context.batch_size),
+                           "image_size");
+  const std::pair<int, int> size = context.image_sizes[static_cast<std::size_t>(
+      size_random.Below(static_cast<int>(context.image_sizes.size())))];
+  RandomStream sensor_random(seed, index, "sensor");
+  const auto candidates = Candidates(context.pool, {size.first, size.second});
+  const auto& [sensor, choices] = candidates[static_cast<std::size_t>(
+      sensor_random.Below(static_cast<int>(candidates.size())))];
+  sample.sensor = sensor;
+  sample.intrinsics =
+      choices[static_cast<std::size_t>(sensor_random.Below(static_cast<int>(choices.size())))]
+          ->Resized(size.first, size.second);
+
+  RandomStream pose_random(seed, index, "pose");
+  sample.structure_from_sensor = SamplePose(config.pose, pose_random);
+
+  AssembledStructure built = Assemble(context.structure, config.assembly, seed, index);
+  sample.box_offsets = std::move(built.box_offsets);
+  sample.size_scale = built.size_scale;
+  RandomStream presence_random(seed, index, "structure");
+  SceneOptions options;
+  options.structure_present = presence_random.Chance(config.scene.structure_probability);
+  options.structure_from_sensors = {sample.structure_from_sensor};
+  const SceneMesh mesh = BuildScene(config.scene, built.structure, options, seed, index);
+
+  RenderedView view;
+  renderer.Render(mesh, sample.intrinsics, sample.structure_from_sensor, &view);
+  NoisyView noisy = ApplyNoise(
+      config.noise,
+      {view, mesh, built.structure, sample.intrinsics, sample.structure_from_sensor, sample.sensor},
+      seed, index);
+  sample.depth = std::move(noisy.depth);
+  sample.labels = std::move(noisy.labels);
+  sample.depth_clean = std::move(view.depth);
+  sample.labels_clean = std::move(view.labels);
+  return sample;
+}
+
+}  // namespace volalign

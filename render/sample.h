@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "render/sample_config.h"
+
+namespace volalign {
+
+class DepthRenderer;
+
+/// One training sample (design section 4). All images have the intrinsics' size.
+struct Sample {
+  std::uint64_t index = 0;
+  DepthImage depth;         ///< m, what the sensor would deliver; 0 where it measures nothing
+  LabelImage labels;        ///< training labels: 0 where noise took the depth away
+  DepthImage depth_clean;   ///< before noise
+  LabelImage labels_clean;  ///< before noise
+  Intrinsics intrinsics;
+  std::string sensor;  ///< pool name of the sensor whose intrinsics and noise were drawn
+  Pose structure_from_sensor = Pose::Identity();
+  /// structure_from_structure displacement of each box from its nominal place; identities for exact
+  /// assembly.
+  /// They include the vertical shifts that keep scaled boxes stacked.
+  std::vector<Pose> box_offsets;
+  double size_scale = 1;  ///< that all boxes share, about their own centres (Structure::Displaced)
+};
+
+/// A SampleConfig with its files read and its choices resolved; immutable, shared by worker
+/// threads.
+struct SampleContext {
+  SampleConfig config;
+  Structure structure;
+  std::vector<IntrinsicsPoolEntry> pool;         ///< of the configured sensors
+  std::vector<std::pair<int, int>> image_sizes;  ///< width, height
+  int batch_size = 16;  ///< the image size is a function of index / batch_size
+};
+
+/// Reads the structure and the pool. Throws ConfigError (an image size that no configured sensor
+/// has the aspect ratio of, an unknown sensor), IoError or DataError.
+SampleContext MakeSampleContext(const SampleConfig& config, int batch_size);
+
+/// A pure function of its arguments (design section 4): same bytes whatever was drawn before and on
+/// whichever thread. The renderer's GL context must be current on the calling thread.
+Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
+                  std::uint64_t index);
+
+}  // namespace volalign

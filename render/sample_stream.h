@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "render/sample.h"
+
+namespace volalign {
+
+/// Draws batches of consecutive samples on worker threads, each with a GL context of its own.
+/// Batches come out in order whatever the number of threads; at most `prefetch` finished batches
+/// wait in memory.
+class SampleStream {
+ public:
+  /// `first_index` must be a multiple of context.batch_size, else Error.
+  struct Options {
+    std::uint64_t seed = 0;
+    std::uint64_t first_index = 0;
+    int num_threads = 1;
+    int prefetch = 4;
+  };
+  SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
+  ~SampleStream();
+  SampleStream(const SampleStream&) = delete;
+  SampleStream& operator=(const SampleStream&) = delete;
+
+  /// The next context.batch_size samples. Rethrows a worker's exception.
+  std::vector<Sample> Next();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace volalign

@@ -1,0 +1,606 @@
+#include "render/scene.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/random.h"
+
+namespace volalign {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kSensorClearance = 0.45;   // m, half side of the square that stays free
+constexpr double kCorridorHalfWidth = 0.5;  // m, of a sensor's free view of the structure
+constexpr int kAttempts = 12;               // placements tried before an object is left out
+
+Pose Upright(double x, double y, double z, double yaw) {
+  Pose pose = Pose::Identity();
+  pose.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  pose.translation() = Eigen::Vector3d(x, y, z);
+  return pose;
+}
+
+/// A rectangle on the floor.
+struct Footprint {
+  Eigen::Vector2d centre;  // x, z
+  Eigen::Vector2d axis;    // unit; the other axis is perpendicular
+  Eigen::Vector2d half;    // along axis and across it
+};
+
+Footprint FootprintOf(const Pose& base, double half_x, double half_z) {
+  const Eigen::Vector3d x = base.linear().col(0);
+  return {Eigen::Vector2d(base.translation().x(), base.translation().z()),
+          Eigen::Vector2d(x.x(), x.z()).normalized(), Eigen::Vector2d(half_x, half_z)};
+}
+
+double Reach(const Footprint& f, const Eigen::Vector2d& direction) {
+  const Eigen::Vector2d across(-f.axis.y(), f.axis.x());
+  return f.half.x() * std::abs(f.axis.dot(direction)) +
+         f.half.y() * std::abs(across.dot(direction));
+}
+
+/// Whether one of the rectangles' four axes separates them by more than `gap`.
+bool Apart(const Footprint& a, const Footprint& b, double gap) {
+  const Eigen::Vector2d d = b.centre - a.centre;
+  for (const Footprint* f : {&a, &b}) {
+    for (const Eigen::Vector2d& axis : {f->axis, Eigen::Vector2d(-f->axis.y(), f->axis.x())}) {
+      if (std::abs(d.dot(axis)) - Reach(a, axis) - Reach(b, axis) > gap) return true;
+    }
+  }
+  return false;
+}
+
+/// Four walls, common yaw. Distances along +x', +z', -x', -z' of the turned axes.
+struct Room {
+  bool present = false;
+  double yaw = 0;
+  std::array<double, 4> distance{};
+  double height = 3;
+  bool has_ceiling = false;
+
+  Eigen::Vector2d Direction(int wall) const {
+    const double angle = yaw + 0.5 * kPi * wall;
+    return {std::cos(angle), std::sin(angle)};
+  }
+  bool Contains(const Footprint& f) const {
+    for (int wall = 0; wall < 4; ++wall) {
+      const Eigen::Vector2d n = Direction(wall);
+      if (f.centre.dot(n) + Reach(f, n) > distance[static_cast<std::size_t>(wall)]) return false;
+    }
+    return true;
+  }
+};
+
+class SceneBuilder {
+ public:
+  SceneBuilder(const SceneConfig& config, const Structure& structure, const SceneOptions& options,
+               std::uint64_t seed, std::uint64_t index)
+      : config_(config),
+        structure_(structure),
+        options_(options),
+        seed_(seed),
+        index_(index),
+        floor_(structure.FloorHeight()) {
+    if (options.structure_present) {
+      for (const Box& box : structure.boxes()) {
+        boxes_.push_back(
+            FootprintOf(box.structure_from_box, 0.5 * box.size.x(), 0.5 * box.size.z()));
+      }
+    }
+    for (const Pose& sensor : options.structure_from_sensors) {
+      const Eigen::Vector2d at(sensor.translation().x(), sensor.translation().z());
+      keep_out_.push_back(
+          {at, Eigen::Vector2d::UnitX(), Eigen::Vector2d(kSensorClearance, kSensorClearance)});
+      if (options.structure_present) {
+        corridors_.push_back(
+            {0.5 * at, at.normalized(), Eigen::Vector2d(0.5 * at.norm(), kCorridorHalfWidth)});
+      }
+    }
+  }
+
+  SceneMesh Build() {
+    if (options_.structure_present) mesh_.AppendStructure(structure_);
+    AddRoom();
+    AddDistractors();
+    AddClutter();
+    AddTripods();
+    AddOccluder();
+    return std::move(mesh_);
+  }
+
+ private:
+  SceneObject Material(RandomStream& random) const {
+    SceneObject object;
+    const bool dark = random.Chance(config_.dark_probability);
+    object.reflectivity =
+        static_cast<float>(dark ? random.Uniform(0.01, 0.06) : random.Uniform(0.25, 0.9));
+    object.texture = static_cast<float>(random.Uniform());
+    return object;
+  }
+
+  void BoxAt(const Pose& base, const Eigen::Vector3d& centre, const Eigen::Vector3d& size) {
+    Pose pose = base;
+    pose.translation() = base * centre;
+    mesh_.AppendBox(pose, size);
+  }
+
+  bool Free(const Footprint& f, double gap, bool keep_corridors) const {
+    const auto apart = [&f](const std::vector<Footprint>& others, double distance) {
+      return std::all_of(others.begin(), others.end(),
+                         [&](const Footprint& o) { return Apart(f, o, distance); });
+    };
+    return apart(boxes_, gap) && apart(keep_out_, 0) && apart(placed_, 0) &&
+           (!keep_corridors || apart(corridors_, 0)) && (!room_.present || room_.Contains(f));
+  }
+
+  void AddRoom() {
+    RandomStream random(seed_, index_, "room");
+    room_.present = random.Chance(config_.room_probability);
+    room_.yaw = random.Uniform(0, 0.5 * kPi);
+    for (int wall = 0; wall < 4; ++wall) {
+      double& d = room_.distance[static_cast<std::size_t>(wall)];
+      d = random.Uniform(config_.wall_distance_m[0], config_.wall_distance_m[1]);
+      for (const Pose& sensor : options_.structure_from_sensors) {
+        const Eigen::Vector2d at(sensor.translation().x(), sensor.translation().z());
+        d = std::max(d, at.dot(room_.Direction(wall)) + kSensorClearance);
+      }
+    }
+    room_.has_ceiling = random.Chance(config_.ceiling_probability);
+    room_.height = random.Uniform(config_.ceiling_height_m[0], config_.ceiling_height_m[1]);
+    for (const Pose& sensor : options_.structure_from_sensors) {
+      room_.height = std::max(room_.height, sensor.translation().y() - floor_ + 0.2);
+    }
+    room_.height = std::max(room_.height, structure_.Height() + 0.1);
+    if (!room_.has_ceiling) room_.height += 3;
+    if (!room_.present) return;
+
+    const auto corner = [this](int wall, double y) {
+      const auto w = static_cast<std::size_t>(wall % 4);
+      const auto next = static_cast<std::size_t>((wall + 1) % 4);
+      const Eigen::Vector2d p = room_.distance[w] * room_.Direction(wall) +
+                                room_.distance[next] * room_.Direction(wall + 1);
+      return Eigen::Vector3d(p.x(), floor_ + y, p.y());
+    };
+    const auto plain = [&random](double low_texture) {
+      SceneObject object;
+      object.reflectivity = static_cast<float>(random.Uniform(0.25, 0.9));
+      object.texture = static_cast<float>(random.Uniform(low_texture, 1));
+      return object;
+    };
+    mesh_.BeginObject(plain(0.3));
+    mesh_.AppendQuad({corner(0, 0), corner(1, 0), corner(2, 0), corner(3, 0)},
+                     Eigen::Vector3d::UnitY());
+    const double h = room_.height;
+    const SceneObject wall_paint = plain(0);
+    for (int wall = 0; wall < 4; ++wall) {
+      mesh_.BeginObject(wall_paint);
+      const Eigen::Vector2d n = -room_.Direction(wall);
+      mesh_.AppendQuad({corner(wall + 3, 0), corner(wall, 0), corner(wall, h), corner(wall + 3, h)},
+                       Eigen::Vector3d(n.x(), 0, n.y()));
+    }
+    const SceneObject ceiling = plain(0);
+    if (room_.has_ceiling) {
+      mesh_.BeginObject(ceiling);
+      mesh_.AppendQuad({corner(0, h), corner(1, h), corner(2, h), corner(3, h)},
+                       -Eigen::Vector3d::UnitY());
+    }
+    const bool baseboard = random.Chance(0.5);
+    const double baseboard_height = random.Uniform(0.06, 0.25);
+    SceneObject rubber;
+    rubber.reflectivity = static_cast<float>(random.Uniform(0.01, 0.1));
+    for (int wall = 0; wall < 4; ++wall) {
+      if (baseboard) {
+        mesh_.BeginObject(rubber);
+        AddOnWall(wall, 0, 0.5 * baseboard_height,
+                  2 * (room_.distance[static_cast<std::size_t>((wall + 1) % 4)] +
+                       room_.distance[static_cast<std::size_t>((wall + 3) % 4)]),
+                  baseboard_height, 0.02);
+      }
+      const int fixtures = random.Below(4);  // doors, windows, boards, shelves
+      for (int i = 0; i < fixtures; ++i) {
+        mesh_.BeginObject(Material(random));
+        const double width = random.Uniform(0.3, 1.8), height = random.Uniform(0.2, 1.6);
+        const double along =
+            random.Uniform(-room_.distance[static_cast<std::size_t>((wall + 3) % 4)],
+                           room_.distance[static_cast<std::size_t>((wall + 1) % 4)]);
+        AddOnWall(wall, along, random.Uniform(0.3, 2.2), width, height, random.Uniform(0.01, 0.3));
+      }
+    }
+  }
+
+  void AddOnWall(int wall, double along, double up, double width, double height, double depth) {
+    const Eigen::Vector2d n = room_.Direction(wall), t = room_.Direction(wall + 1);
+    const Eigen::Vector2d p =
+        (room_.distance[static_cast<std::size_t>(wall)] - 0.5 * depth) * n + along * t;
+    // A rotation of -angle about y takes x to (cos, sin) in (x, z).
+    const double yaw = -(room_.yaw + 0.5 * kPi * wall);
+    mesh_.AppendBox(Upright(p.x(), floor_ + std::max(up, 0.5 * height), p.y(), yaw),
+                    Eigen::Vector3d(depth, height, width));
+  }
+
+  /// A place for a footprint: anywhere in the room, half of the time along a wall.
+  Pose DrawPlace(RandomStream& random, double half_x, double half_z) const {
+    const auto inside = [&](int wall, double margin) {
+      return std::max(0.3, room_.distance[static_cast<std::size_t>(wall)] - margin);
+    };
+    const double reach = std::hypot(half_x, half_z);
+    const bool at_wall = random.Chance(0.5);
+    const int wall = random.Below(4);
+    const double free_yaw = random.Uniform(0, 2 * kPi);
+    const double s = random.Uniform(), t = random.Uniform();
+    const Eigen::Vector2d n = room_.Direction(wall), along = room_.Direction(wall + 1);
+    const double low = -inside((wall + 3) % 4, reach), high = inside((wall + 1) % 4, reach);
+    const double side = low + (high - low) * s;
+    if (at_wall) {
+      const Eigen::Vector2d p = inside(wall, half_z + 0.03) * n + side * along;
+      return Upright(p.x(), floor_, p.y(), -(room_.yaw + 0.5 * kPi * wall) + 0.5 * kPi);
+    }
+    const double back = -inside((wall + 2) % 4, reach), front = inside(wall, reach);
+    const Eigen::Vector2d p = (back + (front - back) * t) * n + side * along;
+    return Upright(p.x(), floor_, p.y(), free_yaw);
+  }
+
+  enum class Furniture {
+    kBox,
+    kTable,
+    kDesk,
+    kCabinet,
+    kChair,
+    kPole,
+    kBall,
+    kPerson,
+    kStack,
+    kLamp
+  };
+
+  void AddClutter() {
+    RandomStream random(seed_, index_, "clutter");
+    const int low = config_.clutter_count[0], high = config_.clutter_count[1];
+    const int count = low + random.Below(std::max(high - low, 0) + 1);
+    for (int i = 0; i < count; ++i) AddFurniture(random);
+  }
+
+  void AddFurniture(RandomStream& random) {
+    const auto kind = static_cast<Furniture>(random.Below(10));
+    const double size = random.Uniform(config_.clutter_size_m[0], config_.clutter_size_m[1]);
+    const double s = random.Uniform(0.3, 1), t = random.Uniform(0.3, 1);
+    double half_x = 0.5 * size * s, half_z = 0.5 * size * t, height = size;
+    switch (kind) {
+      case Furniture::kTable:
+      case Furniture::kDesk:
+        half_x = 0.5 * std::max(0.6, size);
+        half_z = half_x * t;
+        height = random.Uniform(0.4, 1.1);
+        break;
+      case Furniture::kCabinet:
+        half_x = 0.5 * std::max(0.3, size * s);
+        half_z = 0.5 * random.Uniform(0.2, 0.6);
+        height = random.Uniform(0.5, 2.2);
+        break;
+      case Furniture::kChair:
+        half_x = half_z = 0.5 * random.Uniform(0.35, 0.6);
+        height = random.Uniform(0.7, 1.2);
+        break;
+      case Furniture::kPole:
+        half_x = half_z = 0.5 * random.Uniform(0.03, 0.5);
+        height = random.Uniform(0.2, 2.2);
+        break;
+      case Furniture::kBall:
+        half_x = half_z = 0.5 * std::min(size, 0.8);
+        break;
+      case Furniture::kPerson:
+        half_x = 0.28;
+        half_z = 0.18;
+        height = random.Uniform(1.45, 1.95);
+        break;
+      case Furniture::kBox:
+      case Furniture::kStack:
+      case Furniture::kLamp:
+        break;
+    }
+    Pose base;
+    Footprint footprint;
+    bool free = false;
+    for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
+      base = DrawPlace(random, half_x, half_z);
+      footprint = FootprintOf(base, half_x, half_z);
+      free = Free(footprint, config_.clutter_clearance_m, /*keep_corridors=*/true);
+    }
+    if (!free) return;
+    if (kind != Furniture::kLamp) placed_.push_back(footprint);
+    AppendFurniture(kind, base, half_x, half_z, height, random);
+  }
+
+  void AppendLegs(const Pose& base, double half_x, double half_z, double height, double width) {
+    for (const double x : {-1.0, 1.0}) {
+      for (const double z : {-1.0, 1.0}) {
+        BoxAt(base, {x * (half_x - 0.5 * width), 0.5 * height, z * (half_z - 0.5 * width)},
+              {width, height, width});
+      }
+    }
+  }
+
+  void AppendFurniture(Furniture kind, const Pose& base, double half_x, double half_z,
+                       double height, RandomStream& random) {
+    const double wx = 2 * half_x, wz = 2 * half_z;
+    mesh_.BeginObject(Material(random));
+    switch (kind) {
+      case Furniture::kBox:
+        BoxAt(base, {0, 0.5 * height, 0}, {wx, height, wz});
+        break;
+      case Furniture::kTable:
+      case Furniture::kDesk: {
+        const double top = random.Uniform(0.02, 0.06);
+        BoxAt(base, {0, height - 0.5 * top, 0}, {wx, top, wz});
+        AppendLegs(base, half_x, half_z, height - top, random.Uniform(0.03, 0.08));
+        const int things = random.Below(4);
+        for (int i = 0; i < things; ++i) {
+          mesh_.BeginObject(Material(random));
+          const double x = random.Uniform(-0.7, 0.7) * half_x,
+                       z = random.Uniform(-0.6, 0.6) * half_z;
+          if (kind == Furniture::kDesk) {  // monitors
+            const double w = random.Uniform(0.35, 0.65), h = random.Uniform(0.25, 0.4);
+            BoxAt(base, {x, height + 0.1 + 0.5 * h, z}, {w, h, 0.03});
+            BoxAt(base, {x, height + 0.06, z + 0.03}, {0.06, 0.12, 0.03});
+          } else {
+            const double w = random.Uniform(0.08, 0.4), h = random.Uniform(0.05, 0.4);
+            BoxAt(base, {x, height + 0.5 * h, z}, {w, h, random.Uniform(0.08, 0.3)});
+          }
+        }
+        break;
+      }
+      case Furniture::kCabinet: {
+        if (random.Chance(0.5)) {
+          BoxAt(base, {0, 0.5 * height, 0}, {wx, height, wz});
+          break;
+        }
+        const int boards = 2 + random.Below(4);
+        for (int i = 0; i <= boards; ++i) {
+          BoxAt(base, {0, 0.015 + (height - 0.03) * i / boards, 0}, {wx, 0.03, wz});
+        }
+        for (const double x : {-1.0, 1.0}) {
+          BoxAt(base, {x * (half_x - 0.01), 0.5 * height, 0}, {0.02, height, wz});
+        }
+        break;
+      }
+      case Furniture::kChair: {
+        const double seat = std::min(0.5, 0.55 * height);
+        BoxAt(base, {0, seat, 0}, {wx, 0.06, wz});
+        BoxAt(base, {0, 0.5 * (seat + height), half_z - 0.03}, {wx, height - seat, 0.05});
+        AppendLegs(base, half_x, half_z, seat - 0.03, 0.04);
+        break;
+      }
+      case Furniture::kPole:
+        mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, height, 0),
+                             half_x, 10);
+        break;
+      case Furniture::kBall: {
+        const double raised = random.Chance(0.3) ? random.Uniform(0, 1.5) : 0;
+        mesh_.AppendSphere(base * Eigen::Vector3d(0, half_x + raised, 0), half_x, 10);
+        if (raised > 0) {
+          mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, raised, 0),
+                               0.03, 6);
+        }
+        break;
+      }
+      case Furniture::kPerson: {
+        const double hip = 0.5 * height, shoulder = 0.8 * height;
+        const double sway = random.Uniform(-0.15, 0.15);
+        for (const double side : {-1.0, 1.0}) {
+          mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.1, 0.06, side * sway),
+                              base * Eigen::Vector3d(side * 0.09, hip, 0), 0.08, 7);
+          mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.21, shoulder - 0.04, 0),
+                              base * Eigen::Vector3d(side * random.Uniform(0.2, 0.3), hip,
+                                                     random.Uniform(-0.2, 0.2)),
+                              0.05, 6);
+        }
+        mesh_.AppendCapsule(base * Eigen::Vector3d(0, hip + 0.05, 0),
+                            base * Eigen::Vector3d(0, shoulder - 0.12, 0), 0.17, 9);
+        mesh_.AppendSphere(base * Eigen::Vector3d(0, height - 0.12, 0), 0.12, 9);
+        break;
+      }
+      case Furniture::kStack: {
+        double y = 0;
+        const int boxes = 1 + random.Below(3);
+        for (int i = 0; i < boxes; ++i) {
+          const double h = height / 3 * random.Uniform(0.6, 1);
+          Pose turned = base;
+          turned.linear() *= Eigen::AngleAxisd(random.Uniform(-0.2, 0.2), Eigen::Vector3d::UnitY())
+                                 .toRotationMatrix();
+          BoxAt(turned, {0, y + 0.5 * h, 0},
+                {wx * random.Uniform(0.7, 1), h, wz * random.Uniform(0.7, 1)});
+          y += h;
+        }
+        break;
+      }
+      case Furniture::kLamp: {
+        const double end = random.Uniform(1.9, 2.3);
+        const double top = std::max(room_.height, end + 0.1);
+        mesh_.AppendCylinder(base * Eigen::Vector3d(0, end, 0), base * Eigen::Vector3d(0, top, 0),
+                             random.Uniform(0.015, 0.05), 6);
+        BoxAt(base, {0, end, 0}, {0.3 * wx + 0.1, random.Uniform(0.04, 0.2), 0.3 * wz + 0.1});
+        break;
+      }
+    }
+  }
+
+  void AddTripods() {
+    RandomStream random(seed_, index_, "tripods");
+    const int low = config_.tripod_count[0], high = config_.tripod_count[1];
+    const int count = low + random.Below(std::max(high - low, 0) + 1);
+    for (int i = 0; i < count; ++i) {
+      bool free = false;
+      Pose place = Pose::Identity();
+      for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
+        const double rho =
+            random.Uniform(config_.tripod_distance_m[0], config_.tripod_distance_m[1]);
+        const double phi = random.Uniform(0, 2 * kPi);
+        place =
+            LookAt({rho * std::cos(phi), floor_ + random.Uniform(0.9, 1.5), rho * std::sin(phi)},
+                   {random.Uniform(-0.2, 0.2), floor_ + 0.8, random.Uniform(-0.2, 0.2)},
+                   random.Chance(0.5) ? 0.5 * kPi : 0);
+        const Footprint footprint =
+            FootprintOf(Upright(place.translation().x(), 0, place.translation().z(), 0), 0.3, 0.3);
+        free = Free(footprint, config_.clutter_clearance_m, /*keep_corridors=*/true);
+        if (free) placed_.push_back(footprint);
+      }
+      if (free) AppendTripod(place, floor_, &mesh_);
+    }
+  }
+
+  /// Boxes of about the structure's sizes that do not belong to it, near it, single or in stacks of
+  /// two.
+  void AddDistractors() {
+    RandomStream random(seed_, index_, "distractors");
+    if (!random.Chance(config_.distractor_probability)) return;
+    const int count = 1 + random.Below(3);
+    for (int i = 0; i < count; ++i) {
+      const auto& boxes = structure_.boxes();
+      const bool in_front = random.Chance(0.3);
+      const int storeys = in_front || random.Chance(0.6) ? 1 : 2;
+      std::array<Eigen::Vector3d, 2> sizes;
+      for (Eigen::Vector3d& size : sizes) {
+        size = boxes[static_cast<std::size_t>(random.Below(static_cast<int>(boxes.size())))].size;
+        const int turn = random.Below(3);
+        size = Eigen::Vector3d(size[turn], size[(turn + 1) % 3], size[(turn + 2) % 3]);
+        size *= random.Uniform(0.75, 1.25);
+      }
+      for (int attempt = 0; attempt < kAttempts; ++attempt) {
+        const double rho = random.Uniform(0.5, 1.7), phi = random.Uniform(0, 2 * kPi);
+        const Pose base =
+            Upright(rho * std::cos(phi), floor_, rho * std::sin(phi), random.Uniform(0, 2 * kPi));
+        const Footprint footprint = FootprintOf(base, 0.5 * sizes[0].x(), 0.5 * sizes[0].z());
+        if (!Free(footprint, config_.clutter_clearance_m, !in_front)) continue;
+        if (storeys == 2) {
+          const double reach = 0.5 * std::hypot(sizes[1].x(), sizes[1].z());
+          if (!Free(FootprintOf(base, reach, reach), config_.clutter_clearance_m, true)) continue;
+        }
+        placed_.push_back(footprint);
+        double y = 0;
+        for (int storey = 0; storey < storeys; ++storey) {
+          const Eigen::Vector3d& size = sizes[static_cast<std::size_t>(storey)];
+          SceneObject cardboard;
+          cardboard.reflectivity = static_cast<float>(random.Uniform(0.4, 0.9));
+          mesh_.BeginObject(cardboard);
+          Pose turned = base;
+          if (storey > 0) {
+            turned.linear() *=
+                Eigen::AngleAxisd(random.Uniform(0, 2 * kPi), Eigen::Vector3d::UnitY())
+                    .toRotationMatrix();
+          }
+          BoxAt(turned, {0, y + 0.5 * size.y(), 0}, size);
+          y += size.y();
+        }
+        break;
+      }
+    }
+  }
+
+  /// A pole, a low box or a slanted bar between the first sensor and the structure; hides a strip
+  /// of it.
+  void AddOccluder() {
+    RandomStream random(seed_, index_, "occluder");
+    if (!random.Chance(config_.occluder_probability) || options_.structure_from_sensors.empty()) {
+      return;
+    }
+    const Eigen::Vector3d eye = options_.structure_from_sensors[0].translation();
+    const Eigen::Vector2d at(eye.x(), eye.z());
+    const Eigen::Vector2d towards = -at.normalized();
+    const Eigen::Vector2d across(-towards.y(), towards.x());
+    for (int attempt = 0; attempt < kAttempts; ++attempt) {
+      const int kind = random.Below(3);
+      const double t = random.Uniform(0.25, 0.75);
+      const double aim = random.Uniform(-0.45, 0.45);
+      const double half_width = random.Uniform(0.01, 0.14) * t;
+      const double low_top = random.Uniform(0.1, 0.55);
+      const double lean = random.Uniform(-0.5, 0.5);
+      const double top = random.Uniform(0.8, 2.2);
+      const SceneObject material = Material(random);
+      const Eigen::Vector2d p = (1 - t) * at + t * aim * across;
+      const double half = kind == 1 ? 2.5 * half_width : half_width;
+      const Pose base = Upright(p.x(), floor_, p.y(), random.Uniform(0, 2 * kPi));
+      const Footprint footprint = FootprintOf(base, half, half);
+      const bool near_sensor = t * at.norm() < 0.4;
+      const bool clear = std::all_of(boxes_.begin(), boxes_.end(), [&](const Footprint& box) {
+        return Apart(footprint, box, config_.clutter_clearance_m);
+      });
+      if (near_sensor || !clear) continue;
+      mesh_.BeginObject(material);
+      if (kind == 0) {
+        mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, top, 0),
+                             half, 8);
+      } else if (kind == 1) {
+        // Seen from the sensor its top meets the structure `low_top` above the floor.
+        const double height = std::max(0.08, (1 - t) * (eye.y() - floor_) + t * low_top);
+        BoxAt(base, {0, 0.5 * height, 0}, {2 * half, height, 2 * half});
+      } else {
+        const Eigen::Vector3d shift = lean * Eigen::Vector3d(across.x(), 0, across.y());
+        mesh_.AppendCapsule(base * Eigen::Vector3d(0, 0.05, 0),
+                            base * Eigen::Vector3d(0, top, 0) + shift, half, 6);
+      }
+      return;
+    }
+  }
+
+  const SceneConfig& config_;
+  const Structure& structure_;
+  const SceneOptions& options_;
+  std::uint64_t seed_, index_;
+  double floor_;
+  Room room_;
+  SceneMesh mesh_;
+  std::vector<Footprint> boxes_, keep_out_, corridors_, placed_;
+};
+
+}  // namespace
+
+AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& config,
+                            std::uint64_t seed, std::uint64_t index) {
+  RandomStream random(seed, index, "assembly");
+  AssembledStructure out;
+  out.size_scale = 1 + 0.01 * config.size_scale_percent * random.Normal();
+  const double floor = nominal.FloorHeight();
+  for (const Box& box : nominal.boxes()) {
+    const Eigen::Vector3d centre = box.structure_from_box.translation();
+    const double x = 1e-3 * config.position_mm * random.Normal();
+    const double z = 1e-3 * config.position_mm * random.Normal();
+    const double yaw = config.yaw_deg * kPi / 180 * random.Normal();
+    const double y = (centre.y() - floor) * (out.size_scale - 1);
+    Pose offset = Pose::Identity();
+    offset.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    offset.translation() = centre - offset.linear() * centre + Eigen::Vector3d(x, y, z);
+    out.box_offsets.push_back(offset);
+  }
+  out.structure = nominal.Displaced(out.box_offsets, out.size_scale);
+  return out;
+}
+
+void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneMesh* mesh) {
+  const Eigen::Vector3d at = structure_from_sensor.translation();
+  const double height = std::max(0.3, at.y() - floor_height);
+  SceneObject metal;
+  metal.reflectivity = 0.3F;
+  mesh->BeginObject(metal);
+  Pose housing = structure_from_sensor;
+  housing.translation() = at - 0.04 * structure_from_sensor.linear().col(2);
+  mesh->AppendBox(housing, Eigen::Vector3d(0.11, 0.05, 0.07));
+  const Eigen::Vector3d back = at - 0.05 * structure_from_sensor.linear().col(2);
+  const Eigen::Vector3d hub(back.x(), floor_height + 0.6 * height, back.z());
+  mesh->AppendCylinder(hub, Eigen::Vector3d(back.x(), at.y() - 0.03, back.z()), 0.018, 6);
+  const double turn = std::atan2(at.z(), at.x());
+  for (int leg = 0; leg < 3; ++leg) {
+    const double angle = turn + 2 * kPi * leg / 3;
+    const Eigen::Vector3d foot(back.x() + 0.32 * height * std::cos(angle), floor_height,
+                               back.z() + 0.32 * height * std::sin(angle));
+    mesh->AppendCylinder(hub, foot, 0.014, 6);
+  }
+}
+
+SceneMesh BuildScene(const SceneConfig& config, const Structure& structure,
+                     const SceneOptions& options, std::uint64_t seed, std::uint64_t index) {
+  return SceneBuilder(config, structure, options, seed, index).Build();
+}
+
+}  // namespace volalign

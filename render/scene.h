@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/pose.h"
+#include "core/structure.h"
+#include "render/sample_config.h"
+#include "render/scene_mesh.h"
+
+namespace volalign {
+
+/// The structure as somebody built it.
+struct AssembledStructure {
+  Structure structure;
+  std::vector<Pose> box_offsets;  ///< structure_from_structure of each box (Structure::Displaced)
+  double size_scale = 1;
+};
+
+/// Draws the placement and size errors of `config` (random stage "assembly"). Boxes stay on the
+/// floor and on one another.
+AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& config,
+                            std::uint64_t seed, std::uint64_t index);
+
+struct SceneOptions {
+  bool structure_present = true;
+  /// Sensors that nothing may stand near to, and whose view of the structure stays free but for
+  /// occluders, which go before the first one.
+  std::vector<Pose> structure_from_sensors;
+};
+
+/// A mesh of the structure in a procedural room: floor at its lowest point, four walls, perhaps a
+/// ceiling, furniture, people, tripods, boxes that are not the structure, occluders. A pure
+/// function of its arguments; each kind of object has a random stage of its own ("room", "clutter",
+/// "tripods", "distractors", "occluder").
+SceneMesh BuildScene(const SceneConfig& config, const Structure& structure,
+                     const SceneOptions& options, std::uint64_t seed, std::uint64_t index);
+
+/// A depth sensor on a tripod that stands on the floor; `structure_from_sensor` is its pose.
+void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneMesh* mesh);
+
+}  // namespace volalign

@@ -1,0 +1,133 @@
+#include "render/scene_mesh.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace volalign {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// Two unit vectors that complete `axis` to a right-handed frame.
+void Complete(const Eigen::Vector3d& axis, Eigen::Vector3d* u, Eigen::Vector3d* v) {
+  const Eigen::Vector3d helper =
+      std::abs(axis.y()) < 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX();
+  *u = helper.cross(axis).normalized();
+  *v = axis.cross(*u);
+}
+
+/// Quads between consecutive rings of a body of revolution; planar, because both edges of a quad
+/// are parallel.
+void AppendRings(SceneMesh* mesh, const std::vector<Eigen::Vector3d>& centres,
+                 const std::vector<double>& radii, const Eigen::Vector3d& u,
+                 const Eigen::Vector3d& v, int segments) {
+  const Eigen::Vector3d axis = u.cross(v);
+  for (std::size_t ring = 0; ring + 1 < centres.size(); ++ring) {
+    for (int i = 0; i < segments; ++i) {
+      const double a = 2 * kPi * i / segments;
+      const double b = 2 * kPi * (i + 1) / segments;
+      const Eigen::Vector3d da = std::cos(a) * u + std::sin(a) * v;
+      const Eigen::Vector3d db = std::cos(b) * u + std::sin(b) * v;
+      const Eigen::Vector3d middle = (da + db).normalized();
+      const double flat = std::cos(kPi / segments);
+      const double rise = axis.dot(centres[ring + 1] - centres[ring]);
+      const double growth = flat * (radii[ring + 1] - radii[ring]);
+      const Eigen::Vector3d normal = (rise * middle - growth * axis).normalized();
+      mesh->AppendQuad(
+          {centres[ring] + radii[ring] * da, centres[ring] + radii[ring] * db,
+           centres[ring + 1] + radii[ring + 1] * db, centres[ring + 1] + radii[ring + 1] * da},
+          normal);
+    }
+  }
+}
+
+}  // namespace
+
+void SceneMesh::BeginObject(const SceneObject& object) { objects.push_back(object); }
+
+void SceneMesh::AppendQuad(const std::array<Eigen::Vector3d, 4>& corners,
+                           const Eigen::Vector3d& normal, std::uint8_t label) {
+  if (objects.empty()) objects.emplace_back();
+  SceneFace face;
+  for (std::size_t i = 0; i < 4; ++i) face.corners[i] = corners[i].cast<float>();
+  face.normal = normal;
+  face.offset = normal.dot(corners[0]);
+  face.label = label;
+  face.object = static_cast<std::int16_t>(objects.size() - 1);
+  faces.push_back(face);
+}
+
+void SceneMesh::AppendBox(const Pose& structure_from_box, const Eigen::Vector3d& size) {
+  const Eigen::Matrix3d r = structure_from_box.linear();
+  const Eigen::Vector3d c = structure_from_box.translation();
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d u = 0.5 * size[(axis + 1) % 3] * r.col((axis + 1) % 3);
+    const Eigen::Vector3d v = 0.5 * size[(axis + 2) % 3] * r.col((axis + 2) % 3);
+    for (const double sign : {1.0, -1.0}) {
+      const Eigen::Vector3d normal = sign * r.col(axis);
+      const Eigen::Vector3d m = c + 0.5 * size[axis] * normal;
+      AppendQuad({m - u - v, m + u - v, m + u + v, m - u + v}, normal);
+    }
+  }
+}
+
+void SceneMesh::AppendCylinder(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                               double radius, int segments) {
+  const Eigen::Vector3d axis = (to - from).normalized();
+  Eigen::Vector3d u, v;
+  Complete(axis, &u, &v);
+  AppendRings(this, {from, to}, {radius, radius}, u, v, segments);
+  for (const bool end : {false, true}) {
+    const Eigen::Vector3d centre = end ? to : from;
+    const Eigen::Vector3d normal = end ? axis : Eigen::Vector3d(-axis);
+    for (int i = 0; i < segments; i += 2) {
+      std::array<Eigen::Vector3d, 4> corners;
+      corners[0] = centre;
+      for (int k = 0; k < 3; ++k) {
+        const double a = 2 * kPi * std::min(i + k, segments) / segments;
+        corners[static_cast<std::size_t>(k + 1)] =
+            centre + radius * (std::cos(a) * u + std::sin(a) * v);
+      }
+      AppendQuad(corners, normal);
+    }
+  }
+}
+
+void SceneMesh::AppendCapsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius,
+                              int segments) {
+  Eigen::Vector3d axis = to - from;
+  axis = axis.norm() > 1e-9 ? Eigen::Vector3d(axis.normalized()) : Eigen::Vector3d::UnitY();
+  Eigen::Vector3d u, v;
+  Complete(axis, &u, &v);
+  std::vector<Eigen::Vector3d> centres;
+  std::vector<double> radii;
+  constexpr int kCapRings = 2;
+  for (int i = 0; i <= kCapRings; ++i) {
+    const double a = 0.5 * kPi * (1.0 - static_cast<double>(i) / kCapRings);
+    centres.push_back(from - radius * std::sin(a) * axis);
+    radii.push_back(radius * std::cos(a));
+  }
+  for (int i = 0; i <= kCapRings; ++i) {
+    const double a = 0.5 * kPi * i / kCapRings;
+    if (i == 0 && (to - from).norm() < 1e-9) continue;
+    centres.push_back(to + radius * std::sin(a) * axis);
+    radii.push_back(radius * std::cos(a));
+  }
+  AppendRings(this, centres, radii, u, v, segments);
+}
+
+void SceneMesh::AppendSphere(const Eigen::Vector3d& centre, double radius, int segments) {
+  AppendCapsule(centre, centre, radius, segments);
+}
+
+void SceneMesh::AppendStructure(const Structure& structure) {
+  for (const Side& side : structure.sides()) {
+    if (side.face == kFaces[0]) BeginObject({0.7F, 1.0F, true});
+    const Eigen::Vector3d u = side.half_u * side.axis_u;
+    const Eigen::Vector3d v = side.half_v * side.axis_v;
+    AppendQuad({side.centre - u - v, side.centre + u - v, side.centre + u + v, side.centre - u + v},
+               side.normal, side.label);
+  }
+}
+
+}  // namespace volalign

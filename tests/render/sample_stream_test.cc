@@ -1,0 +1,79 @@
+#include "render/sample_stream.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "core/error.h"
+#include "render/depth_renderer.h"
+#include "render/egl_context.h"
+
+namespace volalign {
+namespace {
+
+std::shared_ptr<SampleContext> SmallContext(int batch_size) {
+  SampleConfig config;
+  config.image_sizes = {"80x72", "80x45"};
+  return std::make_shared<SampleContext>(MakeSampleContext(config, batch_size));
+}
+
+SampleStream::Options Threads(int num_threads, std::uint64_t first_index) {
+  SampleStream::Options options;
+  options.seed = 21;
+  options.first_index = first_index;
+  options.num_threads = num_threads;
+  options.prefetch = 2;
+  return options;
+}
+
+TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
+  const auto context = SmallContext(4);
+  const EglContext egl;
+  DepthRenderer renderer;
+  for (const int num_threads : {1, 3}) {
+    SampleStream stream(context, Threads(num_threads, 8));
+    std::uint64_t index = 8;
+    for (int batch = 0; batch < 6; ++batch) {
+      const std::vector<Sample> samples = stream.Next();
+      ASSERT_EQ(samples.size(), 4u);
+      for (const Sample& sample : samples) {
+        const Sample alone = Synthesize(*context, renderer, 21, index);
+        EXPECT_EQ(sample.index, index);
+        EXPECT_TRUE(sample.depth == alone.depth);
+        EXPECT_TRUE(sample.labels == alone.labels);
+        EXPECT_EQ(sample.structure_from_sensor.matrix(), alone.structure_from_sensor.matrix());
+        ++index;
+      }
+    }
+  }
+}
+
+TEST(SampleStreamTest, AWorkersExceptionReachesTheCaller) {
+  const auto context = SmallContext(4);
+  for (IntrinsicsPoolEntry& entry : context->pool) entry.sensor = "unknown_sensor";
+  SampleStream stream(context, Threads(2, 0));
+  EXPECT_THROW(stream.Next(), ConfigError);
+  EXPECT_THROW(stream.Next(), ConfigError);
+}
+
+TEST(SampleStreamTest, StopsPromptly) {
+  SampleConfig config;
+  config.image_sizes = {"320x288"};
+  const auto context = std::make_shared<SampleContext>(MakeSampleContext(config, 512));
+  const auto start = std::chrono::steady_clock::now();
+  { const SampleStream stream(context, Threads(2, 0)); }
+  // A whole batch would take more than 2 s.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(1500));
+}
+
+TEST(SampleStreamTest, RejectsBadOptions) {
+  const auto context = SmallContext(4);
+  EXPECT_THROW(SampleStream(context, Threads(1, 2)), Error);
+  EXPECT_THROW(SampleStream(context, Threads(0, 0)), Error);
+  SampleStream::Options options = Threads(1, 0);
+  options.prefetch = 0;
+  EXPECT_THROW(SampleStream(context, options), Error);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,205 @@
+#include "render/sample.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <thread>
+
+#include "core/error.h"
+#include "core/visibility.h"
+#include "render/depth_renderer.h"
+#include "render/egl_context.h"
+#include "tests/render/test_scene.h"
+
+namespace volalign {
+namespace {
+
+void ExpectEqual(const Sample& a, const Sample& b) {
+  EXPECT_EQ(a.index, b.index);
+  EXPECT_EQ(a.sensor, b.sensor);
+  EXPECT_TRUE(a.intrinsics == b.intrinsics);
+  EXPECT_EQ(a.structure_from_sensor.matrix(), b.structure_from_sensor.matrix());
+  EXPECT_TRUE(a.depth == b.depth);
+  EXPECT_TRUE(a.labels == b.labels);
+  EXPECT_TRUE(a.depth_clean == b.depth_clean);
+  EXPECT_TRUE(a.labels_clean == b.labels_clean);
+  ASSERT_EQ(a.box_offsets.size(), b.box_offsets.size());
+  for (std::size_t i = 0; i < a.box_offsets.size(); ++i) {
+    EXPECT_EQ(a.box_offsets[i].matrix(), b.box_offsets[i].matrix());
+  }
+}
+
+SampleConfig SmallConfig() {
+  SampleConfig config;
+  config.image_sizes = {"160x144", "160x90"};
+  return config;
+}
+
+class SampleTest : public testing::Test {
+ protected:
+  EglContext egl_;
+  DepthRenderer renderer_;
+};
+
+TEST_F(SampleTest, IsAPureFunctionWhateverTheOrderAndThread) {
+  const SampleContext context = MakeSampleContext(SmallConfig(), 2);
+  std::map<std::uint64_t, Sample> first;
+  for (const std::uint64_t i : {0, 1, 2, 3, 4, 5, 6, 7}) {
+    first[i] = Synthesize(context, renderer_, 9, i);
+  }
+  for (const std::uint64_t i : {7, 2, 5, 0}) {
+    ExpectEqual(first[i], Synthesize(context, renderer_, 9, i));
+  }
+  std::thread([&] {
+    const EglContext egl;
+    DepthRenderer renderer;
+    for (const std::uint64_t i : {3, 6, 1}) {
+      ExpectEqual(first[i], Synthesize(context, renderer, 9, i));
+    }
+  }).join();
+  EXPECT_FALSE(first[0].depth == Synthesize(context, renderer_, 10, 0).depth);
+}
+
+TEST_F(SampleTest, SwitchingNoiseOffLeavesEverythingElse) {
+  SampleConfig config = SmallConfig();
+  const SampleContext sensor = MakeSampleContext(config, 4);
+  config.noise.model = "none";
+  const SampleContext none = MakeSampleContext(config, 4);
+  config.noise.model = "paper";
+  const SampleContext paper = MakeSampleContext(config, 4);
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    const Sample a = Synthesize(sensor, renderer_, 2, i);
+    const Sample b = Synthesize(none, renderer_, 2, i);
+    const Sample c = Synthesize(paper, renderer_, 2, i);
+    for (const Sample* other : {&b, &c}) {
+      EXPECT_EQ(a.structure_from_sensor.matrix(), other->structure_from_sensor.matrix());
+      EXPECT_TRUE(a.intrinsics == other->intrinsics);
+      EXPECT_TRUE(a.depth_clean == other->depth_clean);
+      EXPECT_TRUE(a.labels_clean == other->labels_clean);
+    }
+    EXPECT_TRUE(b.depth == b.depth_clean);
+    EXPECT_TRUE(b.labels == b.labels_clean);
+    EXPECT_FALSE(a.depth == a.depth_clean);
+  }
+}
+
+TEST_F(SampleTest, SwitchingClutterOffLeavesPoseAndAssembly) {
+  SampleConfig config = SmallConfig();
+  const SampleContext full = MakeSampleContext(config, 4);
+  config.scene = BareConfig().scene;
+  const SampleContext bare = MakeSampleContext(config, 4);
+  for (std::uint64_t i = 0; i < 4; ++i) {
+    const Sample a = Synthesize(full, renderer_, 2, i);
+    const Sample b = Synthesize(bare, renderer_, 2, i);
+    EXPECT_EQ(a.structure_from_sensor.matrix(), b.structure_from_sensor.matrix());
+    EXPECT_EQ(a.box_offsets[0].matrix(), b.box_offsets[0].matrix());
+    EXPECT_EQ(a.size_scale, b.size_scale);
+  }
+}
+
+TEST_F(SampleTest, ImageSizeIsOnePerBatchAndFitsTheSensor) {
+  const SampleContext context = MakeSampleContext(SmallConfig(), 4);
+  std::map<int, int> heights;
+  for (std::uint64_t batch = 0; batch < 24; ++batch) {
+    const Sample first = Synthesize(context, renderer_, 1, 4 * batch);
+    const Sample last = Synthesize(context, renderer_, 1, 4 * batch + 3);
+    EXPECT_EQ(first.depth.height(), last.depth.height());
+    EXPECT_EQ(first.depth.width(), 160);
+    EXPECT_EQ(first.intrinsics.height, first.depth.height());
+    EXPECT_EQ(first.sensor,
+              first.depth.height() == 90 ? "realsense_d415" : "azure_kinect_nfov_binned");
+    // Half of the measured focal lengths at 320 px: about 235 (D415) and 252 (Azure Kinect).
+    EXPECT_NEAR(first.intrinsics.fx, first.depth.height() == 90 ? 117.7 : 126.1, 0.5);
+    ++heights[first.depth.height()];
+  }
+  EXPECT_GT(heights[90], 3);
+  EXPECT_GT(heights[144], 3);
+}
+
+TEST_F(SampleTest, ExactBareSampleIsWhatTheRayCasterSees) {
+  SampleConfig config = BareConfig();
+  config.pose.roll_offsets_deg = {0, 90, 180, 270};
+  const SampleContext context = MakeSampleContext(config, 4);
+  long compared = 0, equal = 0;
+  for (std::uint64_t i = 0; i < 8; ++i) {
+    const Sample sample = Synthesize(context, renderer_, 4, i);
+    const StructureView truth =
+        CastView(context.structure, PinholeRays(sample.intrinsics), sample.structure_from_sensor);
+    for (int v = 0; v < sample.depth.height(); ++v) {
+      for (int u = 0; u < sample.depth.width(); ++u) {
+        if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+        ++compared;
+        equal += sample.labels(u, v) == truth.labels(u, v) &&
+                 std::abs(sample.depth(u, v) - truth.depth(u, v)) < 1e-4F;
+      }
+    }
+  }
+  EXPECT_GT(compared, 100'000);
+  EXPECT_GT(static_cast<double>(equal) / compared, 0.9995);
+}
+
+TEST_F(SampleTest, StructureIsSeldomHidden) {
+  SampleConfig config = SmallConfig();
+  config.assembly = {0, 0, 0};
+  config.scene.occluder_probability = 1;
+  config.scene.distractor_probability = 1;
+  const SampleContext context = MakeSampleContext(config, 4);
+  constexpr int kCount = 150;
+  int visible = 0, half = 0;
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    const Sample sample = Synthesize(context, renderer_, 5, i);
+    const StructureView bare =
+        CastView(context.structure, PinholeRays(sample.intrinsics), sample.structure_from_sensor);
+    long expected = 0, seen = 0;
+    for (std::size_t k = 0; k < bare.labels.size(); ++k) {
+      expected += bare.labels[k] != 0;
+      seen += sample.labels_clean[k] != 0;
+    }
+    visible += seen > 0.25 * expected;
+    half += seen > 0.6 * expected;
+  }
+  EXPECT_GE(visible, static_cast<int>(0.97 * kCount));
+  EXPECT_GE(half, static_cast<int>(0.85 * kCount));
+}
+
+TEST_F(SampleTest, SamplesWithoutTheStructureAreBackground) {
+  SampleConfig config = SmallConfig();
+  config.scene.structure_probability = 0;
+  const SampleContext context = MakeSampleContext(config, 4);
+  const Sample sample = Synthesize(context, renderer_, 5, 0);
+  EXPECT_EQ(std::count(sample.labels.begin(), sample.labels.end(), 0),
+            static_cast<long>(sample.labels.size()));
+  EXPECT_GT(std::count_if(sample.depth_clean.begin(), sample.depth_clean.end(),
+                          [](float z) { return z > 0; }),
+            static_cast<long>(sample.labels.size() / 2));
+}
+
+TEST(SampleContextTest, NamesWhatIsWrong) {
+  const auto message = [](const SampleConfig& config) {
+    try {
+      MakeSampleContext(config, 4);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  SampleConfig config;
+  config.sensors = {"kinect_v9"};
+  EXPECT_NE(message(config).find("kinect_v9"), std::string::npos) << message(config);
+  config = SampleConfig();
+  config.image_sizes = {"160x160"};
+  EXPECT_NE(message(config).find("160x160"), std::string::npos) << message(config);
+  config.image_sizes = {"big"};
+  EXPECT_NE(message(config).find("big"), std::string::npos) << message(config);
+  config = SampleConfig();
+  config.pose.rho_cm = {200, 100};
+  EXPECT_NE(message(config).find("rho_cm"), std::string::npos) << message(config);
+  config = SampleConfig();
+  EXPECT_EQ(message(config), "");
+  EXPECT_THROW(MakeSampleContext(config, 0), ConfigError);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,150 @@
+#include "render/scene.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/random.h"
+#include "core/structure_gltf.h"
+#include "render/pose_sampler.h"
+
+namespace volalign {
+namespace {
+
+/// Whether a point of the face's plane lies in the polygon: all its edges turn the same way around
+/// it.
+bool Inside(const SceneFace& face, const Eigen::Vector3d& p) {
+  int left = 0, right = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d a = face.corners[k].cast<double>();
+    const Eigen::Vector3d b = face.corners[(k + 1) % 4].cast<double>();
+    const double side = face.normal.dot((b - a).cross(p - a));
+    left += side > -1e-5;
+    right += side < 1e-5;
+  }
+  return left == 4 || right == 4;
+}
+
+class SceneTest : public testing::Test {
+ protected:
+  SceneTest() : structure_(ReadStructure("configs/structure.yaml")) {}
+  Structure structure_;
+};
+
+TEST_F(SceneTest, ExactAssemblyIsTheNominalStructure) {
+  const AssembledStructure built = Assemble(structure_, {0, 0, 0}, 3, 4);
+  EXPECT_EQ(built.structure.Hash(), structure_.Hash());
+  EXPECT_EQ(built.size_scale, 1);
+  for (const Pose& offset : built.box_offsets) {
+    EXPECT_TRUE(offset.matrix().isApprox(Eigen::Matrix4d::Identity(), 1e-12));
+  }
+}
+
+TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
+  double sum_x = 0, sum_scale = 0;
+  constexpr int kCount = 400;
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    const AssembledStructure built = Assemble(structure_, {4, 1, 0.5}, 3, i);
+    double top = structure_.FloorHeight();
+    for (std::size_t b = 0; b < built.box_offsets.size(); ++b) {
+      const Box& box = built.structure.boxes()[b];
+      const Pose& pose = box.structure_from_box;
+      EXPECT_NEAR(pose.translation().y() - 0.5 * box.size.y(), top, 1e-9);
+      EXPECT_NEAR(pose.linear()(1, 1), 1, 1e-12);  // turned about the vertical alone
+      top = pose.translation().y() + 0.5 * box.size.y();
+      const double dx =
+          pose.translation().x() - structure_.boxes()[b].structure_from_box.translation().x();
+      sum_x += dx * dx;
+    }
+    sum_scale += std::pow(built.size_scale - 1, 2);
+  }
+  EXPECT_NEAR(std::sqrt(sum_x / (4 * kCount)), 0.004, 0.0004);
+  EXPECT_NEAR(std::sqrt(sum_scale / kCount), 0.005, 0.0008);
+}
+
+TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {
+  SceneConfig config;
+  config.distractor_probability = 1;
+  config.clutter_count = {10, 20};
+  long corners = 0;
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    RandomStream random(5, i, "pose");
+    SceneOptions options;
+    options.structure_from_sensors = {SamplePose(PoseConfig(), random)};
+    const Eigen::Vector3d eye = options.structure_from_sensors[0].translation();
+    config.occluder_probability = 0;
+    const SceneMesh mesh = BuildScene(config, structure_, options, 5, i);
+    for (const SceneFace& face : mesh.faces) {
+      if (mesh.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
+      for (const Eigen::Vector3f& c : face.corners) {
+        EXPECT_GT((c.cast<double>() - eye).norm(), 0.09);
+        // No corner of an object inside a box, grown by the clearance sideways.
+        for (const Box& box : structure_.boxes()) {
+          const Eigen::Vector3d d =
+              (c.cast<double>() - box.structure_from_box.translation()).cwiseAbs() - 0.5 * box.size;
+          EXPECT_FALSE(d.x() < 0.049 && d.z() < 0.049 && d.y() < -1e-6)
+              << "object " << face.object << " at " << c.transpose();
+        }
+        ++corners;
+      }
+      const double distance = face.normal.dot(eye) - face.offset;
+      EXPECT_FALSE(std::abs(distance) < 0.1 && Inside(face, eye - distance * face.normal))
+          << "object " << face.object << " at the sensor";
+    }
+  }
+  EXPECT_GT(corners, 50'000);
+}
+
+TEST_F(SceneTest, SwitchingOneKindOffLeavesTheOthers) {
+  SceneConfig config;
+  config.tripod_count = {3, 3};
+  config.clutter_count = {0, 0};
+  config.distractor_probability = 0;
+  SceneOptions options;
+  RandomStream random(5, 0, "pose");
+  options.structure_from_sensors = {SamplePose(PoseConfig(), random)};
+  config.occluder_probability = 0;
+  const SceneMesh without = BuildScene(config, structure_, options, 5, 0);
+  config.occluder_probability = 1;
+  const SceneMesh with = BuildScene(config, structure_, options, 5, 0);
+  ASSERT_GT(with.faces.size(), without.faces.size());
+  for (std::size_t i = 0; i < without.faces.size(); ++i) {
+    EXPECT_EQ(without.faces[i].corners, with.faces[i].corners);
+  }
+}
+
+TEST_F(SceneTest, RoomEnclosesEverything) {
+  // Any ray from the sensor ends on something: floor, walls and, where there is none, walls of more
+  // than 5 m meet it below 60 deg.
+  SceneConfig config;
+  config.clutter_count = {0, 0};
+  config.tripod_count = {0, 0};
+  config.distractor_probability = config.occluder_probability = 0;
+  config.ceiling_probability = 1;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    RandomStream random(6, i, "pose");
+    SceneOptions options;
+    options.structure_from_sensors = {SamplePose(PoseConfig(), random)};
+    const Eigen::Vector3d eye = options.structure_from_sensors[0].translation();
+    const SceneMesh mesh = BuildScene(config, structure_, options, 6, i);
+    RandomStream direction_random(7, i, "test");
+    for (int ray = 0; ray < 200; ++ray) {
+      const Eigen::Vector3d d(direction_random.Normal(), direction_random.Normal(),
+                              direction_random.Normal());
+      bool hit = false;
+      for (const SceneFace& face : mesh.faces) {
+        const double approach = face.normal.dot(d);
+        if (approach >= 0) continue;
+        const double t = (face.offset - face.normal.dot(eye)) / approach;
+        if (t <= 0) continue;
+        const Eigen::Vector3d p = eye + t * d;
+        hit |= Inside(face, p);
+      }
+      EXPECT_TRUE(hit);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign

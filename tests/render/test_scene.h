@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cmath>
+
+#include "core/image.h"
+#include "render/sample_config.h"
+
+namespace volalign {
+
+/// The structure alone, exactly built, without noise.
+inline SampleConfig BareConfig() {
+  SampleConfig config;
+  config.scene.room_probability = 0;
+  config.scene.clutter_count = {0, 0};
+  config.scene.tripod_count = {0, 0};
+  config.scene.distractor_probability = 0;
+  config.scene.occluder_probability = 0;
+  config.assembly = {0, 0, 0};
+  config.noise.model = "none";
+  return config;
+}
+
+/// Whether a neighbour's label or depth differs: such pixels depend on rounding.
+inline bool IsEdge(const LabelImage& labels, const DepthImage& depth, int u, int v) {
+  for (int dv = -1; dv <= 1; ++dv) {
+    for (int du = -1; du <= 1; ++du) {
+      if (!labels.Contains(u + du, v + dv)) continue;
+      if (labels(u + du, v + dv) != labels(u, v)) return true;
+      if (std::abs(depth(u + du, v + dv) - depth(u, v)) > 0.2F) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace volalign
