@@ -1,0 +1,337 @@
+#include "train/soft_procrustes.h"
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/from_blob.h>
+#include <ATen/ops/isfinite.h>
+#include <ATen/ops/log_softmax.h>
+#include <ATen/ops/ones.h>
+#include <ATen/ops/rand.h>
+#include <ATen/ops/randn.h>
+#include <ATen/ops/tensor.h>
+#include <ATen/ops/zeros.h>
+#include <gtest/gtest.h>
+#include <torch/csrc/autograd/autograd.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/error.h"
+#include "core/pose.h"
+#include "core/procrustes.h"
+
+namespace volalign {
+namespace {
+
+const at::TensorOptions kF64 = at::TensorOptions(at::kDouble);
+
+at::Tensor FromEigen(const Eigen::Matrix3d& m) {
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = m;
+  return at::from_blob(rows.data(), {1, 3, 3}, kF64).clone();
+}
+
+Eigen::Matrix3d ToEigen(const at::Tensor& m) {
+  const at::Tensor plain = m.detach().reshape({3, 3}).to(at::kDouble).contiguous();
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(plain.data_ptr<double>());
+}
+
+Eigen::Matrix3d RandomRotation() {
+  const at::Tensor w = at::randn({3}, kF64);
+  return RotationExp(Eigen::Map<const Eigen::Vector3d>(w.data_ptr<double>()));
+}
+
+/// Gradient of f at x by autograd.
+at::Tensor Gradient(const std::function<at::Tensor(const at::Tensor&)>& f, const at::Tensor& x) {
+  const at::Tensor leaf = x.detach().clone().requires_grad_(true);
+  return torch::autograd::grad({f(leaf)}, {leaf})[0];
+}
+
+/// Gradient of f at x by central differences.
+at::Tensor Differences(const std::function<at::Tensor(const at::Tensor&)>& f, const at::Tensor& x,
+                       double step = 1e-6) {
+  const at::Tensor gradient = at::zeros_like(x);
+  for (std::int64_t i = 0; i < x.numel(); ++i) {
+    const at::Tensor plus = x.clone(), minus = x.clone();
+    plus.view(-1)[i] += step;
+    minus.view(-1)[i] -= step;
+    gradient.view(-1)[i] = (f(plus).item<double>() - f(minus).item<double>()) / (2 * step);
+  }
+  return gradient;
+}
+
+void ExpectSameGradient(const std::function<at::Tensor(const at::Tensor&)>& f, const at::Tensor& x,
+                        const std::string& what, double tolerance = 1e-6) {
+  const at::Tensor exact = Gradient(f, x), numeric = Differences(f, x);
+  const double scale = std::max(1.0, numeric.abs().max().item<double>());
+  EXPECT_TRUE((exact - numeric).abs().max().item<double>() <= tolerance * scale)
+      << what << "\nautograd " << exact << "\ndifferences " << numeric;
+}
+
+TEST(ProcrustesRotation, GradientAgreesWithFiniteDifferences) {
+  struct Case {
+    const char* name;
+    Eigen::Vector3d sigma;  // the last one negative: det M < 0, d = -1
+  };
+  const std::vector<Case> cases = {
+      {"distinct", {3, 2, 1}},           {"all equal", {2, 2, 2}},
+      {"first two equal", {2, 2, 1}},    {"last two equal", {3, 1, 1}},
+      {"coplanar keypoints", {3, 1, 0}}, {"coplanar, equal", {2, 2, 0}},
+      {"reflected", {3, 2, -1}},         {"reflected, first two equal", {2, 2, -0.5}}};
+  for (const Case& c : cases) {
+    for (int trial = 0; trial < 5; ++trial) {
+      const Eigen::Matrix3d m =
+          RandomRotation() * c.sigma.asDiagonal() * RandomRotation().transpose();
+      const at::Tensor g = at::randn({1, 3, 3}, kF64);
+      const auto f = [&g](const at::Tensor& x) { return (ProcrustesRotation(x) * g).sum(); };
+      ExpectSameGradient(f, FromEigen(m), c.name);
+      EXPECT_TRUE(DeterminedRotation(FromEigen(m)).item<bool>()) << c.name;
+    }
+  }
+}
+
+TEST(ProcrustesRotation, MaximisesTheTrace) {
+  for (int trial = 0; trial < 20; ++trial) {
+    const at::Tensor m = at::randn({1, 3, 3}, kF64);
+    const Eigen::Matrix3d r = ToEigen(ProcrustesRotation(m)), e = ToEigen(m);
+    EXPECT_NEAR(r.determinant(), 1, 1e-12);
+    EXPECT_TRUE((r.transpose() * r).isIdentity(1e-12));
+    const double best = (r.transpose() * e).trace();
+    for (int other = 0; other < 200; ++other) {  // brute force: no other rotation is better
+      EXPECT_LE((RandomRotation().transpose() * e).trace(), best + 1e-12);
+    }
+  }
+}
+
+TEST(ProcrustesRotation, IsFiniteWhereNothingIsDetermined) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<Eigen::Matrix3d> matrices = {
+      Eigen::Matrix3d::Zero(), Eigen::Vector3d(1, 0, 0) * Eigen::RowVector3d(0.3, 0.4, 0.5),
+      Eigen::Vector3d(3, 1, -1).asDiagonal().toDenseMatrix(), Eigen::Matrix3d::Constant(nan)};
+  for (const Eigen::Matrix3d& m : matrices) {
+    const at::Tensor x = FromEigen(m);
+    EXPECT_FALSE(DeterminedRotation(x).item<bool>()) << m;
+    EXPECT_NEAR(ToEigen(ProcrustesRotation(x)).determinant(), 1, 1e-9) << m;
+    const at::Tensor g =
+        Gradient([](const at::Tensor& y) { return ProcrustesRotation(y).square().sum(); }, x);
+    EXPECT_EQ(g.abs().max().item<double>(), 0) << m;
+  }
+}
+
+TEST(ProcrustesRotation, IsTheRotationOfAlignPoints) {
+  for (int trial = 0; trial < 10; ++trial) {
+    const int n = 3 + trial;
+    std::vector<Eigen::Vector3d> source, target;
+    Eigen::Vector3d source_mean = Eigen::Vector3d::Zero(), target_mean = Eigen::Vector3d::Zero();
+    for (int i = 0; i < n; ++i) {
+      const at::Tensor x = at::randn({6}, kF64);
+      const double* p = x.data_ptr<double>();
+      source.emplace_back(p[0], p[1], p[2]);
+      target.emplace_back(p[3], p[4], p[5]);
+      source_mean += source.back() / n;
+      target_mean += target.back() / n;
+    }
+    Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < n; ++i) {
+      m += (target[i] - target_mean) * (source[i] - source_mean).transpose();
+    }
+    const Eigen::Matrix3d r = ToEigen(ProcrustesRotation(FromEigen(m)));
+    EXPECT_TRUE(r.isApprox(AlignPoints(source, target).target_from_source.linear(), 1e-9));
+  }
+}
+
+TEST(Deproject, AgreesWithPinholeRays) {
+  Intrinsics k;
+  k.width = 7;
+  k.height = 5;
+  k.fx = 6.5;
+  k.fy = 7.25;
+  k.cx = 3.1;
+  k.cy = 1.8;
+  const at::Tensor depth = at::rand({2, 1, 5, 7}) + 1;
+  depth[1][0][2][3] = 0;
+  const at::Tensor intrinsics =
+      at::tensor({9.0f, 9.0f, 1.0f, 1.0f, 6.5f, 7.25f, 3.1f, 1.8f}).view({2, 4});
+  const at::Tensor points = Deproject(depth, intrinsics);
+  ASSERT_EQ(points.sizes(), at::IntArrayRef({2, 3, 5, 7}));
+  const RayTable rays = PinholeRays(k);
+  for (int v = 0; v < 5; ++v) {
+    for (int u = 0; u < 7; ++u) {
+      const float z = depth[1][0][v][u].item<float>();
+      EXPECT_NEAR(points[1][0][v][u].item<float>(), z * rays.at(u, v).x(), 1e-6);
+      EXPECT_NEAR(points[1][1][v][u].item<float>(), z * rays.at(u, v).y(), 1e-6);
+      EXPECT_EQ(points[1][2][v][u].item<float>(), z);
+    }
+  }
+  EXPECT_THROW(Deproject(depth, intrinsics.narrow(0, 0, 1)), Error);
+}
+
+TEST(SoftKeypoints, AgreesWithALoopOverPixels) {
+  const at::Tensor log_probs = at::log_softmax(at::randn({2, 4, 5, 6}, kF64), 1);
+  const at::Tensor points = at::randn({2, 3, 5, 6}, kF64);
+  points.select(1, 2).abs_();
+  points.select(2, 1).zero_();  // a row without depth
+  const at::Tensor c = SoftKeypoints(log_probs, points);
+  ASSERT_EQ(c.sizes(), at::IntArrayRef({2, 3, 3}));
+  for (int b = 0; b < 2; ++b) {
+    for (int k = 1; k < 4; ++k) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      double total = 0;
+      for (int v = 0; v < 5; ++v) {
+        for (int u = 0; u < 6; ++u) {
+          if (points[b][2][v][u].item<double>() == 0) continue;
+          const double p = std::exp(log_probs[b][k][v][u].item<double>());
+          for (int i = 0; i < 3; ++i) sum[i] += p * points[b][i][v][u].item<double>();
+          total += p;
+        }
+      }
+      for (int i = 0; i < 3; ++i) {
+        EXPECT_NEAR(c[b][k - 1][i].item<double>(), sum[i] / total, 1e-12);
+      }
+    }
+  }
+  const at::Tensor g = at::randn({2, 3, 3}, kF64);
+  ExpectSameGradient([&](const at::Tensor& x) { return (SoftKeypoints(x, points) * g).sum(); },
+                     log_probs, "soft keypoints");
+}
+
+/// L_3D of one sample with Eigen's own SVD (Kabsch 1976).
+double ReferenceLoss(const std::vector<Eigen::Vector3d>& c, const std::vector<Eigen::Vector3d>& s) {
+  Eigen::Vector3d cm = Eigen::Vector3d::Zero(), sm = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    cm += c[i] / static_cast<double>(c.size());
+    sm += s[i] / static_cast<double>(s.size());
+  }
+  Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < c.size(); ++i) m += (s[i] - sm) * (c[i] - cm).transpose();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d d(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+  const Eigen::Matrix3d r = svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();
+  double sum = 0;
+  for (std::size_t i = 0; i < c.size(); ++i) sum += (s[i] - sm - r * (c[i] - cm)).squaredNorm();
+  return std::sqrt(sum);
+}
+
+TEST(SoftProcrustesLoss, AgreesWithAReferencePerSample) {
+  const at::Tensor targets = at::randn({6, 3}, kF64);
+  const at::Tensor keypoints = at::randn({3, 6, 3}, kF64);
+  at::Tensor visible = at::ones({3, 6}, at::kBool);
+  visible[1][2] = false;
+  visible[1][4] = false;
+  visible[2].narrow(0, 0, 3).fill_(false);  // three sides left: just enough
+  double expected = 0;
+  for (int b = 0; b < 3; ++b) {
+    std::vector<Eigen::Vector3d> c, s;
+    for (int k = 0; k < 6; ++k) {
+      if (!visible[b][k].item<bool>()) continue;
+      c.emplace_back(keypoints[b][k][0].item<double>(), keypoints[b][k][1].item<double>(),
+                     keypoints[b][k][2].item<double>());
+      s.emplace_back(targets[k][0].item<double>(), targets[k][1].item<double>(),
+                     targets[k][2].item<double>());
+    }
+    expected += ReferenceLoss(c, s) / 3;
+  }
+  const ProcrustesLoss loss = SoftProcrustesLoss(keypoints, targets, visible);
+  EXPECT_NEAR(loss.loss.item<double>(), expected, 1e-12);
+  EXPECT_EQ(loss.degenerate.item<std::int64_t>(), 0);
+  ExpectSameGradient(
+      [&](const at::Tensor& x) { return SoftProcrustesLoss(x, targets, visible).loss; }, keypoints,
+      "L_3D");
+}
+
+TEST(SoftProcrustesLoss, GradientThroughTheProbabilitiesAgreesWithFiniteDifferences) {
+  const at::Tensor targets = at::randn({4, 3}, kF64);
+  const at::Tensor points = at::randn({2, 3, 4, 5}, kF64);
+  points.select(1, 2).abs_().add_(0.1);
+  points[0].select(1, 0).zero_();
+  at::Tensor visible = at::ones({2, 4}, at::kBool);
+  visible[1][0] = false;
+  const auto f = [&](const at::Tensor& logits) {
+    return SoftProcrustesLoss(SoftKeypoints(at::log_softmax(logits, 1), points), targets, visible)
+        .loss;
+  };
+  ExpectSameGradient(f, 3 * at::randn({2, 5, 4, 5}, kF64), "through the softmax");
+}
+
+TEST(SoftProcrustesLoss, GradientAgreesForSpecialConfigurations) {
+  // Coplanar targets; targets with repeated singular values (an octahedron); reflected keypoints (d
+  // = -1).
+  const at::Tensor coplanar = at::randn({5, 3}, kF64);
+  coplanar.select(1, 2).fill_(0.7);
+  const at::Tensor octahedron =
+      at::tensor({1., 0., 0., -1., 0., 0., 0., 1., 0., 0., -1., 0., 0., 0., 1., 0., 0., -1.}, kF64)
+          .view({6, 3});
+  const at::Tensor mirror = at::tensor({1., 1., -1.}, kF64);
+  const at::Tensor skewed = at::randn({6, 3}, kF64);
+  struct Case {
+    const char* name;
+    at::Tensor targets, keypoints;
+  };
+  const std::vector<Case> cases = {
+      {"coplanar", coplanar, coplanar.unsqueeze(0) + 0.05 * at::randn({1, 5, 3}, kF64)},
+      {"coplanar keypoints, too", coplanar, (coplanar * 1.1).unsqueeze(0)},
+      {"repeated", octahedron, (octahedron * 0.9).unsqueeze(0)},
+      {"reflected", skewed, (skewed * mirror).unsqueeze(0)}};
+  for (const Case& c : cases) {
+    const at::Tensor visible = at::ones({1, c.targets.size(0)}, at::kBool);
+    EXPECT_EQ(SoftProcrustesLoss(c.keypoints, c.targets, visible).degenerate.item<std::int64_t>(),
+              0)
+        << c.name;
+    ExpectSameGradient(
+        [&](const at::Tensor& x) { return SoftProcrustesLoss(x, c.targets, visible).loss; },
+        c.keypoints, c.name);
+  }
+}
+
+TEST(SoftProcrustesLoss, DegenerateSamplesAddNothingAndAreCounted) {
+  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const at::Tensor centres = StructureKeypoints(structure, KeypointKind::kCentre).to(at::kDouble);
+  const auto label = [&](const std::string& name) {
+    const std::vector<std::string> names = structure.SideNames();
+    return static_cast<std::int64_t>(std::find(names.begin(), names.end(), name) - names.begin());
+  };
+  // Design section 2: these three centres are exactly collinear.
+  at::Tensor visible = at::zeros({5, 20}, at::kBool);
+  for (const char* name : {"mid_bottom/front", "mid_top/front", "top/front"}) {
+    visible[0][label(name)] = true;
+    visible[4][label(name)] = true;
+  }
+  visible[1][3] = true;  // one side; sample 2 has none
+  visible[3].narrow(0, 0, 9).fill_(true);
+  visible[4][label("top/right")] = true;  // off the line: fixed
+  at::Tensor keypoints = at::randn({5, 20, 3}, kF64);
+  keypoints[3] =
+      keypoints[3][0].clone().unsqueeze(0).expand({20, 3});  // all keypoints in one place
+  const auto f = [&](const at::Tensor& x) { return SoftProcrustesLoss(x, centres, visible).loss; };
+  EXPECT_EQ(SoftProcrustesLoss(keypoints, centres, visible).degenerate.item<std::int64_t>(), 4);
+  const at::Tensor gradient = Gradient(f, keypoints);
+  EXPECT_TRUE(at::isfinite(gradient).all().item<bool>());
+  EXPECT_EQ(gradient.narrow(0, 0, 4).abs().max().item<double>(), 0);
+  EXPECT_GT(gradient[4].abs().max().item<double>(), 0);
+  EXPECT_TRUE(
+      gradient[4].masked_select(visible[4].logical_not().unsqueeze(1)).eq(0).all().item<bool>());
+  ExpectSameGradient(f, keypoints, "with degenerate samples");
+}
+
+TEST(SoftProcrustesLoss, IsZeroWithFiniteGradientAtThePerfectAnswer) {
+  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  for (const auto kind : {KeypointKind::kCentre, KeypointKind::kExposed}) {
+    const at::Tensor targets = StructureKeypoints(structure, kind).to(at::kDouble);
+    const at::Tensor rotation = FromEigen(RandomRotation())[0];
+    const at::Tensor keypoints =
+        (targets.matmul(rotation) + at::tensor({0.1, -0.2, 2.0}, kF64)).unsqueeze(0);
+    const at::Tensor visible = at::ones({1, 20}, at::kBool);
+    const auto f = [&](const at::Tensor& x) {
+      return SoftProcrustesLoss(x, targets, visible).loss;
+    };
+    EXPECT_TRUE(f(keypoints).item<double>() < 1e-9);
+    EXPECT_TRUE(at::isfinite(Gradient(f, keypoints)).all().item<bool>());
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/pose.h"
+#include "core/random.h"
+#include "core/structure.h"
+#include "core/visibility.h"
+#include "train/batch.h"
+#include "train/trainer.h"
+
+namespace volalign {
+
+/// The bare structure, ray-cast without noise: sample i is a function of (seed, i modulo `period`).
+class SyntheticSource : public SampleSource {
+ public:
+  SyntheticSource(Structure structure, std::uint64_t seed, std::uint64_t first_index,
+                  int batch_size, int size, std::uint64_t period)
+      : structure_(std::move(structure)),
+        seed_(seed),
+        next_(first_index),
+        batch_size_(batch_size),
+        size_(size),
+        period_(period) {}
+
+  std::vector<Sample> Next() override {
+    std::vector<Sample> batch;
+    for (int i = 0; i < batch_size_; ++i) batch.push_back(Draw(next_++));
+    return batch;
+  }
+
+ private:
+  Sample Draw(std::uint64_t index) const {
+    RandomStream random(seed_, index % period_, "synthetic");
+    Sample s;
+    s.index = index;
+    s.intrinsics.width = s.intrinsics.height = size_;
+    s.intrinsics.fx = s.intrinsics.fy = 0.8 * size_;
+    s.intrinsics.cx = s.intrinsics.cy = 0.5 * size_;
+    const double phi = random.Uniform(0, 2 * M_PI), rho = random.Uniform(1.5, 2.25);
+    s.structure_from_sensor =
+        LookAt({rho * std::cos(phi), random.Uniform(-0.15, 0.75), rho * std::sin(phi)},
+               {random.Uniform(-0.1, 0.1), 0, random.Uniform(-0.1, 0.1)}, M_PI / 2);
+    const StructureView view =
+        CastView(structure_, PinholeRays(s.intrinsics), s.structure_from_sensor);
+    s.depth = view.depth;
+    s.labels = view.labels;
+    return s;
+  }
+
+  Structure structure_;
+  std::uint64_t seed_, next_;
+  int batch_size_, size_;
+  std::uint64_t period_;
+};
+
+inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period) {
+  TrainingData data;
+  data.structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = data.structure;
+  data.open = [=](std::uint64_t seed, std::uint64_t first_index) {
+    return std::make_unique<SyntheticSource>(structure, seed, first_index, batch_size, size,
+                                             period);
+  };
+  return data;
+}
+
+}  // namespace volalign

@@ -1,0 +1,106 @@
+#include "train/train_config.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+TrainConfig Read(const std::string& path) { return ReadTrainConfig(ConfigSource::FromFile(path)); }
+
+TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
+  struct Row {  // design section 7
+    const char* name;
+    bool attention, procrustes;
+    double rho_max;
+  };
+  const std::vector<Row> table = {{"m01", false, false, 225}, {"m02", true, false, 225},
+                                  {"m03", true, true, 225},   {"m04", true, false, 275},
+                                  {"m05", true, true, 275},   {"m06", true, false, 350},
+                                  {"m07", true, true, 350}};
+  for (const Row& row : table) {
+    SCOPED_TRACE(row.name);
+    const TrainConfig c = Read(std::string("configs/") + row.name + ".yaml");
+    EXPECT_EQ(c.model.attention, row.attention);
+    EXPECT_EQ(c.loss.procrustes, row.procrustes);
+    EXPECT_EQ(c.data.pose.rho_cm[0], 150);
+    EXPECT_EQ(c.data.pose.rho_cm[1], row.rho_max);
+
+    EXPECT_EQ(c.data.pose.height_cm, (std::array<double, 2>{-15, 75}));
+    EXPECT_EQ(c.data.pose.look_at_radius_cm, 20);
+    EXPECT_EQ(c.data.pose.roll_deg, 5);
+    EXPECT_EQ(c.data.pose.roll_offsets_deg, std::vector<double>{90});
+    EXPECT_EQ(c.data.image_sizes, std::vector<std::string>{"320x180"});
+    EXPECT_EQ(c.data.noise.model, "paper");
+    EXPECT_EQ(c.data.scene.room_probability, 1);
+    EXPECT_EQ(c.model.base_channels, 32);
+    EXPECT_EQ(c.model.normalization, "none");
+    EXPECT_EQ(c.model.input, "depth");
+    EXPECT_EQ(c.model.residual_blocks, 4);
+    EXPECT_EQ(c.model.background_bias, 0);
+    EXPECT_EQ(c.loss.lambda, 0.1);
+    EXPECT_EQ(c.loss.lambda_warmup_samples, 0);
+    EXPECT_EQ(c.loss.min_side_pixels, 1);
+    EXPECT_EQ(c.loss.keypoints, "centre");
+    EXPECT_EQ(c.optim.optimizer, "adam");
+    EXPECT_EQ(c.optim.lr, 2e-4);
+    EXPECT_EQ(c.optim.beta1, 0.9);
+    EXPECT_EQ(c.optim.beta2, 0.99);
+    EXPECT_EQ(c.optim.weight_decay, 0);
+    EXPECT_EQ(c.optim.schedule, "constant");
+    EXPECT_EQ(c.optim.clip_norm, 0);
+    EXPECT_EQ(c.optim.ema_decay, 0);
+    EXPECT_EQ(c.run.batch_size, 16);
+    EXPECT_EQ(c.run.samples, 3200000);
+    EXPECT_EQ(c.run.precision, "fp32");
+  }
+}
+
+TEST(TrainConfig, LiteIsASmallM05) {
+  const TrainConfig c = Read("configs/m05-lite.yaml");
+  EXPECT_TRUE(c.model.attention);
+  EXPECT_TRUE(c.loss.procrustes);
+  EXPECT_EQ(c.data.pose.rho_cm, (std::array<double, 2>{150, 275}));
+  EXPECT_EQ(c.data.pose.roll_offsets_deg, std::vector<double>{90});
+  EXPECT_EQ(c.model.base_channels, 8);
+  EXPECT_EQ(c.loss.keypoints, "exposed");
+  EXPECT_EQ(c.data.noise.model, "sensor");
+}
+
+TEST(TrainConfig, ResolvedYamlReadsBackEqual) {
+  const TrainConfig c = Read("configs/m05-lite.yaml");
+  const std::string yaml = WriteConfig(c);
+  const TrainConfig again = ReadTrainConfig(ConfigSource::FromString(yaml, "resolved"));
+  EXPECT_EQ(WriteConfig(again), yaml);
+}
+
+/// The message of the ConfigError for m01 with one assignment.
+std::string SetError(const std::string& assignment) {
+  ConfigSource source = ConfigSource::FromFile("configs/m01.yaml");
+  source.Set(assignment);
+  try {
+    ReadTrainConfig(source);
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << assignment << " was accepted";
+  return "";
+}
+
+TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {
+  const std::string unknown = SetError("optim.learning_rat=1e-3");
+  EXPECT_NE(unknown.find("optim.learning_rat"), std::string::npos) << unknown;
+  const std::string near = SetError("model.base_chanels=4");
+  EXPECT_NE(near.find("model.base_channels"), std::string::npos) << near;
+  EXPECT_NE(SetError("optim.lr=0").find("optim.lr"), std::string::npos);
+  EXPECT_NE(SetError("model.normalization=layer").find("model.normalization"), std::string::npos);
+  EXPECT_NE(SetError("run.validation_seed=1").find("run.validation_seed"), std::string::npos);
+  EXPECT_NE(SetError("optim.weight_decay=0.1").find("adamw"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace volalign

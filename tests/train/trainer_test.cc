@@ -1,0 +1,297 @@
+#include "train/trainer.h"
+
+#include <ATen/TensorOperators.h>
+#include <c10/core/GradMode.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/checkpoint.h"
+#include "core/error.h"
+#include "core/file_util.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+#include "tests/train/synthetic_source.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+
+/// Every switch of m05-lite on a tiny network.
+TrainConfig TinyConfig() {
+  TrainConfig config;
+  config.model.base_channels = 2;
+  config.model.residual_blocks = 1;
+  config.model.normalization = "batch";
+  config.model.input = "depth_mask";
+  config.model.background_bias = 2;
+  config.loss.keypoints = "exposed";
+  config.loss.min_side_pixels = 5;
+  config.loss.lambda_warmup_samples = 40;
+  config.optim.optimizer = "adamw";
+  config.optim.weight_decay = 0.01;
+  config.optim.lr = 3e-3;
+  config.optim.schedule = "one_cycle";
+  config.optim.warmup_samples = 8;
+  config.optim.clip_norm = 1;
+  config.optim.ema_decay = 0.9;
+  config.run.samples = 80;
+  config.run.batch_size = 2;
+  config.run.log_every = 2;
+  config.run.checkpoint_every = 26;
+  config.run.validate_every = 60;
+  config.run.validation_samples = 2;
+  config.run.precision = "bf16";
+  config.run.channels_last = true;
+  config.run.threads = 1;
+  return config;
+}
+
+TrainOptions Options(const std::filesystem::path& folder) {
+  TrainOptions options;
+  options.run_dir = folder;
+  options.quiet = true;
+  return options;
+}
+
+std::vector<json> Rows(const std::filesystem::path& folder, const std::string& type) {
+  std::vector<json> rows;
+  std::istringstream text(ReadFile(folder / "metrics.jsonl"));
+  for (std::string line; std::getline(text, line);) {
+    const json row = json::parse(line);
+    if (row.at("type") == type) rows.push_back(row);
+  }
+  return rows;
+}
+
+TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
+  const TempFolder folder;
+  const TrainConfig config = TinyConfig();
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const TrainResult whole = TrainOn(data, config, Options(folder / "whole"));
+  EXPECT_TRUE(whole.finished);
+  TrainOptions options = Options(folder / "parts");
+  options.stop_at_samples = 40;
+  const TrainResult first = TrainOn(data, config, options);
+  EXPECT_FALSE(first.finished);
+  EXPECT_EQ(first.samples, 40);
+  options.stop_at_samples = 0;
+  options.resume = true;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+
+  const std::vector<json> a = Rows(folder / "whole", "train"), b = Rows(folder / "parts", "train");
+  ASSERT_EQ(a.size(), 40u);
+  ASSERT_EQ(b.size(), 40u);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (const char* key :
+         {"samples", "step", "loss", "loss_seg", "loss_3d", "gradient_norm", "lr"}) {
+      EXPECT_EQ(a[i].at(key), b[i].at(key)) << key << " of step " << i + 1;
+    }
+  }
+  // The shipped weights are the same, too, and so is their validation.
+  EXPECT_EQ(Rows(folder / "whole", "validation").back().at("loss_seg"),
+            Rows(folder / "parts", "validation").back().at("loss_seg"));
+  const TensorFile x = ReadTensorFile(folder / "whole" / "model.pt", kCheckpointFormat);
+  const TensorFile y = ReadTensorFile(folder / "parts" / "model.pt", kCheckpointFormat);
+  for (const auto& [name, tensor] : x.tensors)
+    EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
+}
+
+TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 10;
+  TrainOn(data, config, options);
+  // What a run that was killed after its last checkpoint leaves behind.
+  const std::filesystem::path metrics = folder / "run" / "metrics.jsonl";
+  WriteFileAtomically(metrics,
+                      ReadFile(metrics) + "{\"type\":\"train\",\"samples\":12}\n{\"type\":\"tr");
+  options.resume = true;
+  options.stop_at_samples = 14;
+  TrainOn(data, config, options);
+  const std::vector<json> rows = Rows(folder / "run", "train");
+  ASSERT_EQ(rows.size(), 7u);
+  for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i].at("samples"), 2 * (i + 1));
+}
+
+TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.model.base_channels = 4;
+  config.run.batch_size = 4;
+  config.run.samples = 4 * 200;
+  config.run.log_every = 4;
+  config.run.checkpoint_every = config.run.validate_every = 1000000;
+  config.run.validation_samples = 0;
+  config.run.precision = "fp32";
+  config.optim.lr = 1e-2;
+  config.optim.schedule = "constant";
+  config.optim.warmup_samples = 40;
+  TrainOn(SyntheticData(4, 32, 4), config, Options(folder / "run"));
+  const std::vector<json> rows = Rows(folder / "run", "train");
+  const double first = rows.front().at("loss_seg").get<double>();
+  const double last = rows.back().at("loss_seg").get<double>();
+  EXPECT_TRUE(last < 0.25 * first) << first << " -> " << last;
+  EXPECT_TRUE(rows.back().at("loss_3d").get<double>() <
+              0.4 * rows.front().at("loss_3d").get<double>());
+}
+
+TEST(Trainer, WritesADeployableCheckpointAndTheResolvedConfig) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.samples = 12;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const TrainResult result = TrainOn(data, config, Options(folder / "run"));
+  const LoadedModel model = LoadCheckpoint(result.checkpoint);
+  EXPECT_EQ(model.meta.samples, 12);
+  EXPECT_EQ(model.meta.structure.Hash(), data.structure.Hash());
+  EXPECT_NEAR(model.meta.focal_px.first, 0.8 * 32, 1e-9);
+  EXPECT_NEAR(model.meta.focal_px.second, 0.8 * 32, 1e-9);
+  EXPECT_EQ(model.meta.image_sizes, (std::vector<std::pair<int, int>>{{32, 32}}));
+  EXPECT_EQ(model.meta.roll_offsets_deg, std::vector<double>{90});
+  EXPECT_EQ(model.meta.config_yaml, WriteConfig(config));
+  EXPECT_EQ(ReadFile(folder / "run" / "config.yaml"), WriteConfig(config));
+  const std::vector<json> validation = Rows(folder / "run", "validation");
+  ASSERT_EQ(validation.size(), 1u);
+  for (const char* key : {"loss_seg", "miou", "miou_authors"}) {
+    EXPECT_TRUE(std::isfinite(validation[0].at(key).get<double>())) << key;
+  }
+  const json row = Rows(folder / "run", "train").back();
+  for (const char* stage : {"data", "forward", "loss", "backward", "optim"}) {
+    EXPECT_GT(row.at("step_s").at(stage).get<double>(), 0) << stage;
+  }
+}
+
+TEST(Trainer, AverageIsTheRunningMeanOfTheWeights) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.optim.warmup_samples = 2;
+  config.run.samples = 6;  // three steps: decays 2/11, 3/12, 4/13 as (1 + t) / (10 + t)
+  config.run.log_every = 2;
+  config.run.checkpoint_every = 2;
+  config.run.half_checkpoint = false;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  std::vector<at::Tensor> weights;
+  at::Tensor average;
+  for (int stop : {2, 4, 6}) {
+    TrainOptions options = Options(folder / "run");
+    options.stop_at_samples = stop;
+    options.resume = stop > 2;
+    TrainOn(data, config, options);
+    const TensorFile state = ReadTensorFile(folder / "run" / "last.state", "volalign.training/1");
+    const double t = stop / 2, decay = (1 + t) / (10 + t);
+    const at::Tensor w = state.tensors.at("model/merge2.weight").to(at::kDouble);
+    const at::Tensor saved = state.tensors.at("average/merge2.weight").to(at::kDouble);
+    if (stop > 2) {
+      const at::Tensor expected = decay * average + (1 - decay) * w;
+      EXPECT_LT((saved - expected).abs().max().item<double>(), 1e-7);
+      EXPECT_GT((saved - w).abs().max().item<double>(), 1e-5);
+    }
+    average = saved;
+  }
+}
+
+TEST(Trainer, ExplainsWhatCannotBeResumed) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 4;
+  options.resume = true;
+  ExpectError<IoError>([&] { TrainOn(data, config, options); }, {"last.state", "--resume"});
+  options.resume = false;
+  TrainOn(data, config, options);
+  ExpectError<Error>([&] { TrainOn(data, config, options); }, {"run", "--resume"});
+
+  options.resume = true;
+  TrainConfig other = config;
+  other.data.pose.rho_cm = {150, 350};
+  ExpectError<ConfigError>([&] { TrainOn(data, other, options); },
+                           {"data.pose.rho_cm", "350", "275"});
+  other = config;
+  other.run.seed = 7;
+  ExpectError<ConfigError>([&] { TrainOn(data, other, options); }, {"run.seed", "7"});
+  other = config;
+  other.run.log_every = 4;  // changes no step
+  options.stop_at_samples = 8;
+  EXPECT_EQ(TrainOn(data, other, options).samples, 8);
+
+  const std::string state = ReadFile(folder / "run" / "last.state");
+  WriteFileAtomically(folder / "run" / "last.state", state.substr(0, state.size() / 2));
+  ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"last.state"});
+}
+
+TEST(Trainer, StopsCleanlyOnASignal) {
+  /// Raises the signal while the third batch is drawn.
+  class Interrupting : public SampleSource {
+   public:
+    explicit Interrupting(std::unique_ptr<SampleSource> inner) : inner_(std::move(inner)) {}
+    std::vector<Sample> Next() override {
+      if (++calls_ == 3) std::raise(SIGTERM);
+      return inner_->Next();
+    }
+
+   private:
+    std::unique_ptr<SampleSource> inner_;
+    int calls_ = 0;
+  };
+  const TempFolder folder;
+  TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const auto open = data.open;
+  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
+    return std::make_unique<Interrupting>(open(seed, first_index));
+  };
+  const TrainResult result = TrainOn(data, TinyConfig(), Options(folder / "run"));
+  EXPECT_FALSE(result.finished);
+  EXPECT_EQ(result.samples, 6);
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 6);
+}
+
+TEST(Trainer, StopsAtALossThatIsNotFinite) {
+  class Poisoned : public SampleSource {
+   public:
+    explicit Poisoned(std::unique_ptr<SampleSource> inner) : inner_(std::move(inner)) {}
+    std::vector<Sample> Next() override {
+      std::vector<Sample> batch = inner_->Next();
+      if (++calls_ == 15) batch[0].depth(16, 16) = std::numeric_limits<float>::infinity();
+      return batch;
+    }
+
+   private:
+    std::unique_ptr<SampleSource> inner_;
+    int calls_ = 0;
+  };
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.model.input = "depth";
+  TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const auto open = data.open;
+  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
+    return std::make_unique<Poisoned>(open(seed, first_index));
+  };
+  ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
+                     {"step 15", "last.state", "optim.lr"});
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
+}
+
+TEST(Trainer, RejectsAnUnknownDevice) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.device = "tpu";
+  ExpectError<ConfigError>(
+      [&] { TrainOn(SyntheticData(2, 32, 8), config, Options(folder / "run")); },
+      {"run.device", "tpu"});
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "render/sample.h"
+
+namespace volalign {
+
+/// Consecutive samples, a batch a call: the rendered stream, or whatever a test trains on.
+class SampleSource {
+ public:
+  virtual ~SampleSource() = default;
+  /// The next batch; all samples have the same image size.
+  virtual std::vector<Sample> Next() = 0;
+};
+
+struct Batch {
+  at::Tensor depth;       ///< [B,1,H,W] float32, m
+  at::Tensor labels;      ///< [B,H,W] int64
+  at::Tensor intrinsics;  ///< [B,4] float32, fx, fy, cx, cy px
+
+  Batch To(const at::Device& device) const;
+};
+
+/// Copies samples into tensors. Throws Error for no samples, or images of unequal sizes.
+Batch Collate(const std::vector<Sample>& samples);
+
+}  // namespace volalign

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include "core/structure.h"
+#include "train/train_config.h"
+
+namespace volalign {
+
+/// Mean negative log-likelihood over all pixels: log_probs [B,K,H,W], labels [B,H,W] int64 in [0,
+/// K). Throws Error for other shapes or types.
+at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& labels);
+
+/// bool [B,K-1]: label k has at least `min_pixels` pixels with depth. labels [B,H,W] int64, depth
+/// [B,1,H,W].
+at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int num_classes,
+                        int min_pixels);
+
+struct LossTerms {
+  at::Tensor total;         ///< scalar, differentiable
+  at::Tensor segmentation;  ///< scalar
+  at::Tensor procrustes;    ///< scalar, m; 0 when it is switched off
+  at::Tensor degenerate;    ///< int64 scalar, samples that added nothing to `procrustes`
+};
+
+/// L = L_seg + lambda L_3D (paper, eq. loss_function; design section 6).
+class TrainingLoss {
+ public:
+  TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);
+
+  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, intrinsics [B,4] px;
+  /// `samples` drawn so far sets lambda, which rises linearly from 0 over lambda_warmup_samples.
+  LossTerms operator()(const at::Tensor& log_probs, const at::Tensor& depth,
+                       const at::Tensor& labels, const at::Tensor& intrinsics,
+                       std::int64_t samples) const;
+
+ private:
+  LossConfig config_;
+  int num_classes_;
+  at::Tensor targets_;  // [K-1,3]
+};
+
+}  // namespace volalign

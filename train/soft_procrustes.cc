@@ -1,0 +1,167 @@
+#include "train/soft_procrustes.h"
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/arange.h>
+#include <ATen/ops/bmm.h>
+#include <ATen/ops/cat.h>
+#include <ATen/ops/empty.h>
+#include <ATen/ops/eye.h>
+#include <ATen/ops/isfinite.h>
+#include <ATen/ops/linalg_det.h>
+#include <ATen/ops/linalg_svd.h>
+#include <ATen/ops/linalg_svdvals.h>
+#include <ATen/ops/ones_like.h>
+#include <ATen/ops/stack.h>
+#include <ATen/ops/where.h>
+#include <ATen/ops/zeros_like.h>
+#include <fmt/format.h>
+#include <torch/csrc/autograd/custom_function.h>
+
+#include "core/error.h"
+#include "core/procrustes.h"
+
+namespace volalign {
+namespace {
+
+/// facts/sensors.md section 5, "Practice": relative to the largest singular value.
+constexpr double kMinSigmaSum = 1e-3;
+/// Under this total probability a keypoint counts as absent; log-softmax in float32 reaches it only
+/// at saturation.
+constexpr double kMinProbability = 1e-12;
+
+void Require(bool holds, const char* what, const at::Tensor& x, const char* expected) {
+  if (holds) return;
+  throw Error(fmt::format("{} has the shape [{}] instead of {}", what,
+                          fmt::join(x.sizes().begin(), x.sizes().end(), ","), expected));
+}
+
+struct SignedSvd {
+  at::Tensor u;      ///< [B,3,3], U' = U D
+  at::Tensor sigma;  ///< [B,3], (s1, s2, d s3)
+  at::Tensor vt;     ///< [B,3,3]
+};
+
+/// M = U' diag(sigma) V^T with U' V^T proper. `m` is finite, float64.
+SignedSvd DecomposeSigned(const at::Tensor& m) {
+  auto [u, s, vt] = at::linalg_svd(m, /*full_matrices=*/true);
+  const at::Tensor d = at::linalg_det(u) * at::linalg_det(vt);  // [B], +-1
+  const at::Tensor sign = at::where(d < 0, -at::ones_like(d), at::ones_like(d));
+  const at::Tensor ones = at::ones_like(sign);
+  const at::Tensor diagonal = at::stack({ones, ones, sign}, 1);  // [B,3]
+  return {u * diagonal.unsqueeze(1), s * diagonal, vt};
+}
+
+at::Tensor FiniteOrIdentity(const at::Tensor& m) {
+  const at::Tensor finite = at::isfinite(m).flatten(1).all(1).view({-1, 1, 1});
+  return at::where(finite, m, at::eye(3, m.options()).expand_as(m));
+}
+
+at::Tensor Determined(const at::Tensor& sigma) {
+  const at::Tensor s1 = sigma.select(1, 0);
+  return (s1 > 0).logical_and(sigma.select(1, 1) + sigma.select(1, 2) >= kMinSigmaSum * s1);
+}
+
+class RotationFunction : public torch::autograd::Function<RotationFunction> {
+ public:
+  static at::Tensor forward(torch::autograd::AutogradContext* context, const at::Tensor& m) {
+    const SignedSvd svd = DecomposeSigned(FiniteOrIdentity(m.to(at::kDouble)));
+    context->save_for_backward({svd.u, svd.sigma, svd.vt});
+    context->saved_data["type"] = static_cast<std::int64_t>(m.scalar_type());
+    return at::bmm(svd.u, svd.vt).to(m.scalar_type());
+  }
+
+  static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
+                                                 torch::autograd::variable_list grads) {
+    const auto saved = context->get_saved_variables();
+    const at::Tensor &u = saved[0], &sigma = saved[1], &vt = saved[2];
+    // Scaling M leaves R as it is, so work on M / s1 and undo the scale at the end.
+    const at::Tensor s1 = sigma.select(1, 0).clamp_min(1e-300).view({-1, 1, 1});
+    const at::Tensor scaled = sigma / s1.squeeze(2);
+    const at::Tensor sums = (scaled.unsqueeze(2) + scaled.unsqueeze(1)).clamp_min(kMinSigmaSum);
+    const at::Tensor g = grads[0].to(at::kDouble);
+    const at::Tensor y = at::bmm(at::bmm(u.transpose(1, 2), g), vt.transpose(1, 2));
+    const at::Tensor z = (y - y.transpose(1, 2)) / sums;  // [B,3,3], zero diagonal
+    const at::Tensor grad = at::bmm(at::bmm(u, z), vt) / s1;
+    const at::Tensor keep = Determined(sigma).view({-1, 1, 1});
+    const auto type = static_cast<at::ScalarType>(context->saved_data["type"].toInt());
+    return {at::where(keep, grad, at::zeros_like(grad)).to(type)};
+  }
+};
+
+}  // namespace
+
+at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& intrinsics) {
+  Require(depth.dim() == 4 && depth.size(1) == 1, "depth", depth, "[B,1,H,W]");
+  Require(intrinsics.dim() == 2 && intrinsics.size(0) == depth.size(0) && intrinsics.size(1) == 4,
+          "intrinsics", intrinsics, "[B,4]");
+  const at::Tensor k = intrinsics.to(depth.options());
+  const auto column = [&k](int i) { return k.select(1, i).view({-1, 1, 1, 1}); };  // [B,1,1,1]
+  const at::Tensor u = at::arange(depth.size(3), depth.options()).view({1, 1, 1, -1});
+  const at::Tensor v = at::arange(depth.size(2), depth.options()).view({1, 1, -1, 1});
+  return at::cat(
+      {depth * ((u - column(2)) / column(0)), depth * ((v - column(3)) / column(1)), depth}, 1);
+}
+
+at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points) {
+  Require(log_probs.dim() == 4 && log_probs.size(1) >= 2, "log_probs", log_probs, "[B,K,H,W]");
+  Require(points.dim() == 4 && points.size(1) == 3 && points.size(0) == log_probs.size(0) &&
+              points.size(2) == log_probs.size(2) && points.size(3) == log_probs.size(3),
+          "points", points, "[B,3,H,W] of the log-probabilities' size");
+  const at::Tensor valid = (points.narrow(1, 2, 1) > 0).to(points.scalar_type());
+  const at::Tensor x = at::cat({points, valid}, 1).flatten(2).transpose(1, 2);  // [B,HW,4]
+  const at::Tensor p = log_probs.narrow(1, 1, log_probs.size(1) - 1).flatten(2).exp();
+  const at::Tensor sums = at::bmm(p, x);  // [B,K-1,4]
+  return sums.narrow(2, 0, 3) / sums.narrow(2, 3, 1).clamp_min(kMinProbability);
+}
+
+at::Tensor ProcrustesRotation(const at::Tensor& m) {
+  Require(m.dim() == 3 && m.size(1) == 3 && m.size(2) == 3, "m", m, "[B,3,3]");
+  return RotationFunction::apply(m);
+}
+
+at::Tensor DeterminedRotation(const at::Tensor& m) {
+  Require(m.dim() == 3 && m.size(1) == 3 && m.size(2) == 3, "m", m, "[B,3,3]");
+  const at::Tensor wide = m.detach().to(at::kDouble);
+  return Determined(DecomposeSigned(FiniteOrIdentity(wide)).sigma)
+      .logical_and(at::isfinite(wide).flatten(1).all(1));
+}
+
+at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind) {
+  const int sides = structure.num_classes() - 1;
+  at::Tensor keypoints = at::empty({sides, 3}, at::kFloat);
+  auto rows = keypoints.accessor<float, 2>();
+  for (int k = 0; k < sides; ++k) {
+    const Eigen::Vector3d& p = structure.Keypoint(k + 1, kind);
+    for (int i = 0; i < 3; ++i) rows[k][i] = static_cast<float>(p[i]);
+  }
+  return keypoints;
+}
+
+ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
+                                  const at::Tensor& visible) {
+  Require(keypoints.dim() == 3 && keypoints.size(2) == 3, "keypoints", keypoints, "[B,K-1,3]");
+  Require(targets.dim() == 2 && targets.size(0) == keypoints.size(1) && targets.size(1) == 3,
+          "targets", targets, "[K-1,3]");
+  Require(visible.dim() == 2 && visible.size(0) == keypoints.size(0) &&
+              visible.size(1) == keypoints.size(1),
+          "visible", visible, "[B,K-1]");
+  const at::Tensor mask = visible.to(at::kDouble).unsqueeze(2);         // [B,K-1,1]
+  const at::Tensor count = mask.sum(1, /*keepdim=*/true).clamp_min(1);  // [B,1,1]
+  const auto centre = [&](const at::Tensor& points) {                   // [B,K-1,3]
+    return (points - (points * mask).sum(1, true) / count) * mask;
+  };
+  const at::Tensor c = centre(keypoints.to(at::kDouble));
+  const at::Tensor s = centre(targets.to(at::kDouble).unsqueeze(0).expand_as(c));
+  const at::Tensor m = at::bmm(s.transpose(1, 2), c);  // [B,3,3], sum_k S_k C_k^T
+  const at::Tensor spread = at::linalg_svdvals(s).select(1, 1);
+  const at::Tensor fixed =
+      (spread >= kMinSecondSingularValue).logical_and(DeterminedRotation(m));  // [B]
+  const at::Tensor residual = s - at::bmm(c, ProcrustesRotation(m).transpose(1, 2));
+  // The norm's gradient at 0 is taken as 0: the clamp cuts it off.
+  const at::Tensor norm = residual.square().sum({1, 2}).clamp_min(1e-20).sqrt();  // [B]
+  const at::Tensor kept = at::where(fixed, norm, at::zeros_like(norm));
+  const double batch = static_cast<double>(keypoints.size(0));
+  return {(kept.sum() / batch).to(keypoints.scalar_type()), fixed.logical_not().sum()};
+}
+
+}  // namespace volalign

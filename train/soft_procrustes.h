@@ -1,0 +1,47 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include "core/structure.h"
+
+namespace volalign {
+
+/// Points V [B,3,H,W] in the sensor frame, m, of depth maps [B,1,H,W], m, seen with `intrinsics`
+/// [B,4] = (fx, fy, cx, cy) px, pixel centres at integer coordinates; 0 where there is no depth.
+/// Type of `depth`. Throws Error for other shapes.
+at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& intrinsics);
+
+/// Soft keypoints C [B,K-1,3] of the labels 1..K-1 (paper, eq. soft_corr): C_k = sum P_k V / sum
+/// P_k over the pixels with depth, P = exp(log_probs [B,K,H,W]), `points` [B,3,H,W] (z = 0 where
+/// there is no depth). Differentiable with respect to log_probs.
+at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points);
+
+/// The proper rotation R [B,3,3] that maximises tr(R^T M) for M [B,3,3] (orthogonal Procrustes
+/// problem), with the closed- form adjoint dL/dM = U' Z V^T, Z_ij = (Y_ij - Y_ji) / (sigma_i +
+/// sigma_j), Y = U'^T dL/dR V. Unlike the backward of an SVD it is finite for repeated and
+/// vanishing singular values. Computed in float64; type of `m`. Where the rotation is not
+/// determined (DeterminedRotation is false) the gradient is zero.
+at::Tensor ProcrustesRotation(const at::Tensor& m);
+
+/// bool [B]: (s2 + d s3) / s1 >= 1e-3 with singular values s1 >= s2 >= s3 of M and d = sign det M:
+/// the matrix fixes its rotation. False for M = 0 and for non-finite M.
+at::Tensor DeterminedRotation(const at::Tensor& m);
+
+/// Keypoints S [K-1,3] of the labels 1..K-1, structure frame, m, float32 on the CPU.
+at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind);
+
+struct ProcrustesLoss {
+  at::Tensor loss;  ///< scalar: sum over the samples / B, m
+  at::Tensor
+      degenerate;  ///< int64 scalar: samples whose keypoints fix no rotation; they add nothing
+};
+
+/// Design section 6: L_3D = ||M . (S^ - Omega C^)||_F per sample, with C [B,K-1,3] sensor frame, S
+/// [K-1,3] structure frame, visible [B,K-1] bool; both sets are centred over the visible sides,
+/// Omega aligns C^ to S^. A sample adds nothing and is counted where the second singular value of
+/// its visible centred S is below kMinSecondSingularValue (core/procrustes.h) or the rotation is
+/// not determined. The gradient is finite for every input, zero residuals included.
+ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
+                                  const at::Tensor& visible);
+
+}  // namespace volalign

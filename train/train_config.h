@@ -1,0 +1,150 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/config.h"
+#include "core/network.h"
+#include "core/structure.h"
+#include "render/sample_config.h"
+
+namespace volalign {
+
+/// The network, but for the number of classes, which the structure gives (core/network.h).
+struct ModelConfig {
+  int base_channels = 32;
+  bool attention = true;
+  std::string normalization = "none";
+  std::string input = "depth";
+  int residual_blocks = 4;
+  double background_bias = 0;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("base_channels", base_channels, "width c of the first convolution", AtLeast(1));
+    ar("attention", attention, "soft attention after the bottleneck and each decoder level");
+    ar("normalization", normalization, "after every convolution but the classifier",
+       OneOf({"none", "batch", "group"}));
+    ar("input", input, "depth (metres, the paper) or depth_mask (centred and clamped depth, mask)",
+       OneOf({"depth", "depth_mask"}));
+    ar("residual_blocks", residual_blocks, "blocks in the bottleneck", AtLeast(0));
+    ar("background_bias", background_bias, "initial bias of the background class");
+  }
+  StructureNetOptions Options(int num_classes) const;
+};
+
+/// Design section 6.
+struct LossConfig {
+  bool procrustes = true;
+  double lambda = 0.1;
+  std::int64_t lambda_warmup_samples = 0;
+  int min_side_pixels = 1;
+  std::string keypoints = "centre";
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("procrustes", procrustes, "add the soft Procrustes term");
+    ar("lambda", lambda, "weight of the soft Procrustes term", AtLeast(0));
+    ar("lambda_warmup_samples", lambda_warmup_samples,
+       "lambda rises linearly from 0 over so many samples", AtLeast(0));
+    ar("min_side_pixels", min_side_pixels, "a side counts as visible from so many pixels on",
+       AtLeast(1));
+    ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed",
+       OneOf({"centre", "exposed"}));
+  }
+};
+KeypointKind ParseKeypointKind(const std::string& word);
+
+struct OptimConfig {
+  std::string optimizer = "adam";
+  double lr = 2e-4;
+  double beta1 = 0.9;
+  double beta2 = 0.99;
+  double weight_decay = 0;
+  std::string schedule = "constant";
+  std::int64_t warmup_samples = 0;
+  double clip_norm = 0;
+  double ema_decay = 0;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("optimizer", optimizer, "adam, or adamw (decoupled weight decay)", OneOf({"adam", "adamw"}));
+    ar("lr", lr, "learning rate; the peak for one_cycle", Above(0));
+    ar("beta1", beta1, "decay of the gradient's mean", Between(0, 0.9999));
+    ar("beta2", beta2, "decay of the gradient's square", Between(0, 0.999999));
+    ar("weight_decay", weight_decay, "of convolution weights only", AtLeast(0));
+    ar("schedule", schedule,
+       "constant, or one_cycle (linear warm-up, cosine to zero at run.samples)",
+       OneOf({"constant", "one_cycle"}));
+    ar("warmup_samples", warmup_samples, "length of the linear warm-up", AtLeast(0));
+    ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
+    ar("ema_decay", ema_decay,
+       "decay a step of the averaged weights that are validated and shipped; 0: the weights "
+       "themselves",
+       Between(0, 0.999999));
+  }
+};
+
+struct RunConfig {
+  std::int64_t samples = 3200000;
+  int batch_size = 16;
+  std::int64_t seed = 1;
+  std::int64_t validation_seed = 1000001;
+  int validation_samples = 256;
+  std::int64_t validate_every = 50000;
+  std::int64_t checkpoint_every = 20000;
+  std::int64_t log_every = 160;
+  std::string precision = "fp32";
+  bool channels_last = false;
+  bool half_checkpoint = true;
+  int threads = 0;
+  int loader_threads = 1;
+  int prefetch = 4;
+  std::string device = "cpu";
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("samples", samples, "length of the run", AtLeast(1));
+    ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("seed", seed, "of weights and training samples", AtLeast(0));
+    ar("validation_seed", validation_seed, "of validation samples, other than seed", AtLeast(0));
+    ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
+       AtLeast(0));
+    ar("validate_every", validate_every, "samples between validations", AtLeast(1));
+    ar("checkpoint_every", checkpoint_every, "samples between checkpoints", AtLeast(1));
+    ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
+    ar("precision", precision, "fp32, or bf16 for all that design section 5 allows",
+       OneOf({"fp32", "bf16"}));
+    ar("channels_last", channels_last, "memory layout of the activations");
+    ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
+    ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
+    ar("loader_threads", loader_threads, "threads that render samples", AtLeast(1));
+    ar("prefetch", prefetch, "batches rendered ahead", AtLeast(1));
+    ar("device", device, "cpu, cuda or cuda:N");
+  }
+};
+
+/// A whole training run: configs/m01.yaml and its like.
+struct TrainConfig {
+  SampleConfig data;
+  ModelConfig model;
+  LossConfig loss;
+  OptimConfig optim;
+  RunConfig run;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("data", data, "training samples");
+    ar("model", model, "network");
+    ar("loss", loss, "loss");
+    ar("optim", optim, "optimiser");
+    ar("run", run, "run");
+  }
+  /// What no single key can say. Throws ConfigError.
+  void Validate() const;
+};
+
+/// Reads, checks, validates.
+TrainConfig ReadTrainConfig(const ConfigSource& source);
+
+}  // namespace volalign

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/network.h"
+#include "train/batch.h"
+#include "train/losses.h"
+
+namespace volalign {
+
+/// Means over the validation samples unless said otherwise.
+struct ValidationResult {
+  int samples = 0;
+  double loss_seg = 0;
+  double loss_3d = 0;
+  double miou = 0;             ///< design section 10
+  double miou_authors = 0;     ///< design section 10
+  int posed = 0;               ///< samples whose predicted keypoints fix a pose (design section 2)
+  double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
+  double median_translation_error_m = 0;  ///< over posed samples
+  double median_rotation_error_deg = 0;   ///< over posed samples
+};
+
+/// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
+/// source. A predicted side is used from 20 pixels on; its keypoint is the mean of the argmax
+/// pixels' points, weighted by z^3, their area on a plane (facts/sensors.md, section 6).
+ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
+                          KeypointKind keypoints, SampleSource& source, int samples,
+                          const at::Device& device, bool channels_last);
+
+}  // namespace volalign
