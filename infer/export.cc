@@ -1,0 +1,207 @@
+#include "infer/export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <iterator>
+#include <map>
+
+#include "core/file_util.h"
+#include "core/image_io.h"
+#include "core/picture.h"
+#include "core/visibility.h"
+#include "infer/sensor_view.h"
+
+namespace volalign {
+
+namespace {
+
+/// Appends a value's bytes, little-endian first.
+template <class T>
+void Append(std::string* bytes, T value) {
+  std::array<char, sizeof(T)> raw;
+  std::memcpy(raw.data(), &value, sizeof(T));
+#if __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+  std::reverse(raw.begin(), raw.end());
+#endif
+  bytes->append(raw.data(), raw.size());
+}
+
+LabelImage ConfidenceImage(const Image<float>& confidence) {
+  LabelImage image(confidence.width(), confidence.height());
+  std::transform(confidence.begin(), confidence.end(), image.begin(), [](float c) {
+    return static_cast<std::uint8_t>(std::lround(255 * std::clamp(c, 0.0f, 1.0f)));
+  });
+  return image;
+}
+
+/// Range of depths to colour: where the middle 96 % of the pixels lie.
+std::pair<double, double> DepthRange(const DepthImage& depth) {
+  std::vector<float> values;
+  std::copy_if(depth.begin(), depth.end(), std::back_inserter(values),
+               [](float z) { return z > 0; });
+  if (values.empty()) return {0.5, 5.0};
+  std::sort(values.begin(), values.end());
+  const std::size_t last = values.size() - 1;
+  const double low = values[last / 50], high = values[last - last / 50];
+  return {low, std::max(high, low + 0.1)};
+}
+
+}  // namespace
+
+std::vector<ExportPoint> AlignedPoints(const SensorFrame& frame, const SensorResult& result,
+                                       const Structure& structure, double max_radius) {
+  std::vector<ExportPoint> points;
+  if (!result.structure_from_sensor) return points;
+  const SensorView view =
+      WithOffset(MakeSensorView(frame.depth, frame.intrinsics), result.depth_offset_m);
+  constexpr Rgb kBackground{150, 150, 150};
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      if (!(view.depth(u, v) > 0)) continue;
+      const Eigen::Vector3d p = *result.structure_from_sensor * view.Point(u, v);
+      if (std::hypot(p.x(), p.z()) > max_radius) continue;
+      ExportPoint point;
+      point.x = static_cast<float>(p.x());
+      point.y = static_cast<float>(p.y());
+      point.z = static_cast<float>(p.z());
+      point.label = result.segmentation.labels(u, v);
+      point.confidence = result.segmentation.confidence(u, v);
+      const bool side = point.label > 0 && point.label < structure.num_classes();
+      point.colour = side ? LabelColour(point.label) : kBackground;
+      point.residual =
+          static_cast<float>(side ? (structure.SideOfLabel(point.label).ClosestPoint(p) - p).norm()
+                                  : DistanceToSurface(structure, p).distance);
+      points.push_back(point);
+    }
+  }
+  return points;
+}
+
+void WritePly(const std::filesystem::path& path, const std::vector<ExportPoint>& points) {
+  std::string bytes = fmt::format(
+      "ply\nformat binary_little_endian 1.0\n"
+      "comment volalign: structure frame, metres, y up; residual: distance to the labelled side\n"
+      "element vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+      "property uchar label\nproperty float confidence\nproperty float residual\nend_header\n",
+      points.size());
+  constexpr std::size_t kBytesAPoint = 24;
+  bytes.reserve(bytes.size() + kBytesAPoint * points.size());
+  for (const ExportPoint& point : points) {
+    Append(&bytes, point.x);
+    Append(&bytes, point.y);
+    Append(&bytes, point.z);
+    Append(&bytes, point.colour.r);
+    Append(&bytes, point.colour.g);
+    Append(&bytes, point.colour.b);
+    Append(&bytes, point.label);
+    Append(&bytes, point.confidence);
+    Append(&bytes, point.residual);
+  }
+  WriteFileAtomically(path, bytes);
+}
+
+RgbImage SensorPicture(const SensorFrame& frame, const SensorResult& result,
+                       const Structure& structure, int turns) {
+  const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
+  const auto [near, far] = DepthRange(view.depth);
+  std::vector<RgbImage> panels;
+  panels.push_back(Turn(ColourDepth(view.depth, near, far), turns));
+  panels.push_back(Turn(OverlayLabels(view.depth, result.segmentation.labels), turns));
+  if (result.structure_from_sensor) {
+    const StructureView model = CastView(structure, view.rays, *result.structure_from_sensor);
+    panels.push_back(Turn(OverlayLabels(view.depth, model.labels), turns));
+  }
+  return Montage(panels, 3);
+}
+
+std::string FormatReport(const CalibrationResult& result) {
+  std::size_t width = 6;
+  bool truth = false;
+  for (const SensorResult& sensor : result.sensors) {
+    width = std::max(width, sensor.name.size());
+    truth = truth || sensor.error.has_value();
+  }
+  std::string text =
+      fmt::format("{:<{}}  {:<6}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}", "sensor", width,
+                  "status", "sides", "rms mm", "sigma mm", "sigma deg", "inliers", "refined");
+  if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
+  text += '\n';
+  for (const SensorResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) {
+      text += fmt::format("{:<{}}  {:<6}\n", sensor.name, width, ToString(sensor.status));
+      continue;
+    }
+    text += fmt::format(
+        "{:<{}}  {:<6}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", sensor.name, width,
+        ToString(sensor.status), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
+        1000 * sensor.sigma_translation_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
+        100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
+    if (sensor.error) {
+      text += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
+                          sensor.error->rotation_deg);
+    }
+    text += '\n';
+  }
+  for (const SensorResult& sensor : result.sensors) {
+    if (sensor.status == SensorStatus::kOk) continue;
+    text += fmt::format("{} is {} ({}): {}; {}\n", sensor.name, ToString(sensor.status),
+                        sensor.code, sensor.reason, sensor.hint);
+  }
+  if (!result.pairs.empty()) {
+    double worst = 0;
+    for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
+    text += fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
+                        result.pairs.size() == 1 ? "" : "s", 1000 * worst);
+  }
+  if (result.metrics) {
+    text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
+                        1000 * result.metrics->d2);
+  }
+  text += fmt::format("{} of {} sensors placed; verdict: {}\n", result.placed(),
+                      result.sensors.size(), ToString(result.verdict()));
+  return text;
+}
+
+void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
+                      const std::vector<SensorFrame>& frames, const Structure& structure,
+                      const ExtrinsicsSource& source) {
+  // A sensor without a pose is shown as most of the others are mounted.
+  std::map<int, int> mounted;
+  for (const SensorResult& sensor : result.sensors) {
+    if (sensor.structure_from_sensor) ++mounted[UprightTurns(*sensor.structure_from_sensor)];
+  }
+  int usual = 0, most = 0;
+  for (const auto& [turns, count] : mounted) {
+    if (count > most) {
+      usual = turns;
+      most = count;
+    }
+  }
+  std::vector<RgbImage> overview;
+  std::vector<ExportPoint> merged;
+  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
+    const SensorResult& sensor = result.sensors[i];
+    const std::string png = sensor.name + ".png";
+    WritePng(folder / "labels" / png, sensor.segmentation.labels);
+    WritePng(folder / "confidence" / png, ConfidenceImage(sensor.segmentation.confidence));
+    const int turns =
+        sensor.structure_from_sensor ? UprightTurns(*sensor.structure_from_sensor) : usual;
+    overview.push_back(SensorPicture(frames.at(i), sensor, structure, turns));
+    WritePng(folder / "pictures" / png, overview.back());
+    if (!sensor.structure_from_sensor) continue;
+    const std::vector<ExportPoint> points = AlignedPoints(frames.at(i), sensor, structure);
+    WritePly(folder / "clouds" / (sensor.name + ".ply"), points);
+    merged.insert(merged.end(), points.begin(), points.end());
+  }
+  WritePng(folder / "pictures" / "overview.png", Montage(overview, overview.size() > 3 ? 2 : 1));
+  WritePly(folder / "clouds" / "merged.ply", merged);
+  WriteExtrinsics(folder / "extrinsics.json", MakeExtrinsics(result, frames, structure, source));
+}
+
+}  // namespace volalign

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/refine_view.h"
+
+namespace volalign {
+
+struct RefineOptions {
+  int outer_iterations = 8;
+  int inner_iterations = 6;
+  int max_side_points = 3000;
+  int max_edge_points = 600;
+  int max_overlap_points = 700;
+  double overlap_weight = 2;
+  double min_overlap = 0.05;
+  double edge_weight = 30;
+  double depth_offset_sigma_m = 0.01;
+  std::vector<std::string> without_structure;
+  int threads = 2;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("outer_iterations", outer_iterations,
+       "associations, coarse to fine, each followed by a Ceres solution", AtLeast(1));
+    ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
+    ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
+    ar("max_edge_points", max_edge_points, "most silhouette points of a sensor", AtLeast(0));
+    ar("max_overlap_points", max_overlap_points,
+       "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
+       AtLeast(0));
+    ar("overlap_weight", overlap_weight,
+       "weight of overlap residuals beside those to the structure", AtLeast(0));
+    ar("edge_weight", edge_weight,
+       "weight of silhouette residuals: errors of neighbouring points on a face are alike, so that "
+       "thousands of "
+       "them say less than their number",
+       AtLeast(0));
+    ar("depth_offset_sigma_m", depth_offset_sigma_m,
+       "standard deviation, m, of a constant that each sensor's depth is off by, which is "
+       "estimated with the pose "
+       "(Azure Kinect: up to 11 mm); 0 trusts the depth",
+       AtLeast(0));
+    ar("min_overlap", min_overlap,
+       "least share of a sensor's points that another one sees, for the two to be a pair",
+       Between(0, 1));
+    ar("without_structure", without_structure,
+       "sensors that are held by their neighbours' overlap alone");
+    ar("threads", threads, "threads of Ceres", AtLeast(1));
+  }
+};
+
+/// One sensor of the joint problem.
+struct RefineSensor {
+  const RefineView* view = nullptr;
+  Pose initial = Pose::Identity();  ///< structure_from_sensor: what a refinement that is no better
+                                    ///< falls back to
+  Pose start = Pose::Identity();    ///< where the solution begins
+  bool use_structure_terms = true;
+  double start_offset = 0;  ///< m, of the depth
+};
+
+struct RefinedSensor {
+  Pose structure_from_sensor = Pose::Identity();
+  double depth_offset = 0;  ///< m: true depth = measured depth + depth_offset
+  bool accepted = false;  ///< false: the held-out residual did not improve, the initial pose stands
+  double held_out_before = 0, held_out_after = 0;  ///< mean robust cost, dimensionless
+  /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.
+  Matrix6d covariance = Matrix6d::Zero();
+  double residual_sigma = 0;  ///< m, robust standard deviation to the structure
+};
+
+struct RefinedPair {
+  int a = 0, b = 0;    ///< indices of the sensors, a < b
+  double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
+  double rms = 0;      ///< m, point to plane over them
+};
+
+struct RefineResult {
+  std::vector<RefinedSensor> sensors;
+  std::vector<RefinedPair> pairs;
+};
+
+/// One Ceres problem over all sensors. Residuals, whitened by each sensor's own robust spread and
+/// under Cauchy's loss:
+///  - labelled points to the finite rectangle of their side (an infinite plane would let a sensor
+///  that sees parallel sides
+///    slide);
+///  - silhouette points to the edge lines of their side, which hold the in-plane directions;
+///  - between sensors that see the same surfaces, symmetric point-to-plane distances, and
+///  silhouette points of one against
+///    the faces that only the other sees.
+/// Each sensor's constant depth error is a parameter with a prior: a plane cannot tell it from a
+/// step back, but silhouettes, the floor and other sensors can. Correspondences are renewed between
+/// solutions while distance and normal gates tighten. A sensor whose held-out cost does not fall
+/// keeps its initial pose, and the others are solved again around it.
+///
+/// Covariance: from the last solution's Ceres::Covariance H^-1 in the tangent space of
+/// LeftPoseManifold, H^-1 M H^-1 (sandwich: residuals that weigh more than they measure do not make
+/// it smaller), times the design effect: depth errors are smooth over tens of pixels, so n points
+/// in m image blocks say less than n independent ones; the variance of block means tells by how
+/// much (Kish, Survey Sampling, 1965). A prior of 1 m and 1 rad bounds directions that nothing
+/// constrains.
+RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
+                    const RefineOptions& options);
+
+}  // namespace volalign

@@ -1,0 +1,309 @@
+#include "infer/calibrate.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "tests/core/expect_error.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Certain;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::Rig;
+using testing_infer::RingOfEight;
+using testing_infer::RingPose;
+using testing_infer::Scene;
+using testing_infer::StoredSegmenter;
+
+/// Keeps the labels of sides for which `keep` is true.
+template <class Keep>
+void Restrict(const Structure& structure, LabelImage* labels, Keep keep) {
+  for (std::uint8_t& label : *labels) {
+    if (label && !keep(structure.SideOfLabel(label))) label = 0;
+  }
+}
+
+TEST(Calibrate, NoiseFreeRingOfEightIsExact) {
+  const Rig rig = RingOfEight();
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  ASSERT_EQ(result.sensors.size(), 8u);
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  EXPECT_EQ(result.placed(), 8);
+  for (const SensorResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error.has_value());
+    EXPECT_FALSE(!(sensor.error->translation_m < 1e-3))
+        << sensor.name << ": " << sensor.error->translation_m;
+    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.05))
+        << sensor.name << ": " << sensor.error->rotation_deg;
+    EXPECT_LT(sensor.rms_to_structure_m, 1e-3);
+    EXPECT_GT(sensor.inlier_share, 0.999);
+    EXPECT_GT(sensor.label_iou, 0.98);
+    EXPECT_GE(sensor.sides.size(), 5u);
+    EXPECT_TRUE(sensor.code.empty());
+    EXPECT_GT(sensor.sigma_translation_m().minCoeff(), 0);
+  }
+  ASSERT_TRUE(result.metrics.has_value());
+  // A sample of a 5 mm grid is at most 3.6 mm away, 2 mm in the mean square.
+  EXPECT_LT(result.metrics->d1, 2.5e-3);
+  EXPECT_GE(result.metrics->d2, result.metrics->d1);
+  EXPECT_GE(result.pairs.size(), 8u);
+}
+
+TEST(Calibrate, NoiseAndWrongLabelsCostMillimetres) {
+  Rig rig = RingOfEight({true, 3.5});
+  StoredSegmenter segmenter;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    AddNoise(&rig.frames[i].depth, 0.005, i);
+    LabelImage labels = rig.labels[i];
+    RandomStream random(7, i, "labels");
+    for (std::uint8_t& label : labels) {
+      if (random.Chance(0.1)) label = static_cast<std::uint8_t>(random.Below(21));
+    }
+    segmenter.Store(rig.frames[i].depth, Certain(labels));
+  }
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  for (const SensorResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error.has_value()) << sensor.name << " " << sensor.reason;
+    EXPECT_FALSE(!(sensor.error->translation_m < 0.01))
+        << sensor.name << ": " << sensor.error->translation_m;
+    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.2))
+        << sensor.name << ": " << sensor.error->rotation_deg;
+  }
+}
+
+TEST(Calibrate, ASensorThatCannotBePlacedLeavesTheOthersAlone) {
+  Rig rig = RingOfEight();
+  rig.frames.resize(5);
+  rig.labels.resize(5);
+  // S1: no depth. S2: the three sides with collinear centres. S3: sees nothing of the structure.
+  std::fill(rig.frames[1].depth.begin(), rig.frames[1].depth.end(), 0.0f);
+  rig.frames[2].depth = rig.frames[0].depth;
+  rig.labels[2] = rig.labels[0];
+  rig.frames[2].depth(0, 0) = 3.3f;
+  Restrict(rig.structure, &rig.labels[2], [](const Side& side) {
+    return side.name == "mid_bottom/front" || side.name == "mid_top/front" ||
+           side.name == "top/front";
+  });
+  const auto away =
+      testing_infer::Render(rig.structure, Kinect(), RingPose(0, 2.0, 0.4, 90, {5, 0, 0}));
+  rig.frames[3].depth = away.depth;
+  rig.labels[3] = away.labels;
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  EXPECT_EQ(result.placed(), 2);
+  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
+  const std::vector<std::string> codes = {"", "no_depth", "degenerate_sides", "no_structure", ""};
+  for (std::size_t i = 0; i < 5; ++i) {
+    const SensorResult& sensor = result.sensors[i];
+    EXPECT_EQ(sensor.code, codes[i]) << sensor.name << ": " << sensor.reason;
+    EXPECT_EQ(sensor.status == SensorStatus::kFailed, !codes[i].empty());
+    EXPECT_EQ(sensor.structure_from_sensor.has_value(), codes[i].empty());
+    if (codes[i].empty()) {
+      EXPECT_LT(sensor.error->translation_m, 1e-3);
+    } else {
+      EXPECT_FALSE(sensor.reason.empty());
+      EXPECT_FALSE(sensor.hint.empty());
+    }
+  }
+}
+
+TEST(Calibrate, DegenerateSetsOfSidesAreRecognised) {
+  const std::vector<std::vector<std::string>> sets = {
+      {"mid_bottom/front", "mid_top/front", "top/front"},
+      {"mid_bottom/right", "bottom/right", "mid_top/right"},
+      {"mid_bottom/front", "mid_bottom/right"},
+      {"mid_top/front"}};
+  for (const auto& set : sets) {
+    Rig rig{PaperStructure(), {}, {}};
+    rig.Add("A", RingPose(45));
+    Restrict(rig.structure, &rig.labels[0], [&](const Side& side) {
+      return std::find(set.begin(), set.end(), side.name) != set.end();
+    });
+    StoredSegmenter segmenter = rig.PerfectSegmenter();
+    const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+    EXPECT_EQ(result.sensors[0].code, "degenerate_sides")
+        << set[0] << ": " << result.sensors[0].reason;
+    EXPECT_FALSE(result.metrics.has_value());
+  }
+}
+
+TEST(Calibrate, AStackBuiltOtherwiseIsInconsistent) {
+  // The same boxes in a straight pile: every side is found, sharp and planar, and none fits with
+  // the others.
+  const Structure structure = PaperStructure();
+  std::vector<Pose> offsets(structure.boxes().size(), Pose::Identity());
+  for (std::size_t i = 0; i < offsets.size(); ++i) {
+    const Eigen::Vector3d centre = structure.boxes()[i].structure_from_box.translation();
+    const double side = i % 2 ? 0.45 : -0.45;
+    offsets[i].translation() = Eigen::Vector3d(side - centre.x(), 0, -side - centre.z());
+    offsets[i].linear() = RotationExp(Eigen::Vector3d(0, 0.6 * static_cast<double>(i), 0));
+    offsets[i].translation() += centre - offsets[i].linear() * centre;
+  }
+  Rig rig{structure.Displaced(offsets), {}, {}};
+  rig.Add("A", RingPose(45, 2.4));
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed);
+  EXPECT_EQ(result.sensors[0].code, "inconsistent") << result.sensors[0].reason;
+}
+
+/// A room with boxes like the structure's, and a network that takes their faces for sides of the
+/// structure.
+struct FakeRoom {
+  DepthImage depth;
+  SegmentationResult segmentation;
+};
+
+FakeRoom MakeFakeRoom(const Structure& structure, std::uint64_t seed) {
+  RandomStream random(seed, 0, "fake_room");
+  std::vector<Box> boxes;
+  const int count = 3 + random.Below(6);
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Vector3d size(random.Uniform(0.25, 0.8), random.Uniform(0.3, 1.5),
+                               random.Uniform(0.25, 0.8));
+    const double x = random.Uniform(-2, 1), z = random.Uniform(-1.8, 1.8);
+    Box box;
+    box.name = "clutter" + std::to_string(i);
+    box.size = size;
+    box.structure_from_box.linear() = RotationExp(Eigen::Vector3d(0, random.Uniform(0, 1.5), 0));
+    box.structure_from_box.translation() =
+        Eigen::Vector3d(x, structure.FloorHeight() + size.y() / 2, z);
+    boxes.push_back(box);
+  }
+  const Structure clutter = Structure::FromBoxes("clutter", boxes);
+  const auto view = testing_infer::Render(clutter, Kinect(),
+                                          RingPose(random.Uniform(0, 360), 2.5, 0.4), {true, 4});
+  FakeRoom room{view.depth, Certain(LabelImage(view.depth.width(), view.depth.height()))};
+  // Each visible face gets one side's label, with the right orientation more often than not.
+  std::vector<int> given(static_cast<std::size_t>(clutter.num_classes()), 0);
+  for (int label = 1; label < clutter.num_classes(); ++label) {
+    if (random.Chance(0.2)) continue;
+    int guess = 1 + random.Below(structure.num_classes() - 1);
+    for (int i = 0; i < 5 && structure.SideOfLabel(guess).face != clutter.SideOfLabel(label).face;
+         ++i) {
+      guess = 1 + random.Below(structure.num_classes() - 1);
+    }
+    given[static_cast<std::size_t>(label)] = guess;
+  }
+  for (std::size_t i = 0; i < view.labels.size(); ++i) {
+    room.segmentation.labels[i] = static_cast<std::uint8_t>(given[view.labels[i]]);
+    if (random.Chance(0.05)) room.segmentation.labels[i] = 0;
+  }
+  return room;
+}
+
+TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
+  const Structure structure = PaperStructure();
+  std::vector<SensorFrame> frames;
+  StoredSegmenter segmenter;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    FakeRoom room = MakeFakeRoom(structure, seed);
+    SensorFrame frame;
+    frame.name = "room" + std::to_string(seed);
+    frame.depth = room.depth;
+    frame.intrinsics = Kinect();
+    frame.quarter_turns = 1;
+    frames.push_back(frame);
+    segmenter.Store(room.depth, std::move(room.segmentation));
+  }
+  const CalibrationResult result = Calibrate(frames, structure, segmenter);
+  for (const SensorResult& sensor : result.sensors) {
+    EXPECT_EQ(sensor.status, SensorStatus::kFailed)
+        << sensor.name << ": explained " << sensor.explained_share << ", label IoU "
+        << sensor.label_iou << ", inliers " << sensor.inlier_share;
+    EXPECT_TRUE(sensor.code == "no_structure" || sensor.code == "inconsistent" ||
+                sensor.code == "degenerate_sides")
+        << sensor.code;
+  }
+}
+
+TEST(Calibrate, AutoTakesTheTurnThatAgrees) {
+  /// Perfect labels for one turn, sides shuffled for the others.
+  class OneTurnSegmenter : public Segmenter {
+   public:
+    explicit OneTurnSegmenter(const LabelImage& labels) : labels_(labels) {}
+    std::vector<SegmentationResult> Segment(
+        const std::vector<SegmentationRequest>& requests) override {
+      std::vector<SegmentationResult> results;
+      for (const SegmentationRequest& request : requests) {
+        LabelImage labels = labels_;
+        if (request.quarter_turns != 3) {
+          for (std::uint8_t& label : labels) {
+            if (label)
+              label = static_cast<std::uint8_t>(1 + (label * 7 + request.quarter_turns) % 20);
+          }
+        }
+        results.push_back(Certain(labels));
+      }
+      return results;
+    }
+
+   private:
+    LabelImage labels_;
+  };
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(130));
+  rig.frames[0].quarter_turns = kAutoTurns;
+  OneTurnSegmenter segmenter(rig.labels[0]);
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  EXPECT_EQ(result.sensors[0].quarter_turns, 3);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+}
+
+TEST(Calibrate, RejectsBadInput) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(130));
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  CalibrateOptions options;
+  options.refine.without_structure = {"B"};
+  ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
+                           {"without_structure", "\"B\""});
+  options = {};
+  options.verdict.min_inlier_share = 2;
+  ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
+                           {"min_inlier_share", "2"});
+  rig.frames.push_back(rig.frames[0]);
+  ExpectError<DataError>([&] { Calibrate(rig.frames, rig.structure, segmenter); },
+                         {"two sensors", "\"A\""});
+  rig.frames.resize(1);
+  rig.frames[0].intrinsics.width = 100;
+  ExpectError<DataError>([&] { Calibrate(rig.frames, rig.structure, segmenter); },
+                         {"320x288", "100x288"});
+}
+
+TEST(FitToSurface, IsThePointwiseDefinition) {
+  // A wall at 1 m in front of a unit cube's face: 5 mm off on the left half, 50 mm on the right,
+  // one pixel far.
+  const Structure cube = Structure::FromBoxes(
+      "cube", {Box::FromMinMax("box", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(1, 1, 2))});
+  Intrinsics k;
+  k.width = 20;
+  k.height = 10;
+  k.fx = k.fy = 40;
+  k.cx = 9.5;
+  k.cy = 4.5;
+  DepthImage depth(20, 10, 1.005f);
+  LabelImage labels(20, 10, 3);
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 10; u < 20; ++u) depth(u, v) = 0.95f;
+  }
+  depth(0, 0) = 0.5f;
+  depth(1, 0) = 0;
+  labels(2, 0) = 0;
+  const SurfaceFit fit = FitToSurface(MakeSensorView(depth, k), labels, cube, Pose::Identity());
+  EXPECT_EQ(fit.points, 198);
+  EXPECT_NEAR(fit.inlier_share, 97.0 / 198, 1e-9);
+  EXPECT_NEAR(fit.rms_m, std::sqrt((97 * 0.005 * 0.005 + 100 * 0.05 * 0.05) / 197), 1e-5);
+}
+
+}  // namespace
+}  // namespace volalign
