@@ -4,15 +4,11 @@ target_compile_options(volalign_options INTERFACE
   -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-unknown-pragmas
   # GCC 12 reports both inside Eigen's vectorised code, where they are wrong.
   -Wno-array-bounds -Wno-maybe-uninitialized)
-if(VOLALIGN_NATIVE)
-  target_compile_options(volalign_options INTERFACE -march=native)
-  if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
-    # AVX-512 gains nothing in our own loops and GCC 12's headers warn about it by the hundred.
-    target_compile_options(volalign_options INTERFACE -mno-avx512f)
-  endif()
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
+  # SSE4.2 and no AVX: with AVX, Eigen allocates 32-byte aligned blocks by a scheme of its own, and Debian's Ceres, which
+  # shares Eigen's inline functions with us at run time, would free them with plain free().
+  target_compile_options(volalign_options INTERFACE -march=x86-64-v2)
 endif()
-# Debian's Ceres was compiled for plain x86-64: Eigen's alignment has to agree with it in every file.
-target_compile_definitions(volalign_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16)
 # Same rounding whatever the processor's fused multiply-add (design section 4).
 target_compile_options(volalign_options INTERFACE -ffp-contract=off)
 if(VOLALIGN_ASAN)

@@ -1,0 +1,66 @@
+#include "infer/calibrate.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/commands.h"
+#include "core/structure_gltf.h"
+#include "infer/capture.h"
+#include "infer/export.h"
+#include "infer/segmenter.h"
+
+namespace volalign {
+
+Command AddCalibrateCommand(CLI::App& program) {
+  struct Options {
+    std::string capture, model, output, config, structure;
+    std::vector<std::string> assignments;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("calibrate", "Find the poses of a capture's sensors");
+  app->add_option("--capture", options->capture, "capture.json")->required();
+  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
+  app->add_option("-o,--output", options->output, "folder for poses, pictures and clouds")
+      ->required();
+  app->add_option(
+      "--structure", options->structure,
+      "structure with other dimensions than the capture's or the model's (.glb or .yaml)");
+  app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
+  app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
+      ->take_all();
+  return {app, [options] {
+            ConfigSource source =
+                options->config.empty() ? ConfigSource() : ConfigSource::FromFile(options->config);
+            for (const std::string& assignment : options->assignments) source.Set(assignment);
+            const auto config = ReadConfig<CalibrateOptions>(source);
+
+            const auto start = std::chrono::steady_clock::now();
+            const Capture capture = ReadCapture(options->capture);
+            std::optional<Structure> structure;
+            if (!options->structure.empty()) {
+              structure = ReadStructure(options->structure);
+            } else if (capture.structure) {
+              structure = ReadStructure(*capture.structure);
+            }
+            const std::unique_ptr<NetworkSegmenter> segmenter = LoadNetworkSegmenter(
+                options->model, structure ? &*structure : nullptr, config.threads);
+            if (!structure) structure = segmenter->structure();
+            const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
+
+            CalibrationResult result = Calibrate(capture.sensors, *structure, *segmenter, config);
+            result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
+            WriteCalibration(options->output, result, capture.sensors, *structure,
+                             {options->capture, segmenter->file(), segmenter->sha256()});
+            fmt::print("{}", FormatReport(result));
+            fmt::print("written: {}/extrinsics.json, labels/, confidence/, pictures/, clouds/\n",
+                       options->output);
+            return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
+          }};
+}
+
+}  // namespace volalign

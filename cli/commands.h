@@ -1,0 +1,24 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace volalign {
+
+/// A sub-command: what the parser fills in, and what runs when it was named. `run` returns the exit
+/// status and throws volalign::Error for everything that `main` should print.
+struct Command {
+  CLI::App* app = nullptr;
+  std::function<int()> run;
+};
+
+Command AddStructureCommand(CLI::App& program);
+Command AddRenderCommand(CLI::App& program);
+Command AddTrainCommand(CLI::App& program);
+Command AddExportCommand(CLI::App& program);
+Command AddConfigCommand(CLI::App& program);
+#ifdef VOLALIGN_HAS_INFER
+Command AddCalibrateCommand(CLI::App& program);
+#endif
+
+}  // namespace volalign

@@ -1,0 +1,57 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "cli/commands.h"
+#include "core/structure_gltf.h"
+
+namespace volalign {
+
+namespace {
+
+void PrintStructure(const Structure& structure) {
+  fmt::print("{}: {} boxes, {} labels and background, {:.0f} mm high, sha256 {}\n",
+             structure.name(), structure.boxes().size(), structure.num_classes() - 1,
+             structure.Height() * 1e3, structure.Hash().substr(0, 16));
+  fmt::print("{:>5}  {:<24} {:>28}  {:>28}  {:>9}\n", "label", "side", "centre, mm",
+             "exposed centroid, mm", "exposed");
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    const Side& side = structure.SideOfLabel(label);
+    const Eigen::Vector3d c = side.centre * 1e3, e = side.exposed_centroid * 1e3;
+    fmt::print("{:>5}  {:<24} {:>8.1f} {:>9.1f} {:>9.1f}  {:>8.1f} {:>9.1f} {:>9.1f}  {:>7.0f} %\n",
+               label, side.name, c.x(), c.y(), c.z(), e.x(), e.y(), e.z(),
+               100 * side.exposed_area / (4 * side.half_u * side.half_v));
+  }
+}
+
+}  // namespace
+
+Command AddStructureCommand(CLI::App& program) {
+  struct Options {
+    std::string boxes, glb, show;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("structure", "Build or show the structure of boxes");
+  app->require_subcommand(1);
+  CLI::App* build = app->add_subcommand("build", "Write a .glb from a YAML of boxes");
+  build
+      ->add_option("boxes", options->boxes,
+                   "YAML of boxes, millimetres (see configs/structure.yaml)")
+      ->required();
+  build->add_option("-o,--output", options->glb, "structure file to write (.glb)")->required();
+  CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
+  show->add_option("structure", options->show, ".glb or .yaml")->required();
+  return {app, [options, build] {
+            if (*build) {
+              WriteStructureGlb(options->glb, ReadStructureYaml(options->boxes));
+              PrintStructure(ReadStructureGlb(options->glb));
+              fmt::print("written: {}\n", options->glb);
+            } else {
+              PrintStructure(ReadStructure(options->show));
+            }
+            return 0;
+          }};
+}
+
+}  // namespace volalign

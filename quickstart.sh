@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# From a fresh Debian 12 to calibrated sensors: installs packages, builds, renders an eight-sensor capture with sensor noise
+# in a furnished room, and calibrates it with the shipped checkpoint.
+set -euo pipefail
+cd "$(dirname "$0")"
+source cmake/packages.sh
+
+out=${1:-out/quickstart}
+install_packages "${VOLALIGN_BUILD_PACKAGES[@]}"
+build_preset quickstart volalign
+volalign=build/quickstart/cli/volalign
+
+"$volalign" render --rig configs/rig_ring8.yaml -o "$out/capture"
+"$volalign" calibrate --capture "$out/capture/capture.json" --model models/m05-lite.pt -o "$out/calibration"
+
+cat <<END
+
+Look at:
+  $out/capture/contact_sheet.png         what the eight sensors measure, and the true labels
+  $out/calibration/pictures/overview.png depth, predicted labels, and the structure drawn at the estimated poses
+  $out/calibration/merged.ply            all sensors' points in the structure's frame (any point cloud viewer)
+  $out/calibration/extrinsics.json       the poses, with their convention and uncertainty
+END

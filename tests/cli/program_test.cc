@@ -1,0 +1,232 @@
+// The program as a user runs it: exit statuses, one-line errors, nothing half-written.
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "core/file_util.h"
+#include "core/image_io.h"
+#include "core/structure_gltf.h"
+#include "infer/extrinsics.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+  int status = -1;
+  std::string output;  // stdout and stderr
+};
+
+Outcome Volalign(const std::string& arguments) {
+  const std::string command = std::string(VOLALIGN_PROGRAM) + " " + arguments + " 2>&1";
+  Outcome run;
+  FILE* pipe = ::popen(command.c_str(), "r");
+  char buffer[4096];
+  while (std::fgets(buffer, sizeof(buffer), pipe)) run.output += buffer;
+  const int status = ::pclose(pipe);
+  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return run;
+}
+
+class Program : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("volalign_cli_" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+
+  /// One line that begins with "error: " and holds every one of `parts`; status 1.
+  static void ExpectError(const Outcome& run, const std::vector<std::string>& parts) {
+    EXPECT_EQ(run.status, 1) << run.output;
+    EXPECT_EQ(run.output.rfind("error: ", 0), 0u) << run.output;
+    EXPECT_EQ(std::count(run.output.begin(), run.output.end(), '\n'), 1) << run.output;
+    for (const std::string& part : parts) {
+      EXPECT_NE(run.output.find(part), std::string::npos)
+          << "'" << part << "' not in: " << run.output;
+    }
+  }
+
+  /// A small noise-free capture of two sensors.
+  std::string WriteSmallCapture() {
+    WriteFileAtomically(
+        Path("rig.yaml"),
+        "room: true\nnoise: none\nseed: 3\nsensors:\n"
+        "  - {name: A, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 30}\n"
+        "  - {name: B, sensor: realsense_d415, rho_cm: 200, phi_deg: 80}\n");
+    const Outcome run = Volalign("render --rig " + Path("rig.yaml") + " -o " + Path("capture"));
+    EXPECT_EQ(run.status, 0) << run.output;
+    return Path("capture/capture.json");
+  }
+
+  nlohmann::json ReadJson(const std::string& path) { return nlohmann::json::parse(ReadFile(path)); }
+  void WriteJson(const std::string& path, const nlohmann::json& json) {
+    WriteFileAtomically(path, json.dump(1));
+  }
+
+  void ExpectCalibrateError(const std::string& capture, const std::vector<std::string>& parts,
+                            const std::string& model = "models/m05-lite.pt") {
+    ExpectError(
+        Volalign("calibrate --capture " + capture + " --model " + model + " -o " + Path("out")),
+        parts);
+    EXPECT_FALSE(fs::exists(Path("out/extrinsics.json")));
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(Program, SaysWhatItCanDo) {
+  const Outcome help = Volalign("--help");
+  EXPECT_EQ(help.status, 0);
+  for (const char* command : {"structure", "render", "train", "calibrate", "export", "config"}) {
+    EXPECT_NE(help.output.find(command), std::string::npos) << command;
+  }
+  EXPECT_EQ(Volalign("--version").status, 0);
+  EXPECT_EQ(Volalign("").status, 1);
+  EXPECT_EQ(Volalign("fly").status, 1);
+  EXPECT_EQ(Volalign("calibrate --capture").status, 1);
+}
+
+TEST_F(Program, BuildsAStructure) {
+  const Outcome run = Volalign("structure build configs/structure.yaml -o " + Path("s.glb"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_EQ(ReadStructureGlb(Path("s.glb")).Hash(),
+            ReadStructureYaml("configs/structure.yaml").Hash());
+  ExpectError(Volalign("structure show " + Path("missing.glb")), {"missing.glb", "No such file"});
+}
+
+TEST_F(Program, ConfigReferenceIsTheDocumentedOne) {
+  const Outcome run = Volalign("config reference");
+  EXPECT_EQ(run.status, 0);
+  EXPECT_EQ(run.output, ReadFile("docs/config.md"))
+      << "regenerate with: volalign config reference > docs/config.md";
+}
+
+TEST_F(Program, RecipesResolve) {
+  for (const char* name : {"m01", "m02", "m03", "m04", "m05", "m06", "m07", "m05-lite"}) {
+    const Outcome run = Volalign(std::string("config show configs/") + name + ".yaml");
+    EXPECT_EQ(run.status, 0) << run.output;
+  }
+}
+
+TEST_F(Program, UnknownConfigKeysAreErrors) {
+  ExpectError(Volalign("train --config configs/m05-lite.yaml --set optim.lrr=1 -o " + Path("run")),
+              {"optim.lrr", "--set", "did you mean 'optim.lr'"});
+  EXPECT_FALSE(fs::exists(Path("run")));
+  ExpectError(Volalign("train --config configs/m05-lite.yaml --set optim.lr=0 -o " + Path("run")),
+              {"optim.lr = 0 violates optim.lr > 0"});
+}
+
+TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
+  const Outcome run =
+      Volalign("render --config configs/m05-lite.yaml --index 32 --count 2 -o " + Path("samples"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("samples").size(), 2u);
+  EXPECT_GT(ReadPngRgb(Path("samples/contact_sheet.png")).width(), 160);
+}
+
+TEST_F(Program, CalibratesACaptureFromFiles) {
+  const Outcome run = Volalign("calibrate --capture " + WriteSmallCapture() +
+                               " --model models/m05-lite.pt -o " + Path("out"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
+  ASSERT_EQ(extrinsics.sensors.size(), 2u);
+  for (const auto& sensor : extrinsics.sensors) {
+    ASSERT_TRUE(sensor.error.has_value()) << sensor.name;
+    EXPECT_LT(sensor.error->translation_m, 0.02) << sensor.name;
+    EXPECT_LT(sensor.error->rotation_deg, 1.0) << sensor.name;
+    EXPECT_EQ(ReadPng8(Path("out/labels/" + sensor.name + ".png")).width(),
+              sensor.intrinsics.width);
+    EXPECT_TRUE(fs::exists(Path("out/confidence/" + sensor.name + ".png")));
+    EXPECT_TRUE(fs::exists(Path("out/pictures/" + sensor.name + ".png")));
+    EXPECT_TRUE(fs::exists(Path("out/clouds/" + sensor.name + ".ply")));
+  }
+  EXPECT_TRUE(fs::exists(Path("out/clouds/merged.ply")));
+}
+
+TEST_F(Program, ASensorThatFailsGivesStatus2) {
+  const std::string capture = WriteSmallCapture();
+  WritePng(Path("capture/B_Depth.png"), Image16(320, 180));
+  const Outcome run =
+      Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " + Path("out"));
+  EXPECT_EQ(run.status, 2) << run.output;
+  const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
+  EXPECT_EQ(extrinsics.sensors[0].status == "failed", false);
+  EXPECT_EQ(extrinsics.sensors[1].status, "failed");
+  EXPECT_EQ(extrinsics.sensors[1].code, "no_depth");
+}
+
+TEST_F(Program, BadCapturesAreOneLineErrors) {
+  const std::string capture = WriteSmallCapture();
+  const nlohmann::json good = ReadJson(capture);
+
+  ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file"});
+
+  nlohmann::json bad = good;
+  bad["sensors"][0]["depth"] = "gone.png";
+  WriteJson(capture, bad);
+  ExpectCalibrateError(capture, {"gone.png"});
+
+  bad = good;
+  bad["sensors"][0]["intrinsics"]["width"] = 640;
+  WriteJson(capture, bad);
+  ExpectCalibrateError(capture, {"A", "320", "640"});
+
+  bad = good;
+  bad["sensors"][1]["name"] = "A";
+  WriteJson(capture, bad);
+  ExpectCalibrateError(capture, {"\"A\""});
+
+  std::string text = good.dump(1);
+  text.replace(text.find("\"fx\":") + 5, 0, " NaN, \"f\":");
+  WriteFileAtomically(capture, text);
+  ExpectCalibrateError(capture, {"capture.json"});
+
+  WriteFileAtomically(capture, good.dump(1));
+  const std::string image = ReadFile(Path("capture/A_Depth.png"));
+  WriteFileAtomically(Path("capture/A_Depth.png"), image.substr(0, image.size() / 2));
+  ExpectCalibrateError(capture, {"A_Depth.png", "truncated"});
+}
+
+TEST_F(Program, BadModelsAreOneLineErrors) {
+  const std::string capture = WriteSmallCapture();
+  ExpectCalibrateError(capture, {"no.pt", "No such file"}, Path("no.pt"));
+
+  WriteFileAtomically(Path("bad.pt"), ReadFile("models/m05-lite.pt").substr(0, 100000));
+  ExpectCalibrateError(capture, {"bad.pt"}, Path("bad.pt"));
+
+  // A checkpoint of another structure: the capture's has one box more.
+  std::string yaml = ReadFile("configs/structure.yaml");
+  yaml.resize(yaml.find("labels:"));
+  const std::string last = "  - {name: top, ";
+  yaml.insert(yaml.find(last),
+              "  - {name: extra, x: [-280, 50], y: [810, 1215], z: [-165, 165]}\n");
+  WriteFileAtomically(Path("five.yaml"), yaml);
+  ASSERT_EQ(
+      Volalign("structure build " + Path("five.yaml") + " -o " + Path("capture/structure.glb"))
+          .status,
+      0);
+  ExpectCalibrateError(capture, {"structure"});
+}
+
+TEST_F(Program, ExportsTorchScript) {
+  const Outcome run = Volalign("export --model models/m05-lite.pt -o " + Path("m.ts"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_TRUE(fs::exists(Path("m.ts")));
+  ExpectError(Volalign("export --model " + Path("no.pt") + " -o " + Path("n.ts")), {"no.pt"});
+  EXPECT_FALSE(fs::exists(Path("n.ts")));
+}
+
+}  // namespace
+}  // namespace volalign
