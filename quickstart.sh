@@ -18,6 +18,6 @@ cat <<END
 Look at:
   $out/capture/contact_sheet.png         what the eight sensors measure, and the true labels
   $out/calibration/pictures/overview.png depth, predicted labels, and the structure drawn at the estimated poses
-  $out/calibration/merged.ply            all sensors' points in the structure's frame (any point cloud viewer)
+  $out/calibration/clouds/merged.ply     all sensors' points in the structure's frame (any point cloud viewer)
   $out/calibration/extrinsics.json       the poses, with their convention and uncertainty
 END
