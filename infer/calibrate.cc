@@ -70,7 +70,6 @@ struct Work {
   InitialPose initial;
   std::unique_ptr<RefineView> refine_view;
   Pose start = Pose::Identity();  // initial pose, refined alone
-  double start_offset = 0;        // of the depth, m
   bool placed = false;
 };
 
@@ -196,8 +195,7 @@ class Calibration {
   RefineSensor Refinable(std::size_t i) const {
     const auto& without = options_.refine.without_structure;
     return {work_[i].refine_view.get(), work_[i].initial.structure_from_sensor, work_[i].start,
-            std::find(without.begin(), without.end(), frames_[i].name) == without.end(),
-            work_[i].start_offset};
+            std::find(without.begin(), without.end(), frames_[i].name) == without.end()};
   }
 
   /// Refines a sensor alone and decides, by what its view then explains, whether it sees the
@@ -239,14 +237,13 @@ class Calibration {
       RefineOptions refine = options_.refine;
       refine.max_overlap_points = 0;
       refine.threads = 1;
+      refine.estimate = "none";
       const RefinedSensor refined = Refine(structure_, {alone}, refine).sensors.front();
       work.start = refined.structure_from_sensor;
-      work.start_offset = refined.depth_offset;
       alone_sigma_m = std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff());
     }
-    const SensorView corrected = WithOffset(work.view, work.start_offset);
     const Agreement agreement =
-        CompareWithView(corrected, sensor.segmentation, structure_, work.start,
+        CompareWithView(work.view, sensor.segmentation, structure_, work.start,
                         options_.initial.evidence.min_confidence, kInlierDistance);
     sensor.miou = agreement.miou;
     sensor.label_iou = agreement.score();
