@@ -68,7 +68,7 @@ struct Stage {
 
 Stage StageOf(int iteration) {
   const double shrink = std::pow(0.6, iteration);
-  return {std::max(0.15 * shrink, 0.03), std::max(0.12 * shrink, 0.02),
+  return {std::max(0.15 * shrink, 0.06), std::max(0.12 * shrink, 0.02),
           std::cos(std::max(45.0 * shrink, 20.0) * M_PI / 180), 0.03 * std::pow(0.5, iteration)};
 }
 
@@ -145,10 +145,11 @@ class JointProblem {
     free_.size = wanted_.size && priors_.size > 0;
     free_.scale.assign(sensors_.size(), wanted_.depth_scale && priors_.scale > 0);
     free_.offset.assign(sensors_.size(), wanted_.depth_offset && priors_.offset > 0);
-    for (int iteration = 0; iteration < options_.fine_iterations; ++iteration) {
+    for (int iteration = 0; iteration < (getenv("COARSE") ? atoi(getenv("COARSE")) : options_.fine_iterations); ++iteration) {
       CollectEvidence();
       SolveFine();
     }
+    if (getenv("COARSE")) { RefineResult r0; r0.boxes.resize(4); for (std::size_t i = 0; i < sensors_.size(); ++i) { RefinedSensor q; q.structure_from_sensor = state_.poses[i].ToPose(); q.residual_sigma = sigma_[i]; q.covariance.setIdentity(); r0.sensors.push_back(q);} return r0; }
     KeepObservable();
     KeepWhatHeldOutPointsConfirm();
     std::vector<double> before(sensors_.size());
@@ -508,6 +509,7 @@ class JointProblem {
     }
     Distrust(i);
     FitNoise(model_, Parameters(i), priors_, &evidence);
+    if (getenv("DBG")) fprintf(stderr, "sensor %zu faces %zu edges %zu side pts %zu edge pts %zu warp %.1f len %.2f mp %.3f edge %.2f sigma %.1f\n", i, evidence.faces.size(), evidence.edges.size(), sensors_[i].view->side_points.size(), sensors_[i].view->edge_points.size(), evidence.noise.warp*1e3, evidence.noise.warp_length, evidence.noise.multipath, evidence.noise.edge, sigma_[i]*1e3);
   }
 
   refine_internal::SensorParameters Parameters(std::size_t i) const {
@@ -515,29 +517,70 @@ class JointProblem {
             state_.build.data()};
   }
 
-  /// Observations that lie much farther off than a sensor's others say little.
+  /// Observations that lie much farther off than a sensor's others, after a robust fit of this
+  /// sensor alone, say little.
   void Distrust(std::size_t i) {
     SensorEvidence& evidence = evidence_[i];
-    Eigen::VectorXd r;
-    refine_internal::Residuals(model_, evidence, Parameters(i), &r, nullptr);
-    const auto excess = [](double distance, double spread) {
-      const double limit = 3 * spread;
-      return distance > limit ? 4 * (distance * distance - limit * limit) : 0;
-    };
-    std::vector<double> sizes;
-    for (std::size_t f = 0; f < evidence.faces.size(); ++f)
-      sizes.push_back(std::abs(r[static_cast<Eigen::Index>(f)]));
-    double spread = std::max(1e-3, 1.4826 * MedianOf(sizes));
-    for (std::size_t f = 0; f < evidence.faces.size(); ++f)
-      evidence.faces[f].variance += excess(sizes[f], spread);
-    sizes.clear();
-    for (std::size_t e = 0; e < evidence.edges.size(); ++e) {
-      sizes.push_back(std::abs(r[static_cast<Eigen::Index>(evidence.faces.size() + e)]) /
-                      evidence.edges[e].pixel);
-    }
-    spread = std::max(0.3, 1.4826 * MedianOf(sizes));
+    const std::size_t faces = evidence.faces.size();
+    Eigen::VectorXd sizes = RobustResiduals(i).cwiseAbs();
     for (std::size_t e = 0; e < evidence.edges.size(); ++e)
-      evidence.edges[e].variance += excess(sizes[e], spread);
+      sizes[static_cast<Eigen::Index>(faces + e)] /= evidence.edges[e].pixel;
+    const auto distrust = [&](std::size_t first, std::size_t count, double least_spread,
+                              const auto& variance) {
+      const double spread = std::max(least_spread, Spread(sizes, first, count));
+      for (std::size_t k = 0; k < count; ++k) {
+        const double size = sizes[static_cast<Eigen::Index>(first + k)];
+        const double limit = 2.5 * spread;
+        if (size > limit) *variance(k) += 4 * (size * size - limit * limit);
+      }
+    };
+    distrust(0, faces, 1e-3, [&](std::size_t k) { return &evidence.faces[k].variance; });
+    distrust(faces, evidence.edges.size(), 0.3,
+             [&](std::size_t k) { return &evidence.edges[k].variance; });
+  }
+
+  /// Robust standard deviation of a part of `sizes`.
+  static double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count) {
+    return 1.4826 * MedianOf(std::vector<double>(sizes.data() + first, sizes.data() + first + count));
+  }
+
+  /// Residuals of a sensor's observations, m, after least squares of its own parameters, reweighted
+  /// by Cauchy's function.
+  Eigen::VectorXd RobustResiduals(std::size_t i) const {
+    const SensorEvidence& evidence = evidence_[i];
+    Eigen::VectorXd r;
+    Eigen::MatrixXd ambient;
+    refine_internal::Residuals(model_, evidence, Parameters(i), &r, &ambient);
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    manifold_.PlusJacobian(state_.poses[i].values, plus.data());
+    Eigen::MatrixXd j(ambient.rows(), ambient.cols() - 1);
+    j << ambient.leftCols<7>() * plus, ambient.rightCols(ambient.cols() - 7);
+    Eigen::VectorXd prior(j.cols());
+    prior << Eigen::VectorXd::Constant(6, 1), Least(priors_.offset), Least(priors_.scale), 0.02,
+        Least(priors_.edge_shift), Eigen::VectorXd::Zero(model_.size());
+    const std::vector<double> build = BuildSigmas();
+    for (std::size_t k = 0; k < build.size(); ++k)
+      prior[6 + 1 + kNuisances + static_cast<Eigen::Index>(k)] = build[k];
+
+    const std::size_t faces = evidence.faces.size(), edges = evidence.edges.size();
+    Eigen::VectorXd unit = Eigen::VectorXd::Ones(r.size());
+    for (std::size_t e = 0; e < edges; ++e)
+      unit[static_cast<Eigen::Index>(faces + e)] = evidence.edges[e].pixel;
+    Eigen::VectorXd left = r;
+    for (int iteration = 0; iteration < 8; ++iteration) {
+      const Eigen::VectorXd sizes = left.cwiseAbs().cwiseQuotient(unit);
+      const double face = std::max(0.002, Spread(sizes, 0, faces));
+      const double edge = std::max(0.3, Spread(sizes, faces, edges));
+      Eigen::VectorXd weights(r.size());
+      for (Eigen::Index k = 0; k < r.size(); ++k) {
+        const double sigma = unit[k] * (k < static_cast<Eigen::Index>(faces) ? face : edge);
+        weights[k] = 1 / (Square(sigma) + Square(left[k]));
+      }
+      Eigen::MatrixXd h = j.transpose() * weights.asDiagonal() * j;
+      h.diagonal() += prior.cwiseAbs2().cwiseInverse();
+      left = r - j * h.ldlt().solve(j.transpose() * (weights.asDiagonal() * r));
+    }
+    return left;
   }
 
   /// Points that two sensors see, and that the structure does not hold already. Errors within a
