@@ -145,13 +145,12 @@ class JointProblem {
     free_.size = wanted_.size && priors_.size > 0;
     free_.scale.assign(sensors_.size(), wanted_.depth_scale && priors_.scale > 0);
     free_.offset.assign(sensors_.size(), wanted_.depth_offset && priors_.offset > 0);
-    for (int iteration = 0; iteration < (getenv("COARSE") ? atoi(getenv("COARSE")) : options_.fine_iterations); ++iteration) {
+    taken_ = free_;
+    for (int iteration = 0; iteration < options_.fine_iterations; ++iteration) {
       CollectEvidence();
       SolveFine();
     }
-    if (getenv("COARSE")) { RefineResult r0; r0.boxes.resize(4); for (std::size_t i = 0; i < sensors_.size(); ++i) { RefinedSensor q; q.structure_from_sensor = state_.poses[i].ToPose(); q.residual_sigma = sigma_[i]; q.covariance.setIdentity(); r0.sensors.push_back(q);} return r0; }
-    KeepObservable();
-    KeepWhatHeldOutPointsConfirm();
+    if (options_.report_estimates) ChooseWhatToReport();
     std::vector<double> before(sensors_.size());
     // A sensor that goes back may have pulled its neighbours: they are solved again around it.
     for (std::size_t round = 0; round < sensors_.size(); ++round) {
@@ -171,7 +170,6 @@ class JointProblem {
       if (!changed) break;
       SolveFine();
     }
-    CentreBoxes();
 
     RefineResult result;
     const Posterior posterior = ComputePosterior();
@@ -180,10 +178,10 @@ class JointProblem {
       sensor.accepted = !fixed_[i];
       sensor.structure_from_sensor =
           fixed_[i] ? sensors_[i].initial : state_.poses[i].ToPose();
-      sensor.depth_offset = state_.offsets[i];
-      sensor.depth_scale = 1 + state_.nuisances[i][kScale];
-      sensor.depth_offset_estimated = free_.offset[i] && !fixed_[i];
-      sensor.depth_scale_estimated = free_.scale[i] && !fixed_[i];
+      sensor.depth_offset_estimated = taken_.offset[i] && !fixed_[i];
+      sensor.depth_scale_estimated = taken_.scale[i] && !fixed_[i];
+      if (sensor.depth_offset_estimated) sensor.depth_offset = state_.offsets[i];
+      if (sensor.depth_scale_estimated) sensor.depth_scale = 1 + state_.nuisances[i][kScale];
       sensor.sigma_depth_offset = posterior.Sigma(OffsetColumn(i));
       sensor.sigma_depth_scale = posterior.Sigma(NuisanceColumn(i) + kScale);
       sensor.held_out_before = before[i];
@@ -195,10 +193,11 @@ class JointProblem {
       result.sensors.push_back(sensor);
     }
     const Eigen::VectorXd sigmas = BoxSigmas(posterior);
+    ResetUnless(taken_, &state_);
     for (std::size_t b = 0; b < structure_.boxes().size(); ++b) {
       const int box = static_cast<int>(b);
       RefinedBox out;
-      out.estimated = free_.boxes[b];
+      out.estimated = taken_.boxes[b];
       out.x = state_.build[static_cast<std::size_t>(BuildModel::X(box))];
       out.z = state_.build[static_cast<std::size_t>(BuildModel::Z(box))];
       out.yaw = state_.build[static_cast<std::size_t>(BuildModel::Yaw(box))];
@@ -207,10 +206,10 @@ class JointProblem {
       out.sigma_yaw = sigmas[3 * box + 2];
       result.boxes.push_back(out);
     }
-    result.size_estimated = free_.size;
+    result.size_estimated = taken_.size;
     result.size_scale = 1 + state_.build[0];
     result.sigma_size_scale = posterior.Sigma(BuildColumn());
-    result.built = built_;
+    result.built = model_.Built(state_.build.data());
     result.pairs = Pairs();
     return result;
   }
@@ -509,7 +508,6 @@ class JointProblem {
     }
     Distrust(i);
     FitNoise(model_, Parameters(i), priors_, &evidence);
-    if (getenv("DBG")) fprintf(stderr, "sensor %zu faces %zu edges %zu side pts %zu edge pts %zu warp %.1f len %.2f mp %.3f edge %.2f sigma %.1f\n", i, evidence.faces.size(), evidence.edges.size(), sensors_[i].view->side_points.size(), sensors_[i].view->edge_points.size(), evidence.noise.warp*1e3, evidence.noise.warp_length, evidence.noise.multipath, evidence.noise.edge, sigma_[i]*1e3);
   }
 
   refine_internal::SensorParameters Parameters(std::size_t i) const {
@@ -830,80 +828,36 @@ class JointProblem {
     return covariance.diagonal().cwiseMax(0).cwiseSqrt();
   }
 
-  /// Drops what the capture says hardly more about than the prior does.
-  void KeepObservable() {
-    const Free asked = free_;
+  /// Which of the estimated parameters the result reports: those that the capture tells more about
+  /// than their priors do, of kinds without which the points that no solution has seen fit worse.
+  /// The others stay free in the solution, as errors whose size is known.
+  void ChooseWhatToReport() {
+    taken_ = free_;
     Posterior posterior = ComputePosterior();
-    bool changed = false;
     const auto observable = [&](Eigen::Index column, double prior) {
       return posterior.Sigma(column) < kObservable * prior;
     };
-    if (free_.size && !observable(BuildColumn(), priors_.size)) {
-      free_.size = false;
-      changed = true;
-    }
+    taken_.size = free_.size && observable(BuildColumn(), priors_.size);
     const Eigen::MatrixXd projection = GaugeProjection();
     const Eigen::VectorXd variances = PriorVariances().tail(projection.rows());
     const Eigen::VectorXd prior =
         (projection * variances.asDiagonal() * projection.transpose()).diagonal();
     const Eigen::VectorXd sigmas = BoxSigmas(posterior);
     for (std::size_t b = 0; b < free_.boxes.size(); ++b) {
-      if (!free_.boxes[b]) continue;
       const auto k = static_cast<Eigen::Index>(3 * b);
-      // A gauge direction has no prior of its own.
-      bool clear = prior[k] > 1e-12 && prior[k + 1] > 1e-12;
-      for (Eigen::Index j = k; j < k + 2; ++j)
-        clear = clear && Square(sigmas[j]) < Square(kObservable) * prior[j];
-      if (!clear) {
-        free_.boxes[b] = 0;
-        changed = true;
+      for (Eigen::Index j = k; j < k + 2; ++j) {
+        // A single box is nothing but gauge.
+        const bool clear =
+            prior[j] > 1e-12 && Square(sigmas[j]) < Square(kObservable) * prior[j];
+        taken_.boxes[b] = taken_.boxes[b] && clear;
       }
     }
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      if (!free_.scale[i] || observable(NuisanceColumn(i) + kScale, priors_.scale)) continue;
-      free_.scale[i] = 0;
-      changed = true;
+      taken_.scale[i] =
+          free_.scale[i] && observable(NuisanceColumn(i) + kScale, priors_.scale);
+      taken_.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
     }
-    // A scale that is not estimated leaves the offset what both do at the structure's distance.
-    if (changed) posterior.covariance = Inverse(posterior.information, Held());
-    for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      if (!free_.offset[i] || observable(OffsetColumn(i), priors_.offset)) continue;
-      free_.offset[i] = 0;
-      changed = true;
-    }
-    if (!changed) return;
-    ResetHeld(&state_);
-    SolveFine();
-  }
 
-  /// Of the parameters that are not held, the others being known.
-  static Eigen::MatrixXd Inverse(const Eigen::MatrixXd& information, const std::vector<char>& held) {
-    Eigen::MatrixXd h = information;
-    for (std::size_t i = 0; i < held.size(); ++i) {
-      if (!held[i]) continue;
-      const auto k = static_cast<Eigen::Index>(i);
-      h.row(k).setZero();
-      h.col(k).setZero();
-      h(k, k) = 1;
-    }
-    return h.llt().solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(h.rows(), h.cols())));
-  }
-
-  /// Values of what is not estimated.
-  void ResetHeld(State* state) const {
-    for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      if (!free_.offset[i]) state->offsets[i] = 0;
-      if (!free_.scale[i]) state->nuisances[i][kScale] = 0;
-    }
-    if (!free_.size) state->build[0] = 0;
-    for (std::size_t b = 0; b < free_.boxes.size(); ++b) {
-      if (free_.boxes[b]) continue;
-      std::fill_n(state->build.begin() + BuildModel::X(static_cast<int>(b)), 3, 0.0);
-    }
-  }
-
-  /// Drops each kind of parameter without which the points that no solution has seen fit as well.
-  void KeepWhatHeldOutPointsConfirm() {
     const auto total = [&] {
       double sum = 0;
       for (std::size_t i = 0; i < sensors_.size(); ++i)
@@ -914,48 +868,42 @@ class JointProblem {
         [](Free* f) { return Clear(&f->boxes); },
         [](Free* f) { return std::exchange(f->size, false); },
         [](Free* f) { return Clear(&f->scale); }, [](Free* f) { return Clear(&f->offset); }};
+    const Free all = free_;
+    const State state = state_;
+    const Structure built = built_;
+    const std::vector<double> sigma = sigma_;
+    const double cost = total();
     for (const auto& drop : kinds) {
-      const Free with = free_;
-      if (!drop(&free_)) continue;
-      const State state = state_;
-      const Structure built = built_;
-      const double cost = total();
-      ResetHeld(&state_);
+      Free fewer = taken_;
+      if (!drop(&fewer)) continue;
+      drop(&free_);
+      ResetUnless(free_, &state_);
       SolveFine();
-      if (total() <= cost) continue;
-      free_ = with;
+      if (!(total() > cost)) taken_ = fewer;
+      free_ = all;
       state_ = state;
       built_ = built;
+      sigma_ = sigma;
     }
   }
+
+  /// Nominal values for what is not in `some`.
+  void ResetUnless(const Free& some, State* state) const {
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (!some.offset[i]) state->offsets[i] = 0;
+      if (!some.scale[i]) state->nuisances[i][kScale] = 0;
+    }
+    if (!some.size) state->build[0] = 0;
+    for (std::size_t b = 0; b < some.boxes.size(); ++b) {
+      if (some.boxes[b]) continue;
+      std::fill_n(state->build.begin() + BuildModel::X(static_cast<int>(b)), 3, 0.0);
+    }
+  }
+
   static bool Clear(std::vector<char>* flags) {
     const bool any = std::any_of(flags->begin(), flags->end(), [](char f) { return f != 0; });
     std::fill(flags->begin(), flags->end(), 0);
     return any;
-  }
-
-  /// The nominal frame is where the mean displacement of the estimated boxes is zero; the priors
-  /// all but see to it.
-  void CentreBoxes() {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    int count = 0;
-    for (int b = 0; b < static_cast<int>(free_.boxes.size()); ++b) {
-      if (!free_.boxes[static_cast<std::size_t>(b)]) continue;
-      mean.x() += state_.build[static_cast<std::size_t>(BuildModel::X(b))];
-      mean.z() += state_.build[static_cast<std::size_t>(BuildModel::Z(b))];
-      ++count;
-    }
-    if (count == 0) return;
-    mean /= count;
-    for (int b = 0; b < static_cast<int>(free_.boxes.size()); ++b) {
-      if (!free_.boxes[static_cast<std::size_t>(b)]) continue;
-      state_.build[static_cast<std::size_t>(BuildModel::X(b))] -= mean.x();
-      state_.build[static_cast<std::size_t>(BuildModel::Z(b))] -= mean.z();
-    }
-    for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      if (!fixed_[i]) Eigen::Map<Eigen::Vector3d>(state_.poses[i].values + 4) -= mean;
-    }
-    built_ = model_.Built(state_.build.data());
   }
 
   void UpdateSigmas(const Stage& stage) {
@@ -1049,7 +997,7 @@ class JointProblem {
   const BuildModel model_;
   Priors priors_;
   State state_;
-  Free free_;
+  Free free_, taken_;  // what the solution estimates, and what of it is reported
   Structure built_;            // as state_.build has it
   std::vector<double> sigma_;  // m, per sensor
   std::vector<char> fixed_;    // sensors that went back to their initial poses

@@ -37,6 +37,9 @@ struct RefineOptions {
   double edge_weight = 30;
   std::vector<std::string> without_structure;
   int threads = 2;
+  /// Not a config key: false skips the decision about what of the estimates is reported, for
+  /// callers that want poses alone.
+  bool report_estimates = true;
 
   template <class Archive>
   void Describe(Archive& ar) {
