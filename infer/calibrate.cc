@@ -332,6 +332,11 @@ class Calibration {
       index.push_back(i);
     }
     const RefineResult refined = Refine(structure_, sensors, options_.refine);
+    result_.built = refined.built;
+    result_.boxes = refined.boxes;
+    result_.size_estimated = refined.size_estimated;
+    result_.size_scale = refined.size_scale;
+    result_.sigma_size_scale = refined.sigma_size_scale;
     for (std::size_t j = 0; j < index.size(); ++j) {
       SensorResult& sensor = result_.sensors[index[j]];
       sensor.initial = sensors[j].initial;
@@ -339,6 +344,9 @@ class Calibration {
       sensor.refinement_accepted = refined.sensors[j].accepted;
       sensor.covariance = refined.sensors[j].covariance;
       sensor.depth_offset_m = refined.sensors[j].depth_offset;
+      sensor.depth_scale = refined.sensors[j].depth_scale;
+      sensor.sigma_depth_offset_m = refined.sensors[j].sigma_depth_offset;
+      sensor.sigma_depth_scale = refined.sensors[j].sigma_depth_scale;
     }
     for (const RefinedPair& pair : refined.pairs) {
       result_.pairs.push_back({frames_[index[static_cast<std::size_t>(pair.a)]].name,
@@ -355,7 +363,7 @@ class Calibration {
     for (std::size_t i = 0; i < frames_.size(); ++i) {
       if (!work_[i].placed) continue;
       const SensorResult& sensor = result_.sensors[i];
-      const SensorView view = WithOffset(work_[i].view, sensor.depth_offset_m);
+      const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
       for (int v = 0; v < view.height(); ++v) {
         for (int u = 0; u < view.width(); ++u) {
           if (sensor.segmentation.labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
@@ -367,18 +375,18 @@ class Calibration {
     const std::size_t step = captured.size() / kMost + 1;
     std::vector<Eigen::Vector3d> near;
     for (std::size_t j = 0; j < captured.size(); j += step) {
-      if (DistanceToSurface(structure_, captured[j]).distance < kRmsDistance)
+      if (DistanceToSurface(result_.built, captured[j]).distance < kRmsDistance)
         near.push_back(captured[j]);
     }
-    if (!near.empty()) result_.metrics = CompareSets(near, SampleExposedSurface(structure_, 0.005));
+    if (!near.empty()) result_.metrics = CompareSets(near, SampleExposedSurface(result_.built, 0.005));
   }
 
   /// Residuals, errors and status of a placed sensor.
   void Judge(std::size_t i) {
     SensorResult& sensor = result_.sensors[i];
-    const SensorView view = WithOffset(work_[i].view, sensor.depth_offset_m);
+    const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
     const Pose& pose = *sensor.structure_from_sensor;
-    const SurfaceFit fit = FitToSurface(view, sensor.segmentation.labels, structure_, pose);
+    const SurfaceFit fit = FitToSurface(view, sensor.segmentation.labels, result_.built, pose);
     sensor.points = fit.points;
     sensor.rms_to_structure_m = fit.rms_m;
     sensor.inlier_share = fit.inlier_share;
@@ -485,6 +493,7 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options) {
   ValidateConfig(options);
+  ParseEstimate(options.refine.estimate);
   for (const std::string& name : options.refine.without_structure) {
     if (std::none_of(frames.begin(), frames.end(),
                      [&](const SensorFrame& f) { return f.name == name; })) {

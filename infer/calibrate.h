@@ -113,8 +113,10 @@ struct SensorResult {
   double label_iou = 0;        ///< Agreement::score
   double explained_share = 0;  ///< of the pixels that would show the structure, on it
   Matrix6d covariance = Matrix6d::Zero();
-  double depth_offset_m =
-      0;  ///< estimated: true depth = measured depth + it; residuals are corrected by it
+  /// True depth = measured depth * depth_scale + depth_offset_m; 1 and 0 where the capture does not
+  /// tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
+  double depth_offset_m = 0, depth_scale = 1;
+  double sigma_depth_offset_m = 0, sigma_depth_scale = 0;
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;
@@ -137,6 +139,12 @@ struct CalibrationResult {
   std::vector<PairResult> pairs;
   std::optional<SetDistances> metrics;  ///< absent when no sensor was placed
   std::vector<std::pair<std::string, double>> timings_s;
+  /// The structure with its boxes where the capture shows them and the size that it shows, which
+  /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
+  Structure built;
+  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
 
   /// The worst of the sensors' statuses.
   SensorStatus verdict() const;

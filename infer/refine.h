@@ -135,26 +135,34 @@ struct RefineResult {
   Structure built;  ///< the structure with the estimated placement and size
 };
 
-/// One Ceres problem over all sensors. Residuals, whitened by each sensor's own robust spread and
-/// under Cauchy's loss:
-///  - labelled points to the finite rectangle of their side (an infinite plane would let a sensor
-///  that sees parallel sides
-///    slide);
-///  - silhouette points to the edge lines of their side, which hold the in-plane directions;
-///  - between sensors that see the same surfaces, symmetric point-to-plane distances, and
-///  silhouette points of one against
-///    the faces that only the other sees.
-/// Each sensor's constant depth error is a parameter with a prior: a plane cannot tell it from a
-/// step back, but silhouettes, the floor and other sensors can. Correspondences are renewed between
-/// solutions while distance and normal gates tighten. A sensor whose held-out cost does not fall
+/// Directions in which a pose with this covariance (structure frame, m and rad) is open: each
+/// eigenvector of its translation or rotation part with a standard deviation above 3 cm or 2 deg,
+/// as "along structure x (0.12 m)" or "about the vertical (4.1 deg)".
+std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
+
+/// One Ceres problem over all sensors, in two stages.
+///
+/// Coarse, from far off: labelled points to the finite rectangles of their sides (infinite planes
+/// would let a sensor that sees parallel sides slide), silhouettes to edge lines, and symmetric
+/// point-to-plane terms between sensors that see the same surfaces, under Cauchy's loss.
+/// Correspondences are renewed between solutions while distance and normal gates tighten.
+///
+/// Fine, as a statistical model (refine_model.h): the points of an image block on a side are one
+/// measurement of depth, silhouettes measure bearing alone. Depth errors are a smooth random field
+/// whose size and correlation length each sensor's residuals tell (restricted likelihood), plus a
+/// constant, a scale, and an error in concave seams; silhouettes may be shifted outwards. Together
+/// with each box's place and turn and the size of all boxes these are parameters with priors.
+/// Between sensors, what both see off the structure is compared. A sensor without structure terms
+/// is held by its overlap alone.
+///
+/// An estimated parameter is reported (and RefineResult::built has it) where its posterior is
+/// clearly tighter than its prior and held-out points fit worse without its kind. Gauge: the mean
+/// displacement of the boxes is zero, by their priors. A sensor whose held-out cost does not fall
 /// keeps its initial pose, and the others are solved again around it.
 ///
-/// Covariance: from the last solution's Ceres::Covariance H^-1 in the tangent space of
-/// LeftPoseManifold, H^-1 M H^-1 (sandwich: residuals that weigh more than they measure do not make
-/// it smaller), times the design effect: depth errors are smooth over tens of pixels, so n points
-/// in m image blocks say less than n independent ones; the variance of block means tells by how
-/// much (Kish, Survey Sampling, 1965). A prior of 1 m and 1 rad bounds directions that nothing
-/// constrains.
+/// Covariance: of the posterior, H^-1, widened by what is not estimated though uncertain and by one
+/// factor that was fitted on rendered sensors (docs/calibration.md). A prior of 1 m and 1 rad
+/// bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

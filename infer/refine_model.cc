@@ -15,9 +15,13 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
-constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
+constexpr double kEdgeLength = 0.4;      // rad, correlation of silhouette errors along an edge
 constexpr double kEdgeCommon = 0.3;       // px, of the correlated part
-constexpr double kLineTolerance = 0.001;  // m, an edge of a box is not a straight line
+constexpr double kLineTolerance = 0.002;  // m, an edge of a box is not a straight line
+/// A depth error moves a side that is seen at grazing incidence little, but there errors across the
+/// ray, of a pixel or less, count instead.
+constexpr double kLeastGain = 0.2;
+constexpr double kLateral = 0.0003;  // rad, under a tenth of a pixel
 constexpr double kLeastSigma = 3e-4;      // m: 1 mm steps
 
 Eigen::Vector3d Along(const Side& side, int edge) {
@@ -42,8 +46,9 @@ Eigen::VectorXd WarpGain(const BuildModel& model, const Pose& pose,
   for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
     const FaceObservation& face = evidence.faces[i];
     const Eigen::Vector3d& normal = model.structure().SideOfLabel(face.label).normal;
+    const double along = normal.dot(pose.linear() * face.p) / face.p.z();
     gain[static_cast<Eigen::Index>(i)] =
-        normal.dot(pose.linear() * face.p) / face.p.z() * (face.p.z() / kReferenceDepth);
+        -std::hypot(along, kLeastGain) * face.p.z() / kReferenceDepth;
   }
   return gain;
 }
@@ -63,11 +68,16 @@ Eigen::MatrixXd WarpCorrelation(const SensorEvidence& evidence, const Eigen::Vec
   return covariance;
 }
 
-Eigen::VectorXd FaceVariances(const SensorEvidence& evidence) {
+Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
+                              const SensorEvidence& evidence) {
   Eigen::VectorXd variances(static_cast<Eigen::Index>(evidence.faces.size()));
   for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
+    const FaceObservation& face = evidence.faces[i];
+    const double cosine = model.structure().SideOfLabel(face.label).normal.dot(
+                              pose.linear() * face.p.normalized());
+    const double lateral = kLateral * face.p.z();
     variances[static_cast<Eigen::Index>(i)] =
-        evidence.faces[i].variance + kLeastSigma * kLeastSigma;
+        face.variance + (1 - cosine * cosine) * lateral * lateral + kLeastSigma * kLeastSigma;
   }
   return variances;
 }
@@ -277,7 +287,7 @@ void SetCovariance(const BuildModel& model, const Pose& pose, SensorEvidence* ev
   const Eigen::VectorXd gain = WarpGain(model, pose, *evidence);
   Eigen::MatrixXd faces =
       noise.warp * noise.warp * WarpCorrelation(*evidence, gain, noise.warp_length);
-  faces.diagonal() += FaceVariances(*evidence);
+  faces.diagonal() += FaceVariances(model, pose, *evidence);
   evidence->face_root = faces.llt().matrixL();
   const Eigen::MatrixXd edges = noise.edge * noise.edge * EdgeCovariance(*evidence);
   evidence->edge_root = edges.llt().matrixL();
@@ -333,7 +343,7 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
     const Eigen::VectorXd r = residuals.head(faces);
     const Eigen::VectorXd gain = WarpGain(model, pose, sample);
     Eigen::MatrixXd rest = shared.topRows(faces) * shared.topRows(faces).transpose();
-    rest.diagonal() += FaceVariances(sample);
+    rest.diagonal() += FaceVariances(model, pose, sample);
     const Eigen::VectorXd m = seam.col(0).head(faces);
     double least = std::numeric_limits<double>::infinity();
     const Eigen::MatrixXd multipath = m * m.transpose();
