@@ -237,7 +237,7 @@ class Calibration {
       RefineOptions refine = options_.refine;
       refine.max_overlap_points = 0;
       refine.threads = 1;
-      refine.report_estimates = false;
+      refine.choose_estimates = false;
       const RefinedSensor refined = Refine(structure_, {alone}, refine).sensors.front();
       work.start = refined.structure_from_sensor;
       alone_sigma_m = std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff());

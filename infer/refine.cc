@@ -152,12 +152,11 @@ class JointProblem {
     free_.size = wanted_.size && priors_.size > 0;
     free_.scale.assign(sensors_.size(), wanted_.depth_scale && priors_.scale > 0);
     free_.offset.assign(sensors_.size(), wanted_.depth_offset && priors_.offset > 0);
-    taken_ = free_;
     for (int iteration = 0; iteration < options_.fine_iterations; ++iteration) {
       CollectEvidence();
       SolveFine();
     }
-    if (options_.report_estimates) ChooseWhatToReport();
+    if (options_.choose_estimates) KeepWhatTheCaptureTells();
     std::vector<double> before(sensors_.size());
     // A sensor that goes back may have pulled its neighbours: they are solved again around it.
     for (std::size_t round = 0; round < sensors_.size(); ++round) {
@@ -179,14 +178,15 @@ class JointProblem {
     }
 
     RefineResult result;
-    const Posterior posterior = ComputePosterior();
+    CentreBoxes();
+    const Posterior posterior = ComputePosterior(Information());
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
       RefinedSensor sensor;
       sensor.accepted = !fixed_[i];
       sensor.structure_from_sensor =
           fixed_[i] ? sensors_[i].initial : state_.poses[i].ToPose();
-      sensor.depth_offset_estimated = taken_.offset[i] && !fixed_[i];
-      sensor.depth_scale_estimated = taken_.scale[i] && !fixed_[i];
+      sensor.depth_offset_estimated = free_.offset[i] && !fixed_[i];
+      sensor.depth_scale_estimated = free_.scale[i] && !fixed_[i];
       if (sensor.depth_offset_estimated) sensor.depth_offset = state_.offsets[i];
       if (sensor.depth_scale_estimated) sensor.depth_scale = 1 + state_.nuisances[i][kScale];
       sensor.sigma_depth_offset = posterior.Sigma(OffsetColumn(i));
@@ -200,11 +200,10 @@ class JointProblem {
       result.sensors.push_back(sensor);
     }
     const Eigen::VectorXd sigmas = BoxSigmas(posterior);
-    ResetUnless(taken_, &state_);
     for (std::size_t b = 0; b < structure_.boxes().size(); ++b) {
       const int box = static_cast<int>(b);
       RefinedBox out;
-      out.estimated = taken_.boxes[b];
+      out.estimated = free_.boxes[b];
       out.x = state_.build[static_cast<std::size_t>(BuildModel::X(box))];
       out.z = state_.build[static_cast<std::size_t>(BuildModel::Z(box))];
       out.yaw = state_.build[static_cast<std::size_t>(BuildModel::Yaw(box))];
@@ -213,10 +212,10 @@ class JointProblem {
       out.sigma_yaw = sigmas[3 * box + 2];
       result.boxes.push_back(out);
     }
-    result.size_estimated = taken_.size;
+    result.size_estimated = free_.size;
     result.size_scale = 1 + state_.build[0];
     result.sigma_size_scale = posterior.Sigma(BuildColumn());
-    result.built = model_.Built(state_.build.data());
+    result.built = built_;
     result.pairs = Pairs();
     return result;
   }
@@ -239,8 +238,7 @@ class JointProblem {
     bool size = false;
   };
   struct Posterior {
-    Eigen::MatrixXd covariance;   // of all parameters, poses first
-    Eigen::MatrixXd information;  // with everything free
+    Eigen::MatrixXd covariance;  // of all parameters, poses first
     double Sigma(Eigen::Index i) const { return std::sqrt(std::max(covariance(i, i), 0.0)); }
   };
 
@@ -758,10 +756,8 @@ class JointProblem {
   /// Covariance of the estimated parameters x while the others, c, are held at zero though their
   /// priors P are wide (Schmidt's consider covariance): H_xx^-1 + S P S^T, S = H_xx^-1 H_xc; and so
   /// for a shift of silhouettes that all sensors share.
-  Posterior ComputePosterior() {
+  Posterior ComputePosterior(const Eigen::MatrixXd& h) const {
     Posterior posterior;
-    posterior.information = Information();
-    const Eigen::MatrixXd& h = posterior.information;
     const std::vector<char> is_held = Held();
     std::vector<Eigen::Index> x, c;
     for (std::size_t i = 0; i < is_held.size(); ++i)
@@ -846,16 +842,17 @@ class JointProblem {
     return covariance.diagonal().cwiseMax(0).cwiseSqrt();
   }
 
-  /// Which of the estimated parameters the result reports: those that the capture tells more about
-  /// than their priors do, of kinds without which the points that no solution has seen fit worse.
-  /// The others stay free in the solution, as errors whose size is known.
-  void ChooseWhatToReport() {
-    taken_ = free_;
-    Posterior posterior = ComputePosterior();
+  /// Keeps those parameters that the capture tells clearly more about than their priors do, of
+  /// kinds without which the points that no solution has seen do not fit as well. The others are
+  /// held at their nominal values; the covariance knows that they are uncertain.
+  void KeepWhatTheCaptureTells() {
+    Free kept = free_;
+    const Eigen::MatrixXd information = Information();
+    Posterior posterior = ComputePosterior(information);
     const auto observable = [&](Eigen::Index column, double prior) {
       return posterior.Sigma(column) < kObservable * prior;
     };
-    taken_.size = free_.size && observable(BuildColumn(), priors_.size);
+    kept.size = free_.size && observable(BuildColumn(), priors_.size);
     const Eigen::MatrixXd projection = GaugeProjection();
     const Eigen::VectorXd variances = PriorVariances().tail(projection.rows());
     const Eigen::VectorXd prior =
@@ -867,14 +864,19 @@ class JointProblem {
         // A single box is nothing but gauge.
         const bool clear =
             prior[j] > 1e-12 && Square(sigmas[j]) < Square(kObservable) * prior[j];
-        taken_.boxes[b] = taken_.boxes[b] && clear;
+        kept.boxes[b] = kept.boxes[b] && clear;
       }
     }
-    for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      taken_.scale[i] =
-          free_.scale[i] && observable(NuisanceColumn(i) + kScale, priors_.scale);
-      taken_.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
-    }
+    for (std::size_t i = 0; i < sensors_.size(); ++i)
+      kept.scale[i] = free_.scale[i] && observable(NuisanceColumn(i) + kScale, priors_.scale);
+    // A scale that is held leaves the offset to stand for both at the structure's distance.
+    free_.scale = kept.scale;
+    posterior.covariance = InverseWithout(information, Held());
+    for (std::size_t i = 0; i < sensors_.size(); ++i)
+      kept.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
+    free_ = kept;
+    ResetUnless(free_, &state_);
+    SolveFine();
 
     const auto total = [&] {
       double sum = 0;
@@ -886,23 +888,37 @@ class JointProblem {
         [](Free* f) { return Clear(&f->boxes); },
         [](Free* f) { return std::exchange(f->size, false); },
         [](Free* f) { return Clear(&f->scale); }, [](Free* f) { return Clear(&f->offset); }};
-    const Free all = free_;
-    const State state = state_;
-    const Structure built = built_;
-    const std::vector<double> sigma = sigma_;
-    const double cost = total();
     for (const auto& drop : kinds) {
-      Free fewer = taken_;
-      if (!drop(&fewer)) continue;
-      drop(&free_);
+      const Free with = free_;
+      if (!drop(&free_)) continue;
+      const State state = state_;
+      const Structure built = built_;
+      const std::vector<double> sigma = sigma_;
+      const double cost = total();
       ResetUnless(free_, &state_);
       SolveFine();
-      if (!(total() > cost)) taken_ = fewer;
-      free_ = all;
+      // Within the held-out cost's own noise, what the posterior says decides.
+      constexpr double kNoise = 0.01;
+      if (total() < (1 - kNoise) * cost) continue;
+      free_ = with;
       state_ = state;
       built_ = built;
       sigma_ = sigma;
     }
+  }
+
+  /// Posterior covariance where the held parameters are known.
+  static Eigen::MatrixXd InverseWithout(const Eigen::MatrixXd& information,
+                                        const std::vector<char>& held) {
+    Eigen::MatrixXd h = information;
+    for (std::size_t i = 0; i < held.size(); ++i) {
+      if (!held[i]) continue;
+      const auto k = static_cast<Eigen::Index>(i);
+      h.row(k).setZero();
+      h.col(k).setZero();
+      h(k, k) = 1;
+    }
+    return h.llt().solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(h.rows(), h.cols())));
   }
 
   /// Nominal values for what is not in `some`.
@@ -916,6 +932,29 @@ class JointProblem {
       if (some.boxes[b]) continue;
       std::fill_n(state->build.begin() + BuildModel::X(static_cast<int>(b)), 3, 0.0);
     }
+  }
+
+  /// Gauge: the mean displacement of the estimated boxes is zero. The priors all but see to it.
+  void CentreBoxes() {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (int b = 0; b < static_cast<int>(free_.boxes.size()); ++b) {
+      if (!free_.boxes[static_cast<std::size_t>(b)]) continue;
+      mean.x() += state_.build[static_cast<std::size_t>(BuildModel::X(b))];
+      mean.z() += state_.build[static_cast<std::size_t>(BuildModel::Z(b))];
+      ++count;
+    }
+    if (count == 0) return;
+    mean /= count;
+    for (int b = 0; b < static_cast<int>(free_.boxes.size()); ++b) {
+      if (!free_.boxes[static_cast<std::size_t>(b)]) continue;
+      state_.build[static_cast<std::size_t>(BuildModel::X(b))] -= mean.x();
+      state_.build[static_cast<std::size_t>(BuildModel::Z(b))] -= mean.z();
+    }
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (!fixed_[i]) Eigen::Map<Eigen::Vector3d>(state_.poses[i].values + 4) -= mean;
+    }
+    built_ = model_.Built(state_.build.data());
   }
 
   static bool Clear(std::vector<char>* flags) {
@@ -1015,7 +1054,7 @@ class JointProblem {
   const BuildModel model_;
   Priors priors_;
   State state_;
-  Free free_, taken_;  // what the solution estimates, and what of it is reported
+  Free free_;
   Structure built_;            // as state_.build has it
   std::vector<double> sigma_;  // m, per sensor
   std::vector<char> fixed_;    // sensors that went back to their initial poses

@@ -37,9 +37,9 @@ struct RefineOptions {
   double edge_weight = 30;
   std::vector<std::string> without_structure;
   int threads = 2;
-  /// Not a config key: false skips the decision about what of the estimates is reported, for
-  /// callers that want poses alone.
-  bool report_estimates = true;
+  /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
+  /// or not, for callers that want a pose and its covariance alone.
+  bool choose_estimates = true;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -155,9 +155,9 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// Between sensors, what both see off the structure is compared. A sensor without structure terms
 /// is held by its overlap alone.
 ///
-/// An estimated parameter is reported (and RefineResult::built has it) where its posterior is
-/// clearly tighter than its prior and held-out points fit worse without its kind. Gauge: the mean
-/// displacement of the boxes is zero, by their priors. A sensor whose held-out cost does not fall
+/// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
+/// points fit no better without its kind; else it keeps its nominal value. Gauge: the mean
+/// displacement of the estimated boxes is zero. A sensor whose held-out cost does not fall
 /// keeps its initial pose, and the others are solved again around it.
 ///
 /// Covariance: of the posterior, H^-1, widened by what is not estimated though uncertain and by one

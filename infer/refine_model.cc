@@ -347,15 +347,16 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
     const Eigen::VectorXd m = seam.col(0).head(faces);
     double least = std::numeric_limits<double>::infinity();
     const Eigen::MatrixXd multipath = m * m.transpose();
-    const double sigma_m = 0.02;
-    for (const double length : {0.05, 0.1, 0.18, 0.3}) {
+    const double sigma_m = 0.012;
+    for (const double length : {0.05, 0.1, 0.18}) {
       const Eigen::MatrixXd correlation = WarpCorrelation(sample, gain, length);
       double warp = 0;
       const double cost = MinimiseOverLog(
-          3e-4, 0.03, 8,
+          3e-4, 0.02, 8,
           [&](double sigma) {
-            // Half a nepers' prior about 3 mm keeps few observations from saying nothing at all.
-            const double unusual = std::log(sigma / 0.003) / 1.5;
+            // What sensors do (facts/sensors.md): 3-6 mm for time of flight, 8-20 mm for stereo. Free
+            // of it, a warp can explain a tilt.
+            const double unusual = std::log(sigma / 0.004) / 0.6;
             return RestrictedCost(
                        sigma * sigma * correlation + rest + sigma_m * sigma_m * multipath, r, j) +
                    0.5 * unusual * unusual;
@@ -370,7 +371,7 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
     const Eigen::MatrixXd others =
         noise.warp * noise.warp * WarpCorrelation(sample, gain, noise.warp_length) + rest;
     least = std::numeric_limits<double>::infinity();
-    for (const double sigma : {0.001, 0.005, 0.02}) {
+    for (const double sigma : {0.001, 0.005, 0.012}) {
       const double cost = RestrictedCost(others + sigma * sigma * multipath, r, j);
       if (cost < least) {
         least = cost;
