@@ -52,6 +52,9 @@ constexpr double kFaceScale = 0.01, kLineScale = 0.03;
 /// On the three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
 /// cardboard bulges, and sensors fatten edges.
 constexpr double kEdgeTolerance = 0.008;
+/// m: the same in the last stage, which knows that faces stray as well, where boxes are not
+/// estimated.
+constexpr double kHeldEdge = 0.012;
 constexpr double kMinResidualSigma = 5e-4;  // m: below it the depth's own resolution counts
 /// A parameter is observable when its posterior standard deviation is below this share of the
 /// prior's.
@@ -131,7 +134,8 @@ class JointProblem {
         built_(structure),
         sigma_(sensors.size(), 0.005),
         fixed_(sensors.size(), 0),
-        evidence_(sensors.size()) {
+        evidence_(sensors.size()),
+        unseen_(sensors.size()) {
     for (const RefineSensor& sensor : sensors) state_.poses.emplace_back(sensor.start);
     state_.offsets.assign(sensors.size(), 0);
     state_.nuisances.assign(sensors.size(), {});
@@ -435,7 +439,11 @@ class JointProblem {
     std::atomic<std::size_t> next{0};
     const auto work = [&] {
       for (std::size_t i = next++; i < sensors_.size(); i = next++) {
-        if (Holds(i)) CollectEvidence(i);
+          if (!Holds(i)) continue;
+        CollectEvidence(i, true, &unseen_[i]);
+        CollectEvidence(i, false, &evidence_[i]);
+        Distrust(i);
+        FitNoise(model_, Parameters(i), priors_, &evidence_[i]);
       }
     };
     std::vector<std::thread> helpers;
@@ -446,15 +454,16 @@ class JointProblem {
     for (std::thread& helper : helpers) helper.join();
   }
 
-  void CollectEvidence(std::size_t i) {
+  void CollectEvidence(std::size_t i, bool held_out, SensorEvidence* out) const {
     const Stage stage = StageOf(options_.outer_iterations);
     const Pose pose = state_.poses[i].ToPose();
-    SensorEvidence& evidence = evidence_[i];
+    SensorEvidence& evidence = *out;
+    evidence.noise.line = BoxesAreFree() ? 0 : kHeldEdge;
     evidence.faces.clear();
     evidence.edges.clear();
     std::map<std::pair<int, int>, std::vector<const SidePoint*>> blocks;
     for (const SidePoint& point : sensors_[i].view->side_points) {
-      if (!point.held_out && OnItsSide(i, point, pose, stage))
+      if (point.held_out == held_out && OnItsSide(i, point, pose, stage))
         blocks[{point.label, point.block}].push_back(&point);
     }
     for (const auto& [key, points] : blocks) {
@@ -490,7 +499,7 @@ class JointProblem {
     std::map<std::array<int, 3>, std::vector<const EdgePoint*>> lines;
     for (const EdgePoint& edge : sensors_[i].view->edge_points) {
       EdgeLine line;
-      if (edge.held_out || !OnItsEdge(i, edge, pose, stage.side_gate, &line)) continue;
+      if (edge.held_out != held_out || !OnItsEdge(i, edge, pose, stage.side_gate, &line)) continue;
       lines[{edge.label, line.edge, edge.block}].push_back(&edge);
     }
     for (const auto& [key, points] : lines) {
@@ -511,8 +520,10 @@ class JointProblem {
       edge.variance = pixels * pixels / std::sqrt(count);
       evidence.edges.push_back(edge);
     }
-    Distrust(i);
-    FitNoise(model_, Parameters(i), priors_, &evidence);
+  }
+
+  bool BoxesAreFree() const {
+    return std::all_of(free_.boxes.begin(), free_.boxes.end(), [](char f) { return f != 0; });
   }
 
   refine_internal::SensorParameters Parameters(std::size_t i) const {
@@ -876,14 +887,9 @@ class JointProblem {
       kept.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
     free_ = kept;
     ResetUnless(free_, &state_);
+    SetLineTolerance();
     SolveFine();
 
-    const auto total = [&] {
-      double sum = 0;
-      for (std::size_t i = 0; i < sensors_.size(); ++i)
-        sum += HeldOutCost(i, state_, kFaceScale / 2, kLineScale / 2);
-      return sum;
-    };
     const std::array<std::function<bool(Free*)>, 4> kinds = {
         [](Free* f) { return Clear(&f->boxes); },
         [](Free* f) { return std::exchange(f->size, false); },
@@ -894,16 +900,41 @@ class JointProblem {
       const State state = state_;
       const Structure built = built_;
       const std::vector<double> sigma = sigma_;
-      const double cost = total();
+      const double cost = UnseenCost();
       ResetUnless(free_, &state_);
+      SetLineTolerance();
       SolveFine();
       // Within the held-out cost's own noise, what the posterior says decides.
-      constexpr double kNoise = 0.01;
-      if (total() < (1 - kNoise) * cost) continue;
+      constexpr double kNoise = 0.03;
+      if (UnseenCost() < (1 - kNoise) * cost) continue;
       free_ = with;
       state_ = state;
       built_ = built;
       sigma_ = sigma;
+      SetLineTolerance();
+    }
+  }
+
+  /// Mean robust cost of the held-out observations under the whole model.
+  double UnseenCost() const {
+    constexpr double kUnseenScale = 0.005;  // m
+    double sum = 0;
+    int count = 0;
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (!Holds(i)) continue;
+      Eigen::VectorXd r;
+      refine_internal::Residuals(model_, unseen_[i], Parameters(i), &r, nullptr);
+      for (const double distance : r) sum += RobustCost(distance, kUnseenScale);
+      count += static_cast<int>(r.size());
+    }
+    return count > 0 ? sum / count : 0;
+  }
+
+  void SetLineTolerance() {
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (!Holds(i)) continue;
+      evidence_[i].noise.line = BoxesAreFree() ? 0 : kHeldEdge;
+      refine_internal::SetCovariance(model_, state_.poses[i].ToPose(), &evidence_[i]);
     }
   }
 
@@ -1058,7 +1089,7 @@ class JointProblem {
   Structure built_;            // as state_.build has it
   std::vector<double> sigma_;  // m, per sensor
   std::vector<char> fixed_;    // sensors that went back to their initial poses
-  std::vector<SensorEvidence> evidence_;
+  std::vector<SensorEvidence> evidence_, unseen_;  // of the points that are solved for; held out
   std::vector<std::unique_ptr<ceres::Manifold>> subsets_;
   std::vector<std::vector<int>> overlap_points_;
   LeftPoseManifold manifold_;

@@ -84,6 +84,7 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
 
 /// Of the edges, for scale 1.
 Eigen::MatrixXd EdgeCovariance(const SensorEvidence& evidence) {
+  const double tolerance = std::hypot(kLineTolerance, evidence.noise.line);
   const auto n = static_cast<Eigen::Index>(evidence.edges.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -94,7 +95,7 @@ Eigen::MatrixXd EdgeCovariance(const SensorEvidence& evidence) {
       const double correlation = Correlation((Bearing(a.p) - Bearing(b.p)).norm(), kEdgeLength);
       covariance(i, j) = covariance(j, i) =
           a.pixel * b.pixel * kEdgeCommon * kEdgeCommon * correlation +
-          kLineTolerance * kLineTolerance;
+          tolerance * tolerance;
     }
     covariance(i, i) += a.pixel * a.pixel * a.variance;
   }
@@ -306,6 +307,7 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
     return chosen;
   };
   SensorEvidence sample;
+  sample.noise = evidence->noise;
   sample.faces = some(evidence->faces);
   sample.edges = some(evidence->edges);
   Eigen::VectorXd residuals;

@@ -39,6 +39,7 @@ struct NoiseModel {
   double warp_length = 0.15;     ///< rad: its correlation falls to 1/e or so
   double multipath = 0.02;       ///< m, standard deviation of the depth error in a concave seam
   double edge = 1;               ///< scale of the silhouettes' standard deviations
+  double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
 };
 
 struct SensorEvidence {
