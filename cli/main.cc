@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   program.require_subcommand(1);
   const std::vector<volalign::Command> commands = {
       volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
-      volalign::AddTrainCommand(program),
+      volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
       volalign::AddCalibrateCommand(program),
 #endif
