@@ -20,6 +20,7 @@ Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
+Command AddEvaluateCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
       volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
       volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
-      volalign::AddCalibrateCommand(program),
+      volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
 #endif
       volalign::AddExportCommand(program),    volalign::AddConfigCommand(program)};
   try {

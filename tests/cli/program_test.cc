@@ -89,7 +89,7 @@ class Program : public testing::Test {
 TEST_F(Program, SaysWhatItCanDo) {
   const Outcome help = Volalign("--help");
   EXPECT_EQ(help.status, 0);
-  for (const char* command : {"structure", "render", "train", "calibrate", "export", "config"}) {
+  for (const char* command : {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
     EXPECT_NE(help.output.find(command), std::string::npos) << command;
   }
   EXPECT_EQ(Volalign("--version").status, 0);
@@ -197,6 +197,52 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   const std::string image = ReadFile(Path("capture/A_Depth.png"));
   WriteFileAtomically(Path("capture/A_Depth.png"), image.substr(0, image.size() / 2));
   ExpectCalibrateError(capture, {"A_Depth.png", "truncated"});
+}
+
+TEST_F(Program, EvaluatesRigsAndCaptures) {
+  const std::string capture = WriteSmallCapture();
+  const std::string command =
+      "evaluate --model models/m05-lite.pt --rigs " + Path("rig.yaml") +
+      " --sensors azure_kinect_nfov_binned realsense_d415 --seeds 5:7 --captures " + capture +
+      " --compare initial.keypoints=exposed,centre -o " + Path("eval");
+  const Outcome first = Volalign(command);
+  EXPECT_EQ(first.status, 0) << first.output;
+  const nlohmann::json json = ReadJson(Path("eval/evaluation.json"));
+  // Two seeds of two sensor models, and the capture, under two variants each.
+  ASSERT_EQ(json.at("cases").size(), 10u);
+  for (const nlohmann::json& one : json.at("cases")) {
+    EXPECT_EQ(one.at("sensors").size(), 2u);
+    for (const nlohmann::json& sensor : one.at("sensors")) {
+      EXPECT_LT(sensor.at("error").at("refined").at("translation_m").get<double>(), 0.01)
+          << one.dump();
+    }
+  }
+  EXPECT_NE(first.output.find("| rig | azure_kinect_nfov_binned | exposed |"), std::string::npos)
+      << first.output;
+  EXPECT_NE(first.output.find("| " + capture + " | A | centre | ok |"), std::string::npos)
+      << first.output;
+
+  const Outcome again = Volalign(command);
+  EXPECT_EQ(again.status, 0) << again.output;
+  EXPECT_NE(again.output.find("[5/5]"), std::string::npos) << again.output;
+  std::size_t done = 0;
+  for (std::size_t at = 0; (at = again.output.find("(done before)", at)) != std::string::npos; ++at)
+    ++done;
+  EXPECT_EQ(done, 5u) << again.output;
+  EXPECT_EQ(ReadJson(Path("eval/evaluation.json")), json);
+}
+
+TEST_F(Program, BadEvaluationsAreOneLineErrors) {
+  const std::string model = "evaluate --model models/m05-lite.pt -o " + Path("eval") + " ";
+  ExpectError(Volalign(model), {"--rigs", "--captures"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --seeds 9:3"), {"--seeds 9:3"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --compare initial.method"),
+              {"--compare initial.method", "KEY=VALUE"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml configs/rig_ring8.yaml"), {"ring8"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --set-rig room_=1"), {"room_"});
+  ExpectError(Volalign(model + "--captures " + Path("none.json")), {"none.json"});
+  WriteFileAtomically(Path("eval/evaluation.json"), "{\"cases\": []}");
+  ExpectError(Volalign(model + "--captures " + WriteSmallCapture()), {"evaluation.json", "folder"});
 }
 
 TEST_F(Program, BadModelsAreOneLineErrors) {
