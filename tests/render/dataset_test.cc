@@ -184,6 +184,18 @@ TEST(Dataset, AKilledRunIsContinued) {
   for (const auto& [name, bytes] : whole) EXPECT_TRUE(bytes == continued[name]) << name;
 }
 
+TEST(Dataset, AnImageThatCannotBeWrittenGetsNoRow) {
+  const TempFolder folder;
+  const fs::path dir = folder / "set", blocked = dir / "000003" / "00000025_labels.png";
+  fs::create_directories(blocked);
+  ExpectError<IoError>([&] { WriteDataset(dir, Context(), Options(21)); }, {blocked.string()});
+  EXPECT_TRUE(fs::exists(dir / "000002" / "samples.jsonl"));
+  EXPECT_FALSE(fs::exists(dir / "000003" / "samples.jsonl"));
+  fs::remove(blocked);
+  EXPECT_EQ(WriteDataset(dir, Context(), Options(21)).found, 19u);
+  EXPECT_EQ(Dataset(dir).Read(25, 1)[0].index, 25u);
+}
+
 TEST(Dataset, RefusesToMixSamples) {
   const TempFolder folder;
   WriteDataset(folder.path(), Context(), Options(3));
