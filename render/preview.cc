@@ -22,6 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kNear = 0.5, kFar = 6.0;  // m
+constexpr int kShown = 12;                 // samples of a sensor in the picture
 constexpr int kColumns = 8;                // pictures: pairs of depth and labels
 
 struct RealFrame {
@@ -137,13 +138,13 @@ std::string WritePreview(const fs::path& dir, const SampleConfig& config,
     int upright = 0;
     std::vector<Sample> samples;
     for (int i = 0; i < options.count; ++i) {
-      samples.push_back(Synthesize(context, renderer, options.seed,
-                                   options.first_index + static_cast<std::uint64_t>(i)));
-      const Sample& sample = samples.back();
+      Sample sample = Synthesize(context, renderer, options.seed,
+                                 options.first_index + static_cast<std::uint64_t>(i));
       rendered.Add(sample.depth, sample.intrinsics);
       rendered.AddSides(sample.depth, sample.labels, sample.intrinsics);
       clean.Add(sample.depth_clean, sample.intrinsics);
       if (i == 0) upright = UprightTurns(sample.structure_from_sensor);
+      if (i < kShown) samples.push_back(std::move(sample));
     }
     if (found != real.end()) {
       for (const RealFrame& frame : found->second) {

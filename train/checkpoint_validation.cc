@@ -5,35 +5,16 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <set>
 #include <utility>
 #include <vector>
 
-#include "render/sample_stream.h"
+#include "train/rendered_source.h"
 
 namespace volalign {
-namespace {
-
-class StreamSource : public SampleSource {
- public:
-  StreamSource(const TrainConfig& config, std::shared_ptr<const SampleContext> context)
-      : stream_(std::move(context), Options(config)) {}
-  std::vector<Sample> Next() override { return stream_.Next(); }
-
- private:
-  static SampleStream::Options Options(const TrainConfig& config) {
-    SampleStream::Options options;
-    options.seed = static_cast<std::uint64_t>(config.run.validation_seed);
-    options.num_threads = config.run.loader_threads;
-    options.prefetch = config.run.prefetch;
-    return options;
-  }
-  SampleStream stream_;
-};
-
-}  // namespace
 
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples) {
   if (config.run.threads > 0) at::set_num_threads(config.run.threads);
@@ -43,7 +24,8 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
   const at::Device device(config.run.device);
   model.net->to(device);
   const TrainingLoss loss(config.loss, context->structure, device);
-  StreamSource source(config, context);
+  RenderedSource source(context, config.run, static_cast<std::uint64_t>(config.run.validation_seed),
+                        0);
   return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
                   source, samples, device, config.run.channels_last);
 }

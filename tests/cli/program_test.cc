@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -129,11 +130,43 @@ TEST_F(Program, UnknownConfigKeysAreErrors) {
 }
 
 TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
-  const Outcome run =
-      Volalign("render --config configs/m05-lite.yaml --index 32 --count 2 -o " + Path("samples"));
+  const std::string command =
+      "render --config configs/m05-lite.yaml --index 998 -o " + Path("samples");
+  Outcome run = Volalign(command + " --count 3");
   EXPECT_EQ(run.status, 0) << run.output;
-  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("samples").size(), 2u);
+  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("count"), 3);
   EXPECT_GT(ReadPngRgb(Path("samples/contact_sheet.png")).width(), 160);
+  EXPECT_EQ(ReadDepthFile(Path("samples/000000/00000999_depth.png")).width(), 160);
+  EXPECT_EQ(ReadPng8(Path("samples/000001/00001000_labels.png")).width(), 160);
+  run = Volalign(command + " --count 5 --threads 3");
+  EXPECT_NE(run.output.find("2 samples after 3"), std::string::npos) << run.output;
+  run = Volalign(command + " --count 5 --seed 2");
+  EXPECT_EQ(run.status, 1);
+  EXPECT_NE(run.output.find("seed = 2 (dataset: 1)"), std::string::npos) << run.output;
+}
+
+// A node that has no EGL driver at all trains and validates on folders.
+TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
+  const std::string small =
+      " --config configs/m05-lite.yaml --set data.image_sizes=[40x36] --set run.batch_size=2";
+  const auto write = [&](const std::string& name, const std::string& seed) {
+    const Outcome run =
+        Volalign("render" + small + " --count 4 --seed " + seed + " -o " + Path(name));
+    EXPECT_EQ(run.status, 0) << run.output;
+  };
+  write("train", "1");
+  write("valid", "1000001");
+  const std::string train =
+      "train" + small + " --set model.base_channels=2 --set run.samples=6 --set run.threads=1" +
+      " --set optim.warmup_samples=2 --set run.validation_samples=4 --set run.dataset=" +
+      Path("train") + " -o " + Path("run");
+  ASSERT_EQ(::setenv("__EGL_VENDOR_LIBRARY_FILENAMES", Path("none.json").c_str(), 1), 0);
+  const Outcome blind = Volalign(train);
+  const Outcome run = Volalign(train + " --set run.validation_dataset=" + Path("valid"));
+  ::unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
+  ExpectError(blind, {"run.validation_dataset", "run.validation_samples=0"});
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_TRUE(fs::exists(Path("run/model.pt")));
 }
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
