@@ -88,6 +88,7 @@ struct OptimConfig {
 struct RunConfig {
   std::int64_t samples = 3200000;
   int batch_size = 16;
+  std::string init;
   std::int64_t seed = 1;
   std::int64_t validation_seed = 1000001;
   int validation_samples = 256;
@@ -108,6 +109,8 @@ struct RunConfig {
   void Describe(Archive& ar) {
     ar("samples", samples, "length of the run", AtLeast(1));
     ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("init", init,
+       "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
     ar("seed", seed, "of weights and training samples", AtLeast(0));
     ar("validation_seed", validation_seed, "of validation samples, other than seed", AtLeast(0));
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
