@@ -28,6 +28,9 @@ struct PatchSetLess {
 /// their own, rad.
 constexpr double kKeypointSigma = 0.03, kNormalSigma = 0.01;
 
+/// Of the verification: depths agree, points lie on their side, m.
+constexpr double kTolerance = 0.05;
+
 /// Weight of a patch: a large one outweighs a sliver, but two large ones are equals.
 double Trust(const SideEvidence& patch) { return patch.area / (patch.area + 0.03); }
 
@@ -79,7 +82,6 @@ class PoseSearch {
   }
 
  private:
-  static constexpr double kTolerance = 0.05;
   static constexpr int kLast = 3;  // corrections after which the gate on keypoints stays
   struct Candidate {
     Pose pose;
@@ -253,10 +255,43 @@ class PoseSearch {
   std::vector<SideEvidence> evidence_;
 };
 
+InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
+                              const Structure& structure, const InitialPoseOptions& options) {
+  const auto classes = static_cast<std::size_t>(structure.num_classes());
+  std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());
+  std::vector<int> counts(classes, 0);
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const std::size_t label = segmentation.labels(u, v);
+      if (label == 0 || label >= classes || !(view.depth(u, v) > 0)) continue;
+      if (segmentation.confidence(u, v) < options.evidence.min_confidence) continue;
+      sums[label] += view.Point(u, v);
+      ++counts[label];
+    }
+  }
+  std::vector<Eigen::Vector3d> source, target;
+  for (std::size_t label = 1; label < classes; ++label) {
+    if (counts[label] < options.evidence.min_pixels) continue;
+    source.push_back(sums[label] / counts[label]);
+    target.push_back(structure.SideOfLabel(static_cast<int>(label)).centre);
+  }
+  InitialPose result;
+  result.evidence = CollectEvidence(view, segmentation, structure, options.evidence);
+  if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
+  result.found = true;
+  result.structure_from_sensor = AlignPoints(source, target).target_from_source;
+  result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
+                                     options.evidence.min_confidence, kTolerance);
+  for (std::size_t i = 0; i < result.evidence.size(); ++i)
+    result.consistent.push_back(static_cast<int>(i));
+  return result;
+}
+
 }  // namespace
 
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options) {
+  if (options.method == "paper") return EstimatePaperPose(view, segmentation, structure, options);
   return PoseSearch(view, segmentation, structure, options).Run();
 }
 

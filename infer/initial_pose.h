@@ -12,6 +12,7 @@
 namespace volalign {
 
 struct InitialPoseOptions {
+  std::string method = "robust";
   std::string keypoints = "exposed";
   int visibility_iterations = 5;
   double max_keypoint_error_m = 0.2;
@@ -20,6 +21,12 @@ struct InitialPoseOptions {
 
   template <class Archive>
   void Describe(Archive& ar) {
+    ar("method", method,
+       "robust (hypothesise and verify, see infer/initial_pose.h), or paper: the mean of each "
+       "side's "
+       "confident pixels against its centre, Procrustes over all visible sides; it uses evidence's "
+       "min_confidence and min_pixels only",
+       OneOf({"robust", "paper"}));
     ar("keypoints", keypoints,
        "point that stands for a side before its visible part is known: exposed (centroid of the "
        "area that no "
@@ -50,13 +57,15 @@ struct InitialPose {
   std::vector<int> consistent;         ///< indices of the patches that the pose agrees with
 };
 
-/// Hypothesise and verify. A pose is made from every pair and triple of patches, from all of them
-/// and from all but one, by Procrustes over area-weighted keypoints and, as a second point of each
-/// side, its fitted normal (four parallel sides fix no rotation with keypoints alone); the patches
-/// that agree with it vote for it, and the best hypotheses compete by how well their view of the
-/// structure agrees with measured depths and labels (not by a number of pixels). Keypoints are
-/// corrected for visibility: the centroid of a half hidden side is compared with that of the part
-/// that the estimated pose shows.
+/// By `options.method`:
+///
+/// robust: hypothesise and verify. A pose is made from every pair and triple of patches, from all
+/// of them and from all but one, by Procrustes over area-weighted keypoints and, as a second point
+/// of each side, its fitted normal (four parallel sides fix no rotation with keypoints alone); the
+/// patches that agree with it vote for it, and the best hypotheses compete by how well their view
+/// of the structure agrees with measured depths and labels (not by a number of pixels). Keypoints
+/// are corrected for visibility: the centroid of a half hidden side is compared with that of the
+/// part that the estimated pose shows.
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options);
 
