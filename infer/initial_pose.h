@@ -15,6 +15,7 @@ struct InitialPoseOptions {
   std::string method = "robust";
   std::string keypoints = "exposed";
   int visibility_iterations = 5;
+  int side_fit_steps = 5;
   double max_keypoint_error_m = 0.2;
   double max_normal_error_deg = 30;
   EvidenceOptions evidence;
@@ -36,6 +37,8 @@ struct InitialPoseOptions {
        "times that keypoints are replaced by centroids of what the structure shows from the "
        "estimated pose",
        AtLeast(0));
+    ar("side_fit_steps", side_fit_steps,
+       "robust steps, at the end, that bring labelled points onto their finite sides", AtLeast(0));
     ar("max_keypoint_error_m", max_keypoint_error_m,
        "distance between a side's keypoint and its measured one beyond which they contradict each "
        "other, m",
