@@ -50,9 +50,17 @@ void ParallelFor(std::size_t count, int threads, const std::function<void(std::s
 class Stopwatch {
  public:
   explicit Stopwatch(CalibrationResult* result) : result_(result) {}
+  /// Adds the time since the last lap to a stage.
   void Lap(const std::string& stage) {
     const auto now = Clock::now();
-    result_->timings_s.emplace_back(stage, Seconds(now - lap_));
+    auto& timings = result_->timings_s;
+    const auto known = std::find_if(timings.begin(), timings.end(),
+                                    [&](const auto& timing) { return timing.first == stage; });
+    if (known != timings.end()) {
+      known->second += Seconds(now - lap_);
+    } else {
+      timings.emplace_back(stage, Seconds(now - lap_));
+    }
     lap_ = now;
   }
   void Total() { result_->timings_s.emplace_back("total", Seconds(Clock::now() - start_)); }
@@ -118,71 +126,124 @@ class Calibration {
     return depth.empty() ? 0 : static_cast<double>(valid) / static_cast<double>(depth.size());
   }
 
-  /// Labels and initial pose of every sensor; `auto` keeps the turn whose labels agree best with a
-  /// pose that stands on the floor.
-  void Segment(Stopwatch* watch) {
-    struct Trial {
-      std::size_t sensor;
-      int turns;
-      SegmentationResult segmentation;
-      InitialPose initial;
-      double score() const { return initial.found ? initial.agreement.score() : 0; }
-    };
-    std::vector<Trial> trials;
+  /// One sensor's frame as the network sees it after `turns`, and the pose that follows.
+  struct Trial {
+    std::size_t sensor = 0;
+    int turns = 0;
+    SegmentationResult segmentation;
+    InitialPose initial;
+    int floor = 0;  // FloorEvidence::balance at the pose
+    double score() const { return initial.found ? initial.agreement.score() : 0; }
+    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down it would
+    /// not (infer/agreement.h, FindFloor).
+    bool decided() const {
+      constexpr double kDecided = 0.6;
+      return initial.found && floor > 0 && score() >= kDecided;
+    }
+  };
+
+  /// Segments and poses the trials from `begin` on, in as few forward passes as sizes allow.
+  void Try(std::vector<Trial>* trials, std::size_t begin, Stopwatch* watch) {
     std::vector<SegmentationRequest> requests;
+    for (std::size_t t = begin; t < trials->size(); ++t) {
+      const Trial& trial = (*trials)[t];
+      requests.push_back(
+          {&work_[trial.sensor].view.depth, &frames_[trial.sensor].intrinsics, trial.turns});
+    }
+    if (requests.empty()) return;
+    std::vector<SegmentationResult> results = segmenter_.Segment(requests);
+    for (std::size_t t = begin; t < trials->size(); ++t)
+      (*trials)[t].segmentation = std::move(results[t - begin]);
+    watch->Lap("segmentation");
+    ParallelFor(trials->size() - begin, options_.threads, [&](std::size_t k) {
+      Trial& trial = (*trials)[begin + k];
+      const SensorView& view = work_[trial.sensor].view;
+      trial.initial = EstimateInitialPose(view, trial.segmentation, structure_, options_.initial);
+      if (trial.initial.found) {
+        trial.floor = FindFloor(view, structure_, trial.initial.structure_from_sensor).balance();
+      }
+    });
+    watch->Lap("initial_pose");
+  }
+
+  /// Labels and initial pose of every sensor. `auto` takes the network's own orientation where that
+  /// decides, then, sensors of a rig being mounted alike, the turn of the first sensor that it did
+  /// not, and tries all four only where neither does: the turn whose labels agree best with a pose
+  /// that stands on the floor.
+  void Segment(Stopwatch* watch) {
+    std::vector<Trial> trials;
+    const auto add = [&](std::size_t i, int turns) {
+      Trial trial;
+      trial.sensor = i;
+      trial.turns = turns;
+      trials.push_back(std::move(trial));
+    };
     for (std::size_t i = 0; i < frames_.size(); ++i) {
       if (ValidShare(i) < options_.verdict.min_valid_share) {
         result_.sensors[i].segmentation = {
             LabelImage(work_[i].view.width(), work_[i].view.height()),
             Image<float>(work_[i].view.width(), work_[i].view.height())};
-        continue;
-      }
-      const bool automatic = frames_[i].quarter_turns == kAutoTurns;
-      for (int turns = automatic ? 0 : frames_[i].quarter_turns;
-           turns <= (automatic ? 3 : frames_[i].quarter_turns); ++turns) {
-        trials.push_back({i, turns, {}, {}});
-        requests.push_back({&work_[i].view.depth, &frames_[i].intrinsics, turns});
+      } else {
+        add(i, frames_[i].quarter_turns == kAutoTurns ? 0 : frames_[i].quarter_turns);
       }
     }
-    if (!requests.empty()) {
-      std::vector<SegmentationResult> results = segmenter_.Segment(requests);
-      for (std::size_t t = 0; t < trials.size(); ++t)
-        trials[t].segmentation = std::move(results[t]);
-    }
-    watch->Lap("segmentation");
-    ParallelFor(trials.size(), options_.threads, [&](std::size_t t) {
-      trials[t].initial = EstimateInitialPose(work_[trials[t].sensor].view, trials[t].segmentation,
-                                              structure_, options_.initial);
-    });
-    std::vector<double> best(frames_.size(), 0);
+    Try(&trials, 0, watch);
+    std::vector<std::size_t> open;
     for (const Trial& trial : trials) {
-      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
+      if (frames_[trial.sensor].quarter_turns == kAutoTurns && !trial.decided())
+        open.push_back(trial.sensor);
     }
-    // Turns that explain the view about as well as the best one compete by how the structure stands
-    // on the floor.
+    int usual = 0;
+    if (!open.empty()) {
+      const std::size_t begin = trials.size();
+      for (int turns = 1; turns < 4; ++turns) add(open.front(), turns);
+      Try(&trials, begin, watch);
+      for (std::size_t t = begin; t < trials.size(); ++t) {
+        if (trials[t].decided()) usual = trials[t].turns;
+      }
+      open.erase(open.begin());
+    }
+    if (usual != 0) {
+      const std::size_t begin = trials.size();
+      for (const std::size_t i : open) add(i, usual);
+      Try(&trials, begin, watch);
+      open.clear();
+      for (std::size_t t = begin; t < trials.size(); ++t) {
+        if (!trials[t].decided()) open.push_back(trials[t].sensor);
+      }
+    }
+    const std::size_t begin = trials.size();
+    for (const std::size_t i : open) {
+      for (int turns = 1; turns < 4; ++turns) {
+        if (turns != usual) add(i, turns);
+      }
+    }
+    Try(&trials, begin, watch);
+    TakeBest(&trials);
+  }
+
+  /// Turns that explain a view about as well as the best one compete by how the structure stands on
+  /// the floor.
+  void TakeBest(std::vector<Trial>* trials) {
+    std::vector<double> best(frames_.size(), 0);
+    for (const Trial& trial : *trials)
+      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
     constexpr double kRival = 0.5;
     std::vector<const Trial*> chosen(frames_.size(), nullptr);
-    std::vector<int> balance(frames_.size(), 0);
-    for (const Trial& trial : trials) {
+    for (const Trial& trial : *trials) {
       const std::size_t i = trial.sensor;
       if (trial.score() < kRival * best[i]) continue;
-      const int floor =
-          trial.initial.found
-              ? FindFloor(work_[i].view, structure_, trial.initial.structure_from_sensor).balance()
-              : 0;
-      if (!chosen[i] || floor > balance[i] ||
-          (floor == balance[i] && trial.score() > chosen[i]->score())) {
+      if (!chosen[i] || trial.floor > chosen[i]->floor ||
+          (trial.floor == chosen[i]->floor && trial.score() > chosen[i]->score())) {
         chosen[i] = &trial;
-        balance[i] = floor;
       }
     }
-    for (Trial& trial : trials) {
+    for (Trial& trial : *trials) {
       if (chosen[trial.sensor] != &trial) continue;
       result_.sensors[trial.sensor].quarter_turns = trial.turns;
       result_.sensors[trial.sensor].segmentation = std::move(trial.segmentation);
       work_[trial.sensor].initial = std::move(trial.initial);
     }
-    watch->Lap("initial_pose");
   }
 
   void Fail(std::size_t i, const char* code, std::string reason, const char* hint) {

@@ -226,37 +226,50 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
   }
 }
 
-TEST(Calibrate, AutoTakesTheTurnThatAgrees) {
-  /// Perfect labels for one turn, sides shuffled for the others.
-  class OneTurnSegmenter : public Segmenter {
-   public:
-    explicit OneTurnSegmenter(const LabelImage& labels) : labels_(labels) {}
-    std::vector<SegmentationResult> Segment(
-        const std::vector<SegmentationRequest>& requests) override {
-      std::vector<SegmentationResult> results;
-      for (const SegmentationRequest& request : requests) {
-        LabelImage labels = labels_;
-        if (request.quarter_turns != 3) {
-          for (std::uint8_t& label : labels) {
-            if (label)
-              label = static_cast<std::uint8_t>(1 + (label * 7 + request.quarter_turns) % 20);
-          }
-        }
-        results.push_back(Certain(labels));
+/// Perfect labels for one turn, sides shuffled for the others; counts the frames that it was given.
+class OneTurnSegmenter : public Segmenter {
+ public:
+  OneTurnSegmenter(const Rig& rig, int turn) : perfect_(rig.PerfectSegmenter()), turn_(turn) {}
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    std::vector<SegmentationResult> results = perfect_.Segment(requests);
+    for (std::size_t i = 0; i < requests.size(); ++i) {
+      if (requests[i].quarter_turns == turn_) continue;
+      for (std::uint8_t& label : results[i].labels) {
+        if (label)
+          label = static_cast<std::uint8_t>(1 + (label * 7 + requests[i].quarter_turns) % 20);
       }
-      return results;
     }
+    frames_ += static_cast<int>(requests.size());
+    return results;
+  }
+  int frames() const { return frames_; }
 
-   private:
-    LabelImage labels_;
-  };
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(130));
-  rig.frames[0].quarter_turns = kAutoTurns;
-  OneTurnSegmenter segmenter(rig.labels[0]);
-  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
-  EXPECT_EQ(result.sensors[0].quarter_turns, 3);
-  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+ private:
+  StoredSegmenter perfect_;
+  int turn_;
+  int frames_ = 0;
+};
+
+TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
+  for (const bool floor : {true, false}) {
+    for (int turn = 0; turn < 4; ++turn) {
+      Rig rig{PaperStructure(), {}, {}};
+      for (int i = 0; i < 4; ++i) {
+        rig.Add("S" + std::to_string(i), RingPose(130 + 80.0 * i), {floor, 0});
+        rig.frames.back().quarter_turns = kAutoTurns;
+      }
+      OneTurnSegmenter segmenter(rig, turn);
+      const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+      for (const SensorResult& sensor : result.sensors) {
+        EXPECT_EQ(sensor.quarter_turns, turn);
+        EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
+      }
+      // Without a floor nothing tells up from down, and every turn has to be seen. With it, one
+      // pass, or one, three for the first sensor, and one for each other.
+      EXPECT_EQ(segmenter.frames(), !floor ? 16 : turn == 0 ? 4 : 10) << turn;
+    }
+  }
 }
 
 TEST(Calibrate, RejectsBadInput) {
