@@ -3,18 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <exception>
-#include <functional>
 #include <memory>
-#include <mutex>
+#include <optional>
 #include <set>
-#include <thread>
 
 #include "core/error.h"
 #include "core/visibility.h"
+#include "infer/intrinsics_check.h"
+#include "infer/parallel_for.h"
 #include "infer/sensor_view.h"
 
 namespace volalign {
@@ -23,29 +21,6 @@ namespace {
 
 constexpr double kInlierDistance = 0.03;  // design section 9
 constexpr double kRmsDistance = 0.1;
-
-/// Runs task(0), ..., task(count - 1) on `threads` threads and rethrows the first exception.
-void ParallelFor(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::mutex mutex;
-  const auto work = [&] {
-    for (std::size_t i = next++; i < count; i = next++) {
-      try {
-        task(i);
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(mutex);
-        if (!failure) failure = std::current_exception();
-      }
-    }
-  };
-  std::vector<std::thread> helpers;
-  const std::size_t wanted = std::min(count, static_cast<std::size_t>(threads));
-  for (std::size_t t = 1; t < wanted; ++t) helpers.emplace_back(work);
-  work();
-  for (std::thread& helper : helpers) helper.join();
-  if (failure) std::rethrow_exception(failure);
-}
 
 class Stopwatch {
  public:
@@ -78,7 +53,10 @@ struct Work {
   InitialPose initial;
   std::unique_ptr<RefineView> refine_view;
   Pose start = Pose::Identity();  // initial pose, refined alone
-  double start_offset = 0;        // of the depth, m
+  bool rejected = false;          // failed before its pose was looked at
+  std::string same_depth_as;      // another sensor with the same depth map
+  std::optional<BetterIntrinsics> better_intrinsics;
+  double start_offset = 0;  // of the depth, m
   bool placed = false;
 };
 
@@ -107,13 +85,16 @@ class Calibration {
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
       work_[i].view = MakeSensorView(frames_[i].depth, frames_[i].intrinsics);
     });
+    CheckDepths();
     watch.Lap("rays");
     Segment(&watch);
+    InspectStack(&watch);
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) { Place(i); });
     watch.Lap("placement");
     RefineTogether();
     watch.Lap("refinement");
     Measure();
+    FindTwins();
     watch.Lap("metrics");
     watch.Total();
     return std::move(result_);
@@ -124,6 +105,65 @@ class Calibration {
     const DepthImage& depth = work_[i].view.depth;
     const auto valid = std::count_if(depth.begin(), depth.end(), [](float z) { return z > 0; });
     return depth.empty() ? 0 : static_cast<double>(valid) / static_cast<double>(depth.size());
+  }
+
+  /// Rejects sensors whose depths cannot be a view of a structure: none, of another unit, or those
+  /// of another sensor.
+  void CheckDepths() {
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      const DepthImage& depth = work_[i].view.depth;
+      const double valid = ValidShare(i);
+      if (valid < options_.verdict.min_valid_share) {
+        Fail(i, "no_depth", fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
+             "check the depth file and the sensor's lens cap");
+      } else if (const std::optional<std::string> problem = UnitProblem(depth)) {
+        Fail(i, "wrong_units", *problem, "correct depth_scale in the capture");
+      } else {
+        for (std::size_t j = 0; j < i; ++j) {
+          if (work_[j].rejected || !(work_[j].view.depth == depth)) continue;
+          work_[i].same_depth_as = frames_[j].name;
+          work_[j].same_depth_as = frames_[i].name;
+          Fail(i, "duplicate_depth",
+               fmt::format("its depth map is that of {}, pixel for pixel", frames_[j].name),
+               "check the sensors' depth files: one of them is given twice");
+          break;
+        }
+      }
+      work_[i].rejected = !result_.sensors[i].code.empty();
+      if (work_[i].rejected) {
+        result_.sensors[i].segmentation = {LabelImage(depth.width(), depth.height()),
+                                           Image<float>(depth.width(), depth.height())};
+      }
+    }
+  }
+
+  /// A sentence for depths that no room gives: most of them beyond 10 m, or nearly all nearer than
+  /// 0.9 m, where no sensor sees a structure.
+  static std::optional<std::string> UnitProblem(const DepthImage& depth) {
+    std::vector<float> values;
+    for (const float z : depth) {
+      if (z > 0) values.push_back(z);
+    }
+    const auto quantile = [&](double q) {
+      const auto at = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
+      std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at),
+                       values.end());
+      return static_cast<double>(values[at]);
+    };
+    constexpr double kFarthest = 10, kNearest = 0.9;
+    const double median = quantile(0.5), high = quantile(0.95);
+    if (median <= kFarthest && high >= kNearest) return std::nullopt;
+    std::string text = fmt::format("half of its depths are {} {:.3g} m",
+                                   median > kFarthest ? "beyond" : "under", median);
+    const std::vector<double> factors =
+        median > kFarthest ? std::vector<double>{0.1, 0.001} : std::vector<double>{10.0, 1000.0};
+    for (const double factor : factors) {
+      if (median * factor < 0.5 || median * factor > 8) continue;
+      return text + fmt::format("; its depth_scale seems to be {} times too {}",
+                                factor < 1 ? std::lround(1 / factor) : std::lround(factor),
+                                factor < 1 ? "large" : "small");
+    }
+    return text + ", where no structure can be";
   }
 
   /// One sensor's frame as the network sees it after `turns`, and the pose that follows.
@@ -179,13 +219,8 @@ class Calibration {
       trials.push_back(std::move(trial));
     };
     for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (ValidShare(i) < options_.verdict.min_valid_share) {
-        result_.sensors[i].segmentation = {
-            LabelImage(work_[i].view.width(), work_[i].view.height()),
-            Image<float>(work_[i].view.width(), work_[i].view.height())};
-      } else {
+      if (!work_[i].rejected)
         add(i, frames_[i].quarter_turns == kAutoTurns ? 0 : frames_[i].quarter_turns);
-      }
     }
     Try(&trials, 0, watch);
     std::vector<std::size_t> open;
@@ -246,12 +281,26 @@ class Calibration {
     }
   }
 
-  void Fail(std::size_t i, const char* code, std::string reason, const char* hint) {
+  /// Is the stack built as described? Asked of the sensors that are sure of several sides.
+  void InspectStack(Stopwatch* watch) {
+    if (!options_.assembly.enabled) return;
+    std::vector<AssemblySensor> sensors;
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (SeesSides(i))
+        sensors.push_back({&work_[i].view, &result_.sensors[i].segmentation, &work_[i].initial});
+    }
+    if (sensors.empty()) return;
+    result_.assembly =
+        InspectAssembly(sensors, structure_, options_.initial, options_.assembly, options_.threads);
+    watch->Lap("assembly");
+  }
+
+  void Fail(std::size_t i, const char* code, std::string reason, std::string hint) {
     SensorResult& sensor = result_.sensors[i];
     sensor.status = SensorStatus::kFailed;
     sensor.code = code;
     sensor.reason = std::move(reason);
-    sensor.hint = hint;
+    sensor.hint = std::move(hint);
   }
 
   RefineSensor Refinable(std::size_t i) const {
@@ -266,11 +315,19 @@ class Calibration {
   void Place(std::size_t i) {
     Work& work = work_[i];
     SensorResult& sensor = result_.sensors[i];
-    const double valid = ValidShare(i);
-    if (valid < options_.verdict.min_valid_share) {
-      return Fail(i, "no_depth", fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
-                  "check the depth file, its depth_scale and the sensor's lens cap");
+    if (work.rejected) return;
+    if (result_.assembly && result_.assembly->altered() && SeesSides(i)) {
+      const AssemblyReport& report = *result_.assembly;
+      return Fail(
+          i, report.arrangement.code.c_str(),
+          fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
+                      "{:.0f} %",
+                      report.arrangement.sentence, 100 * report.overlap,
+                      100 * report.described_overlap),
+          "stack the boxes as the structure file says, or describe them as they stand "
+          "(--structure)");
     }
+    CheckIntrinsics(i);
     constexpr char kLookHint[] =
         "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m";
     if (!work.initial.found) {
@@ -337,30 +394,67 @@ class Calibration {
                               Sides(labels.size()), alone_sigma_m),
                   kLookHint);
     }
+    constexpr double kFarOff = 0.08;  // of the focal length: the pose is decimetres off
+    if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
+      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
   }
+
+  struct SureSides {
+    std::size_t count = 0;
+    double area = 0;
+  };
+  SureSides CountSureSides(std::size_t i) const {
+    SureSides sure;
+    for (const SideEvidence& patch : work_[i].initial.evidence) {
+      if (patch.mean_confidence < 0.8) continue;
+      sure.area += patch.area;
+      ++sure.count;
+    }
+    return sure;
+  }
+  /// Enough of what looks like sides to ask why they do not fit. A structure seen from one corner
+  /// shows over 1 m^2.
+  bool SeesSides(std::size_t i) const {
+    const SureSides sure = CountSureSides(i);
+    return sure.count >= 4 && sure.area > 0.5;
+  }
+
+  /// Where labelled sides fit the structure badly: would they with other intrinsics?
+  void CheckIntrinsics(std::size_t i) {
+    constexpr double kGoodScore = 0.85;
+    const InitialPose& initial = work_[i].initial;
+    if (!SeesSides(i) || (initial.found && initial.agreement.score() >= kGoodScore)) return;
+    work_[i].better_intrinsics =
+        FindBetterIntrinsics(work_[i].view.depth, frames_[i].intrinsics,
+                             result_.sensors[i].segmentation, structure_, options_.initial);
+  }
+
+  std::string IntrinsicsReason(std::size_t i) const {
+    const BetterIntrinsics& better = *work_[i].better_intrinsics;
+    return fmt::format(
+        "its sides fit the structure {:.0f} % better with {} (labels and depth agree on {:.0f} % "
+        "of the structure, {:.0f} % as given)",
+        100 * (better.score / std::max(better.given_score, 0.01) - 1), better.change,
+        100 * better.score, 100 * better.given_score);
+  }
+  static constexpr char kIntrinsicsHint[] =
+      "give the intrinsics of this sensor at this resolution and orientation";
 
   static std::string Sides(std::size_t count) {
     return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
   }
 
   void FailVerification(std::size_t i, const Agreement& agreement, bool seen) {
-    double area = 0;
-    std::size_t sure = 0;
-    for (const SideEvidence& patch : work_[i].initial.evidence) {
-      if (patch.mean_confidence < 0.8) continue;
-      area += patch.area;
-      ++sure;
-    }
+    if (work_[i].better_intrinsics)
+      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     const std::string facts = fmt::format(
         "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
         "structure's view is "
         "measured on it and {:.0f} % of that is seen through",
         100 * agreement.inlier_share(), 100 * agreement.explained_share(),
         100 * agreement.see_through_share());
-    constexpr double kStructureArea =
-        0.5;  // m^2: a structure seen from one corner shows over 1 m^2
-    if (sure >= 4 && area > kStructureArea && (seen || agreement.inlier_share() > 0.3)) {
+    if (SeesSides(i) && (seen || agreement.inlier_share() > 0.3)) {
       return Fail(
           i, "inconsistent",
           "the sides that were found do not fit the structure together: " + facts,
@@ -456,7 +550,15 @@ class Calibration {
     const double sigma_m = sensor.sigma_translation_m().maxCoeff();
     const double sigma_deg = sensor.sigma_rotation_deg().maxCoeff();
     sensor.status = SensorStatus::kWeak;
-    if (sensor.inlier_share < limits.weak_inlier_share) {
+    if (!work_[i].same_depth_as.empty()) {
+      sensor.code = "duplicate_depth";
+      sensor.reason = fmt::format("{} has the same depth map", work_[i].same_depth_as);
+      sensor.hint = "check which of the two it belongs to";
+    } else if (work_[i].better_intrinsics) {
+      sensor.code = "intrinsics_suspect";
+      sensor.reason = IntrinsicsReason(i);
+      sensor.hint = kIntrinsicsHint;
+    } else if (sensor.inlier_share < limits.weak_inlier_share) {
       sensor.code = "few_inliers";
       sensor.reason =
           fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
@@ -482,6 +584,25 @@ class Calibration {
       sensor.hint = "let it see more sides, or more of what its neighbours see";
     } else {
       sensor.status = SensorStatus::kOk;
+    }
+  }
+
+  /// Two sensors cannot stand in one place: it is one sensor under two names.
+  void FindTwins() {
+    constexpr double kPlace = 0.02, kDirectionDeg = 2;
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      for (std::size_t j = 0; j < frames_.size(); ++j) {
+        SensorResult& sensor = result_.sensors[i];
+        if (i == j || !work_[i].placed || !work_[j].placed) continue;
+        const PoseError gap =
+            ComparePoses(*sensor.structure_from_sensor, *result_.sensors[j].structure_from_sensor);
+        if (gap.translation_m > kPlace || gap.rotation_deg > kDirectionDeg) continue;
+        sensor.status = SensorStatus::kWeak;
+        sensor.code = "same_pose";
+        sensor.reason = fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
+                                    frames_[j].name, 1000 * gap.translation_m, gap.rotation_deg);
+        sensor.hint = "check the sensors' depth files: one sensor seems to be given twice";
+      }
     }
   }
 
