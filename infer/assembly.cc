@@ -260,6 +260,24 @@ bool SameTurnedSolids(const std::vector<Box>& a, std::vector<Box> b) {
   return false;
 }
 
+/// The whole stack a quarter turn further; sides are named by the directions that they face.
+Structure QuarterTurned(const Structure& structure) {
+  std::vector<Box> boxes = structure.boxes();
+  const Eigen::Vector3d column = ColumnOf(boxes);
+  for (Box& box : boxes) box = QuarterTurned(box, column);
+  return Structure::FromBoxes(structure.name(), std::move(boxes), structure.SideNames());
+}
+
+/// Over all sensors, of each arrangement.
+std::vector<DepthOverlap> Sums(const std::vector<DepthOverlap>& parts, std::size_t sensors) {
+  std::vector<DepthOverlap> sums(parts.size() / sensors);
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    sums[k / sensors].both += parts[k].both;
+    sums[k / sensors].either += parts[k].either;
+  }
+  return sums;
+}
+
 /// Without the specks that stand for missing boxes.
 std::vector<Box> Visible(const std::vector<Box>& boxes) {
   std::vector<Box> visible;
@@ -321,18 +339,38 @@ AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
   if (views.empty() || described.ratio() >= options.suspicious_overlap) return report;
 
   std::vector<Arrangement> arrangements = Arrangements(structure);
-  std::vector<DepthOverlap> parts(arrangements.size() * views.size());
-  ParallelFor(parts.size(), threads, [&](std::size_t k) {
-    const SmallView& small = views[k % views.size()];
-    const Structure& other = arrangements[k / views.size()].structure;
+  const auto try_structure = [&](const SmallView& small, const Structure& other) {
     const InitialPose pose = EstimateInitialPose(small.view, small.segmentation, other, initial);
-    parts[k] = OverlapAt(small, other, pose, confidence);
+    return OverlapAt(small, other, pose, confidence);
+  };
+  const std::size_t count = views.size();
+  std::vector<DepthOverlap> parts(arrangements.size() * count);
+  ParallelFor(parts.size(), threads, [&](std::size_t k) {
+    parts[k] = try_structure(views[k % count], arrangements[k / count].structure);
   });
-  std::vector<DepthOverlap> sums(arrangements.size());
-  for (std::size_t k = 0; k < parts.size(); ++k) {
-    sums[k / views.size()].both += parts[k].both;
-    sums[k / views.size()].either += parts[k].either;
-  }
+  std::vector<DepthOverlap> sums = Sums(parts, count);
+
+  // A network that knows one stack may take a side of another for that of its neighbour: labels
+  // that are a quarter turn off. The described and the best others get a pose for these too.
+  constexpr std::size_t kBest = 8;
+  constexpr double kGood = 0.9;
+  std::vector<std::size_t> order(arrangements.size() - 1);
+  for (std::size_t k = 0; k < order.size(); ++k) order[k] = k + 1;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t x, std::size_t y) { return sums[x].ratio() > sums[y].ratio(); });
+  if (order.size() > kBest) order.resize(kBest);
+  order.push_back(0);
+  ParallelFor(order.size() * count, threads, [&](std::size_t k) {
+    const std::size_t which = order[k / count];
+    DepthOverlap& part = parts[which * count + k % count];
+    Structure turned = arrangements[which].structure;
+    for (int quarter = 1; quarter < 4 && part.ratio() < kGood; ++quarter) {
+      turned = QuarterTurned(turned);
+      const DepthOverlap other = try_structure(views[k % count], turned);
+      if (other.ratio() > part.ratio()) part = other;
+    }
+  });
+  sums = Sums(parts, count);
   // The pose search on fewer pixels may do better or worse than on all: the best counts.
   report.described_overlap = report.overlap = std::max(described.ratio(), sums.front().ratio());
   std::size_t best = 0;

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -270,6 +272,151 @@ TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
       EXPECT_EQ(segmenter.frames(), !floor ? 16 : turn == 0 ? 4 : 10) << turn;
     }
   }
+}
+
+/// Calibrates a rig whose depths stay as rendered after `spoil` has changed its frames.
+template <class Spoil>
+CalibrationResult CalibrateSpoilt(Rig rig, Spoil spoil) {
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    spoil(&rig.frames[i]);
+    segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  }
+  return Calibrate(rig.frames, rig.structure, segmenter);
+}
+
+Rig ThreeSensors() {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  return rig;
+}
+
+void ExpectFailed(const SensorResult& sensor, const std::string& code,
+                  const std::vector<std::string>& parts) {
+  EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
+  EXPECT_EQ(sensor.code, code) << sensor.name << ": " << sensor.reason;
+  EXPECT_FALSE(sensor.hint.empty()) << sensor.name;
+  for (const std::string& part : parts)
+    EXPECT_NE(sensor.reason.find(part), std::string::npos) << sensor.reason;
+}
+
+TEST(FailureClasses, WrongUnits) {
+  struct Case {
+    float factor;
+    const char* text;
+  };
+  // 100 um read as mm, mm as m, mm as 100 um, mm as um.
+  for (const Case& c : {Case{10, "10 times too large"}, Case{1000, "1000 times too large"},
+                        Case{0.1f, "10 times too small"}, Case{0.001f, "1000 times too small"}}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      for (float& z : frame->depth) z *= c.factor;
+    });
+    ExpectFailed(result.sensors[1], "wrong_units", {c.text});
+    EXPECT_EQ(result.placed(), 2);
+  }
+}
+
+TEST(FailureClasses, WrongFocalLength) {
+  for (const double factor : {0.85, 1.15}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      frame->intrinsics.fx *= factor;
+      frame->intrinsics.fy *= factor;
+    });
+    ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with fx = "});
+    const std::string& reason = result.sensors[1].reason;
+    const double fx = std::stod(reason.substr(reason.find("fx = ") + 5));
+    EXPECT_NEAR(fx, 252.2, 0.02 * 252.2) << reason;
+    EXPECT_EQ(result.placed(), 2);
+    EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  }
+}
+
+TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
+  Intrinsics wide;
+  wide.width = 320;
+  wide.height = 180;
+  wide.fx = wide.fy = 235.9;
+  wide.cx = 159.3;
+  wide.cy = 88.0;
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 2; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5}, wide);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame* frame) {
+    if (frame->name == "S1") std::swap(frame->intrinsics.cx, frame->intrinsics.cy);
+  });
+  ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with cx = 159.3, cy = 88.0"});
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+}
+
+TEST(FailureClasses, ExchangedWidthAndHeight) {
+  ExpectError<DataError>(
+      [] {
+        CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+          std::swap(frame->intrinsics.width, frame->intrinsics.height);
+        });
+      },
+      {"320x288", "288x320"});
+}
+
+TEST(FailureClasses, EmptyDepth) {
+  const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+    if (frame->name == "S1") std::fill(frame->depth.begin(), frame->depth.end(), 0.0f);
+  });
+  ExpectFailed(result.sensors[1], "no_depth", {"0.0 %"});
+  EXPECT_EQ(result.placed(), 2);
+}
+
+TEST(FailureClasses, ASensorTwice) {
+  // The same file under two names, and two shots of one sensor.
+  Rig rig = ThreeSensors();
+  rig.frames[1].depth = rig.frames[0].depth;
+  rig.labels[1] = rig.labels[0];
+  CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  ExpectFailed(result.sensors[1], "duplicate_depth", {"S0"});
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kWeak);
+  EXPECT_EQ(result.sensors[0].code, "duplicate_depth");
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+
+  AddNoise(&rig.frames[1].depth, 0.001, 1);
+  result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  for (int i = 0; i < 2; ++i) {
+    const SensorResult& sensor = result.sensors[static_cast<std::size_t>(i)];
+    EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+    EXPECT_EQ(sensor.code, "same_pose");
+    EXPECT_NE(sensor.reason.find(i == 0 ? "S1" : "S0"), std::string::npos) << sensor.reason;
+    EXPECT_TRUE(sensor.structure_from_sensor.has_value());
+  }
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+}
+
+TEST(FailureClasses, AMirroredStack) {
+  // Seen from the other side of the plane z = 0, with sides named by where they face.
+  const Structure structure = PaperStructure();
+  std::vector<Box> boxes = structure.boxes();
+  for (Box& box : boxes) box.structure_from_box.translation().z() *= -1;
+  Rig rig{Structure::FromBoxes("mirrored", boxes, structure.SideNames()), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_TRUE(result.assembly->altered());
+  for (const SensorResult& sensor : result.sensors)
+    ExpectFailed(sensor, "assembly_mirrored", {"the stack is mirrored"});
+  EXPECT_EQ(result.placed(), 0);
+}
+
+TEST(FailureClasses, NoneOfThemOnAGoodRig) {
+  Rig rig = RingOfEight({true, 3.5});
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) AddNoise(&rig.frames[i].depth, 0.003, i);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_FALSE(result.assembly->altered());
+  EXPECT_GT(result.assembly->described_overlap, 0.97);
 }
 
 TEST(Calibrate, RejectsBadInput) {
