@@ -49,9 +49,9 @@ struct CheckpointMeta {
   std::pair<double, double> focal_px{0, 0};      ///< least and largest focal length in training, px
   std::vector<std::pair<int, int>> image_sizes;  ///< width, height
   std::vector<double> roll_offsets_deg;          ///< design section 4
-  std::int64_t samples = 0;                      ///< number of training samples
-  std::string config_yaml;                       ///< the resolved training configuration
-  std::string tool;                              ///< "volalign 0.1.0"; filled by SaveCheckpoint
+  std::int64_t samples = 0;  ///< number of training samples, those of run.init included
+  std::string config_yaml;   ///< the resolved training configuration
+  std::string tool;          ///< "volalign 0.1.0"; filled by SaveCheckpoint
 };
 
 inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/1";

@@ -65,6 +65,34 @@ Image<float> SmoothField(int width, int height, double correlation_px, RandomStr
   return field;
 }
 
+void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise) {
+  const auto side_weight = [](double sigma) {
+    return sigma > 0.1 ? static_cast<float>(std::exp(-0.5 / (sigma * sigma))) : 0.0F;
+  };
+  const float row_side = side_weight(sigma_u), column_side = side_weight(sigma_v);
+  const float row_norm = 1 / std::sqrt(1 + 2 * row_side * row_side);
+  const float column_norm = 1 / std::sqrt(1 + 2 * column_side * column_side);
+  const int width = noise->width(), height = noise->height();
+  Image<float> rows(width, height);
+  for (int v = 0; v < height; ++v) {
+    const float* in = &(*noise)(0, v);
+    float* out = &rows(0, v);
+    for (int u = 0; u < width; ++u) {
+      const float left = in[std::max(u - 1, 0)], right = in[std::min(u + 1, width - 1)];
+      out[u] = row_norm * (in[u] + row_side * (left + right));
+    }
+  }
+  for (int v = 0; v < height; ++v) {
+    const float* above = &rows(0, std::max(v - 1, 0));
+    const float* here = &rows(0, v);
+    const float* below = &rows(0, std::min(v + 1, height - 1));
+    float* out = &(*noise)(0, v);
+    for (int u = 0; u < width; ++u) {
+      out[u] = column_norm * (here[u] + column_side * (above[u] + below[u]));
+    }
+  }
+}
+
 int DrawPoisson(double mean, RandomStream& random) {
   const double limit = std::exp(-mean);
   int count = 0;

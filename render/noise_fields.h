@@ -40,6 +40,10 @@ class PixelRandom {
 /// interpolated with cubic B-splines. Its autocorrelation falls to 1/e at about `correlation_px`.
 Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random);
 
+/// Smooths white noise by a three-tap Gaussian of `sigma_u`, `sigma_v` px along rows and columns,
+/// and scales it back to its variance.
+void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise);
+
 /// Number of events of a Poisson process (Knuth), mean below 100.
 int DrawPoisson(double mean, RandomStream& random);
 

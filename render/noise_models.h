@@ -20,11 +20,11 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
 
 /// Stereo and structured light (facts/sensors.md, section 2): noise in disparity, z = f B / d.
 struct StereoModel {
-  double native_width = 1280;            ///< px, of the resolution that the next figures are for
-  double focal_baseline = 51.9;          ///< f B, px m
-  double local_sigma[2] = {0.04, 0.06};  ///< px rms, range drawn from
-  double warp_sigma[2] = {0.05, 0.2};    ///< px rms
-  double largest_disparity = 126;        ///< px; nearer surfaces are not matched
+  double native_width = 1280;              ///< px, of the resolution that the next figures are for
+  double focal_baseline = 51.9;            ///< f B, px m
+  double local_sigma[2] = {0.045, 0.065};  ///< px rms, range drawn from
+  double warp_sigma[2] = {0.1, 0.27};      ///< px rms
+  double largest_disparity = 126;          ///< px; nearer surfaces are not matched
 };
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random);
 

@@ -40,29 +40,6 @@ void Fatten(const NoiseInput& input, double scale, RandomStream& random, DepthIm
   }
 }
 
-/// 3x3 binomial smoothing with centre weight chosen for `sigma` px, scaled back to unit variance.
-void SmoothUnitNoise(double sigma, Image<float>* noise) {
-  const auto side = static_cast<float>(std::exp(-0.5 / (sigma * sigma)));
-  const float norm = 1 / std::sqrt(1 + 2 * side * side);
-  const int width = noise->width(), height = noise->height();
-  Image<float> rows(width, height);
-  for (int v = 0; v < height; ++v) {
-    const float* in = &(*noise)(0, v);
-    float* out = &rows(0, v);
-    for (int u = 0; u < width; ++u) {
-      const float left = in[std::max(u - 1, 0)], right = in[std::min(u + 1, width - 1)];
-      out[u] = norm * (in[u] + side * (left + right));
-    }
-  }
-  for (int v = 0; v < height; ++v) {
-    const float* above = &rows(0, std::max(v - 1, 0));
-    const float* here = &rows(0, v);
-    const float* below = &rows(0, std::min(v + 1, height - 1));
-    float* out = &(*noise)(0, v);
-    for (int u = 0; u < width; ++u) out[u] = norm * (here[u] + side * (above[u] + below[u]));
-  }
-}
-
 }  // namespace
 
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random) {
@@ -85,19 +62,19 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
   const auto visit_edge = [&](int u, int v, int p, int q) {
     if (faces(u, v) == faces(p, q)) return;
     const float a = out.depth(u, v), b = out.depth(p, q);
-    if (a == 0 || b == 0 || std::abs(a - b) < 0.1F) return;
+    if (a == 0 || b == 0 || std::abs(a - b) < 0.06F) return;
     const int far_u = a > b ? u : p, far_v = a > b ? v : q;
     const std::uint64_t id =
         2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
              static_cast<std::uint64_t>(u)) +
         static_cast<std::uint64_t>(q - v);
     const float dice = edge_dice.Uniform(id);
-    const float loss = edge_loss(u, v) - 0.4F;
+    const float loss = edge_loss(u, v) - 0.75F;
     if (loss > 0) {
-      const double r = scale * std::min(0.5 + 1.5 * loss, 2.5) - 0.4 + 0.4 * dice;
+      const double r = scale * std::min(0.5 + 2.0 * loss, 2.5) - 0.4 + 0.4 * dice;
       if (r > 0) ClearDisc(far_u, far_v, r, &keep);
-    } else if (dice < 0.16F && v == q) {
-      const float w = 0.2F + 0.6F * (dice / 0.16F);
+    } else if (dice < 0.10F && v == q) {
+      const float w = 0.2F + 0.6F * (dice / 0.10F);
       out.depth(far_u, far_v) = w * a + (1 - w) * b;
       out.labels(far_u, far_v) = 0;
     }
@@ -115,11 +92,11 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
   const PixelRandom pixel(random);
   Image<float> local(width, height);
   for (std::size_t i = 0; i < local.size(); ++i) local[i] = pixel.Normal(i);
-  SmoothUnitNoise(std::max(scale, 0.3), &local);
+  SmoothUnitNoise(1.2 * scale, 0.9 * scale, &local);
 
   // Matching succeeds where texture outweighs distance, incidence and two random fields.
-  const Image<float> coarse = SmoothField(width, height, scale * random.Uniform(20, 50), random);
-  const Image<float> fine = SmoothField(width, height, scale * random.Uniform(2.5, 6), random);
+  const Image<float> coarse = SmoothField(width, height, scale * random.Uniform(40, 100), random);
+  const Image<float> fine = SmoothField(width, height, scale * random.Uniform(3, 10), random);
   const auto quality = static_cast<float>(random.Uniform(-0.3, 1.0));
   const auto structure_quality = static_cast<float>(random.Uniform(2.3, 3.6));
 
@@ -165,8 +142,9 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
       const float offset = face.is_structure ? structure_quality
                                              : quality + 2.2F * (face.texture - 0.45F) -
                                                    0.25F * std::max(z - 2.5F, 0.0F);
-      const float confidence =
-          offset - 2.0F * std::max(0.35F - cosine, 0.0F) + 0.75F * coarse[i] + 0.65F * fine[i];
+      const float confidence = offset - 2.0F * std::max(0.35F - cosine, 0.0F) -
+                               8.0F * std::max(0.22F - cosine, 0.0F) + 0.9F * coarse[i] +
+                               0.4F * fine[i];
       if (occluded || column < 0 || confidence < 0 || disparity > largest_image_disparity ||
           v == 0) {
         keep[i] = 0;

@@ -12,6 +12,7 @@ namespace {
 // Figures of facts/sensors.md, section 1, are for images 320 px wide.
 constexpr double kReferenceWidth = 320;
 constexpr float kMultipathReach = 0.3F;  // m
+constexpr float kFillReach = 0.06F;      // m, of the spatial filter that rounds concave corners
 
 /// Face data that every pixel needs.
 struct FaceInfo {
@@ -73,7 +74,8 @@ std::vector<FaceInfo> FaceInfos(const NoiseInput& input, const std::vector<SeamB
     infos[i].height = static_cast<float>(face.normal.dot(eye) - face.offset);
     infos[i].reflectivity = object.reflectivity;
     infos[i].is_structure = object.is_structure;
-    const bool is_floor = face.normal.y() > 0.999 && std::abs(face.offset - floor) < 1e-4;
+    const bool is_floor =
+        !object.is_structure && face.normal.y() > 0.99 && std::abs(face.offset - floor) < 2e-3;
     if (infos[i].height <= 0 || !(object.is_structure || is_floor)) continue;
     infos[i].meets_floor = object.is_structure && std::abs(face.normal.y()) < 0.5;
     for (std::size_t b = 0; b < boxes.size(); ++b) {
@@ -159,6 +161,30 @@ void SpoilEdges(const NoiseInput& input, double scale, RandomStream& random, Dep
   }
 }
 
+/// The vendor invalidates most pixels that mix two surfaces: at mid-depth between neighbours.
+void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
+  constexpr float kDetected = 0.7F;
+  const PixelRandom pixel(random);
+  const auto mixed = [](float a, float m, float b) {
+    const float jump = b - a;
+    if (std::abs(jump) < 0.3F || a <= 0 || b <= 0) return false;
+    const float share = (m - a) / jump;
+    return share > 0.15F && share < 0.85F;
+  };
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 0; u < depth.width(); ++u) {
+      const float m = depth(u, v);
+      const bool found =
+          (u > 0 && u + 1 < depth.width() && mixed(depth(u - 1, v), m, depth(u + 1, v))) ||
+          (v > 0 && v + 1 < depth.height() && mixed(depth(u, v - 1), m, depth(u, v + 1)));
+      if (!found) continue;
+      const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(depth.width()) +
+                     static_cast<std::uint64_t>(u);
+      if (pixel.Uniform(i) < kDetected) (*keep)(u, v) = 0;
+    }
+  }
+}
+
 }  // namespace
 
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random) {
@@ -169,15 +195,20 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
   Image<std::uint8_t> keep(width, height, 1);
 
   const auto bias = static_cast<float>(random.Uniform(-0.011, 0.011));
-  const auto white = static_cast<float>(random.Uniform(0.0003, 0.0007));
-  const auto warp_rms = static_cast<float>(random.Uniform(0.002, 0.005));
-  const auto multipath = static_cast<float>(random.Uniform(0, 0.05));
+  const auto white = static_cast<float>(random.Uniform(0.75, 1.25));
+  const auto warp_rms = static_cast<float>(random.Uniform(0.0025, 0.006));
+  const auto multipath = static_cast<float>(random.Uniform(0, 0.025));
+  const auto fill = static_cast<float>(random.Uniform(0, 0.02));
   const auto threshold =
       static_cast<float>(std::exp(random.Uniform(std::log(0.001), std::log(0.004))));
-  const Image<float> warp = SmoothField(width, height, scale * random.Uniform(20, 80), random);
+  const Image<float> warp =
+      SmoothField(width, height, scale * 12 * std::exp(random.Uniform(0, std::log(5.0))), random);
   const Image<float> patches = SmoothField(width, height, scale * random.Uniform(10, 30), random);
-  const auto patch_limit = static_cast<float>(random.Uniform(1.6, 2.6));
+  const auto patch_limit = static_cast<float>(random.Uniform(1.2, 2.1));
   const PixelRandom pixel(random);
+  Image<float> grain(width, height);
+  for (std::size_t k = 0; k < grain.size(); ++k) grain[k] = pixel.Normal(k);
+  SmoothUnitNoise(0.62 * scale, 0.62 * scale, &grain);
 
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<FaceInfo> infos = FaceInfos(input, boxes);
@@ -202,13 +233,16 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
       const float ray = std::sqrt(x * x + y * y + 1);
       const float range = z * ray;
       const float cosine = std::max(face.height / range, 0.01F);
-      float error = bias + warp_rms * warp[i] +
-                    white * (0.7F + 0.12F * z) / std::max(cosine, 0.15F) * pixel.Normal(i);
+      const float inverse = 1 / std::max(cosine, 0.15F);
+      const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
+      float error =
+          bias + warp_rms * warp[i] + white * (0.00012F + 0.0001F * z) * grazing * grain[i];
       if (face.meets_floor || face.seam_boxes != 0) {
         const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(x, y, 1));
         float seam = SeamDistance(boxes, face.seam_boxes, p);
         if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error += multipath * (1 - seam / kMultipathReach);
+        error +=
+            multipath * (1 - seam / kMultipathReach) - fill * std::max(1 - seam / kFillReach, 0.0F);
       }
       out.depth[i] = z + error;
 
@@ -222,6 +256,7 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
   }
 
   SpoilEdges(input, scale, random, &out.depth, &out.labels, &keep);
+  DropMixedPixels(random, out.depth, &keep);
   const int speckles = DrawPoisson(
       25.0 * random.Uniform(0.2, 2.0) * width * height / (320.0 * 288.0) / (scale * scale), random);
   for (int k = 0; k < speckles; ++k) {

@@ -97,6 +97,7 @@ RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
   const double floor = capture.structure.FloorHeight();
 
   SceneOptions options;
+  options.structure_from_room = built.structure_from_room;
   options.structure_present = rig.structure_present;
   for (const RigSensor& sensor : rig.sensors) {
     options.structure_from_sensors.push_back(RigSensorPose(sensor, rig.structure_yaw_deg, floor));

@@ -48,7 +48,7 @@ struct Rig {
     scene.clutter_count = {6, 20};
     scene.tripod_count = {0, 0};
     scene.occluder_probability = 0;
-    assembly = {0, 0, 0};
+    assembly = {0, 0, 0, 0};
   }
 
   std::string structure = "configs/structure.yaml";

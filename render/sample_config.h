@@ -78,6 +78,7 @@ struct AssemblyConfig {
   double position_mm = 3;
   double yaw_deg = 0.5;
   double size_scale_percent = 1;
+  double floor_tilt_deg = 0.5;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -87,6 +88,10 @@ struct AssemblyConfig {
        AtLeast(0));
     ar("size_scale_percent", size_scale_percent,
        "standard deviation of the size error that all boxes share, percent", Between(0, 20));
+    ar("floor_tilt_deg", floor_tilt_deg,
+       "standard deviation of the room's tilt against the structure about each horizontal axis, "
+       "deg",
+       Between(0, 10));
   }
 };
 

@@ -107,10 +107,24 @@ class SceneBuilder {
     AddClutter();
     AddTripods();
     AddOccluder();
+    TiltRoom();
     return std::move(mesh_);
   }
 
  private:
+  void TiltRoom() {
+    const Pose& turn = options_.structure_from_room;
+    if (turn.isApprox(Pose::Identity(), 0)) return;
+    for (SceneFace& face : mesh_.faces) {
+      if (mesh_.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
+      for (Eigen::Vector3f& corner : face.corners) {
+        corner = (turn * corner.cast<double>()).cast<float>();
+      }
+      face.normal = turn.linear() * face.normal;
+      face.offset += face.normal.dot(turn.translation());
+    }
+  }
+
   SceneObject Material(RandomStream& random) const {
     SceneObject object;
     const bool dark = random.Chance(config_.dark_probability);
@@ -574,6 +588,14 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
     out.box_offsets.push_back(offset);
   }
   out.structure = nominal.Displaced(out.box_offsets, out.size_scale);
+  RandomStream tilt_random(seed, index, "floor");
+  const double about_x = config.floor_tilt_deg * kPi / 180 * tilt_random.Normal();
+  const double about_z = config.floor_tilt_deg * kPi / 180 * tilt_random.Normal();
+  const Eigen::Vector3d pivot(0, floor, 0);
+  out.structure_from_room.linear() = (Eigen::AngleAxisd(about_x, Eigen::Vector3d::UnitX()) *
+                                      Eigen::AngleAxisd(about_z, Eigen::Vector3d::UnitZ()))
+                                         .toRotationMatrix();
+  out.structure_from_room.translation() = pivot - out.structure_from_room.linear() * pivot;
   return out;
 }
 

@@ -15,15 +15,18 @@ struct AssembledStructure {
   Structure structure;
   std::vector<Pose> box_offsets;  ///< structure_from_structure of each box (Structure::Displaced)
   double size_scale = 1;
+  /// Turn of everything but the structure about the point of the floor below the origin.
+  Pose structure_from_room = Pose::Identity();
 };
 
-/// Draws the placement and size errors of `config` (random stage "assembly"). Boxes stay on the
-/// floor and on one another.
+/// Draws the placement and size errors and the floor's tilt of `config` (random stages "assembly"
+/// and "floor"). Boxes stay on the floor and on one another.
 AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& config,
                             std::uint64_t seed, std::uint64_t index);
 
 struct SceneOptions {
   bool structure_present = true;
+  Pose structure_from_room = Pose::Identity();  ///< AssembledStructure's
   /// Sensors that nothing may stand near to, and whose view of the structure stays free but for
   /// occluders, which go before the first one.
   std::vector<Pose> structure_from_sensors;

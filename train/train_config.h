@@ -88,6 +88,7 @@ struct OptimConfig {
 struct RunConfig {
   std::int64_t samples = 3200000;
   int batch_size = 16;
+  std::string init;
   std::int64_t seed = 1;
   std::int64_t validation_seed = 1000001;
   int validation_samples = 256;
@@ -101,11 +102,15 @@ struct RunConfig {
   int loader_threads = 1;
   int prefetch = 4;
   std::string device = "cpu";
+  std::string dataset;
+  std::string validation_dataset;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("samples", samples, "length of the run", AtLeast(1));
     ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("init", init,
+       "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
     ar("seed", seed, "of weights and training samples", AtLeast(0));
     ar("validation_seed", validation_seed, "of validation samples, other than seed", AtLeast(0));
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
@@ -118,9 +123,14 @@ struct RunConfig {
     ar("channels_last", channels_last, "memory layout of the activations");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
     ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
-    ar("loader_threads", loader_threads, "threads that render samples", AtLeast(1));
-    ar("prefetch", prefetch, "batches rendered ahead", AtLeast(1));
+    ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
+    ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
     ar("device", device, "cpu, cuda or cuda:N");
+    ar("dataset", dataset,
+       "folder of `volalign render --config` to train on, written from the same data section; "
+       "empty: render");
+    ar("validation_dataset", validation_dataset,
+       "such a folder to validate on, of any recipe for the same structure; empty: render");
   }
 };
 

@@ -86,7 +86,8 @@ const std::set<std::string>& FreeKeys() {
                                              "run.validate_every", "run.checkpoint_every",
                                              "run.log_every",      "run.half_checkpoint",
                                              "run.threads",        "run.loader_threads",
-                                             "run.prefetch",       "run.device"};
+                                             "run.prefetch",       "run.device",
+                                             "run.dataset",        "run.validation_dataset"};
   return keys;
 }
 
@@ -165,6 +166,7 @@ class Trainer {
     const StructureNetOptions net_options = config.model.Options(data.structure.num_classes());
     net_ = StructureNet(net_options);
     net_->to(device_);
+    if (!config.run.init.empty() && !options.resume) StartFrom(config.run.init);
     flat_.emplace(*net_);
     adam_.emplace(config.optim, &*flat_);
     average_ = StructureNet(net_options);
@@ -225,6 +227,21 @@ class Trainer {
   }
 
  private:
+  void StartFrom(const std::string& path) {
+    const LoadedModel model = LoadCheckpoint(path);
+    if (!(model.meta.network == net_->options())) {
+      throw ConfigError(
+          fmt::format("run.init = {}: its network differs from the one that `model` describes; its "
+                      "configuration is:\n{}",
+                      path, model.meta.config_yaml));
+    }
+    CheckStructure(model.meta, data_.structure);
+    std::map<std::string, at::Tensor> tensors;
+    AddModuleTensors(*model.net, "", &tensors);
+    CopyIntoModule(tensors, "", *net_, path);
+    init_samples_ = model.meta.samples;
+  }
+
   static bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
     return before / every != after / every;
   }
@@ -411,10 +428,12 @@ class Trainer {
     json sizes = json::array();
     for (const auto& [width, height] : image_sizes_) sizes.push_back({width, height});
     const json meta = {{"samples", samples_},
+                       {"init_samples", init_samples_},
                        {"steps", adam_->steps()},
                        {"lr", lr_},
                        {"focal_px", {focal_px_.first, focal_px_.second}},
                        {"image_sizes", sizes},
+                       {"data_identity", data_.identity},
                        {"config", WriteConfig(config_)}};
     if (config_.optim.ema_decay == 0) CopyToAverage();
     TensorFile state{kStateFormat, meta.dump(1), {}};
@@ -430,7 +449,7 @@ class Trainer {
     checkpoint.focal_px = focal_px_;
     checkpoint.image_sizes.assign(image_sizes_.begin(), image_sizes_.end());
     checkpoint.roll_offsets_deg = config_.data.pose.roll_offsets_deg;
-    checkpoint.samples = samples_;
+    checkpoint.samples = init_samples_ + samples_;
     checkpoint.config_yaml = WriteConfig(config_);
     SaveCheckpoint(options_.run_dir / "model.pt", average_, checkpoint,
                    config_.run.half_checkpoint);
@@ -442,7 +461,14 @@ class Trainer {
     try {
       const json meta = json::parse(state.meta);
       RequireSameRun(meta.at("config").get<std::string>(), config_, path);
+      if (meta.value("data_identity", std::string()) != data_.identity) {
+        throw ConfigError(fmt::format(
+            "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
+            "run's own dataset (config.yaml there names it), or start a new run",
+            path, config_.run.dataset));
+      }
       samples_ = meta.at("samples").get<std::int64_t>();
+      init_samples_ = meta.value("init_samples", std::int64_t{0});
       adam_->set_steps(meta.at("steps").get<std::int64_t>());
       lr_ = meta.at("lr").get<double>();
       focal_px_ = {meta.at("focal_px").at(0).get<double>(),
@@ -484,6 +510,7 @@ class Trainer {
   std::optional<Adam> adam_;
   std::optional<TrainingLoss> loss_;
   std::int64_t samples_ = 0;
+  std::int64_t init_samples_ = 0;  ///< that run.init was trained on
   double lr_ = 0;
   std::pair<double, double> focal_px_{0, 0};
   std::set<std::pair<int, int>> image_sizes_;

@@ -1,0 +1,453 @@
+#include "render/depth_statistics.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <utility>
+
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+constexpr int kWindow = 9;
+constexpr double kFocalBaseline = 51.9;  // px m, D415 at 1280x720
+constexpr float kJump = 0.3F;            // m
+constexpr std::size_t kLeastWindows = 60;
+constexpr int kLongestGap = 60;        // px; beyond it the zeros are no gap of an edge
+constexpr int kPlaneGrowths = 12;      // refits of a growing plane
+constexpr double kPlaneShare = 0.006;  // of the image, least size of a plane
+
+/// Inverse depth 1/z = a u + b v + c.
+struct InversePlane {
+  double a = 0, b = 0, c = 0;
+  double Depth(double u, double v) const { return 1 / (a * u + b * v + c); }
+};
+
+/// Weighted so that residuals count in depth: d(1/z) = -dz / z^2.
+class PlaneFit {
+ public:
+  void Add(double u, double v, double z) {
+    const Eigen::Vector3d row(u - u0_, v - v0_, 1);
+    const double w = z * z * z * z;
+    normal_ += w * row * row.transpose();
+    right_ += w / z * row;
+  }
+  void SetOrigin(double u0, double v0) { u0_ = u0, v0_ = v0; }
+  InversePlane Solve() const {
+    const Eigen::Vector3d x = normal_.ldlt().solve(right_);
+    return {x.x(), x.y(), x.z() - x.x() * u0_ - x.y() * v0_};
+  }
+
+ private:
+  double u0_ = 0, v0_ = 0;
+  Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right_ = Eigen::Vector3d::Zero();
+};
+
+/// Angle between the plane's normal and the ray through (u, v), deg. In space 1/z = n.r / h.
+double Incidence(const InversePlane& p, const Intrinsics& k, double u, double v) {
+  const Eigen::Vector3d n(p.a * k.fx, p.b * k.fy, p.c + p.a * k.cx + p.b * k.cy);
+  const Eigen::Vector3d ray((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1);
+  const double cosine = std::abs(n.normalized().dot(ray.normalized()));
+  return std::acos(std::min(cosine, 1.0)) * 57.29577951308232;
+}
+
+template <std::size_t N>
+int Bin(const std::array<double, N>& edges, double x) {
+  if (!(x >= edges.front()) || x >= edges.back()) return -1;
+  return static_cast<int>(std::upper_bound(edges.begin(), edges.end(), x) - edges.begin()) - 1;
+}
+
+double Quantile(std::vector<double> values, double q) {
+  if (values.empty()) return -1;
+  const auto n = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n), values.end());
+  return values[n];
+}
+
+/// Area in pixels of the convex hull of the row spans (Andrew's monotone chain).
+double HullArea(const std::vector<std::pair<double, double>>& sorted_points) {
+  std::vector<std::pair<double, double>> hull;
+  const auto extend = [&](const auto& point, std::size_t least) {
+    while (hull.size() >= least) {
+      const auto& [ax, ay] = hull[hull.size() - 2];
+      const auto& [bx, by] = hull.back();
+      if ((bx - ax) * (point.second - ay) - (by - ay) * (point.first - ax) > 0) break;
+      hull.pop_back();
+    }
+    hull.push_back(point);
+  };
+  for (const auto& point : sorted_points) extend(point, 2);
+  const std::size_t lower = hull.size() + 1;
+  for (auto it = sorted_points.rbegin(); it != sorted_points.rend(); ++it) extend(*it, lower);
+  double twice = 0;
+  for (std::size_t i = 0; i + 1 < hull.size(); ++i) {
+    twice += hull[i].first * hull[i + 1].second - hull[i + 1].first * hull[i].second;
+  }
+  return 0.5 * std::abs(twice);
+}
+
+}  // namespace
+
+void DepthStatistics::Add(const DepthImage& depth, const Intrinsics& intrinsics) {
+  if (depth.width() != intrinsics.width || depth.height() != intrinsics.height) {
+    throw Error(fmt::format("depth statistics: the frame is {}x{}, its intrinsics {}x{}",
+                            depth.width(), depth.height(), intrinsics.width, intrinsics.height));
+  }
+  ++frames_;
+  AddHoles(depth);
+  AddEdges(depth);
+  AddSurfaces(depth, intrinsics);
+}
+
+void DepthStatistics::AddHoles(const DepthImage& depth) {
+  std::vector<std::pair<double, double>> corners;
+  for (int u = 0; u < depth.width(); ++u) {
+    int first = -1, last = -1;
+    for (int v = 0; v < depth.height(); ++v) {
+      if (depth(u, v) <= 0) continue;
+      ++valid_;
+      if (first < 0) first = v;
+      last = v;
+    }
+    if (first < 0) continue;
+    for (const double x : {u - 0.5, u + 0.5}) {
+      corners.emplace_back(x, first - 0.5);
+      corners.emplace_back(x, last + 0.5);
+    }
+  }
+  pixels_ += static_cast<double>(depth.size());
+  std::sort(corners.begin(), corners.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
+  if (corners.size() > 2) hull_ += HullArea(corners);
+}
+
+void DepthStatistics::AddEdges(const DepthImage& depth) {
+  const auto scan = [&](int length, const std::function<float(int)>& at) {
+    int last = -1;  // the latest valid pixel
+    for (int i = 0; i < length; ++i) {
+      const float z = at(i);
+      if (z <= 0) continue;
+      if (last >= 0 && i - last <= kLongestGap) {
+        const int gap = i - last - 1;
+        const float before = at(last);
+        if (std::abs(z - before) > kJump) {
+          ++gaps_[gap <= 3 ? static_cast<std::size_t>(gap) : gap <= 12 ? 4U : 5U];
+        }
+        if (gap == 0 && last > 0) {
+          const float a = at(last - 1), share = (before - a) / (z - a);
+          if (a > 0 && std::abs(z - a) > kJump && share > 0.2F && share < 0.8F) {
+            ++flying_;
+            if (std::abs(z - before) <= kJump && std::abs(before - a) <= kJump) ++gaps_[0];
+          }
+        }
+      }
+      last = i;
+    }
+  };
+  for (int v = 0; v < depth.height(); ++v) {
+    scan(depth.width(), [&](int u) { return depth(u, v); });
+  }
+  for (int u = 0; u < depth.width(); ++u) {
+    scan(depth.height(), [&](int v) { return depth(u, v); });
+  }
+}
+
+double DepthStatistics::PlaneTolerance(double z) const {
+  return options_.stereo ? std::max(0.012, 3.5 * 0.15 * z * z / kFocalBaseline) : 0.012;
+}
+
+void DepthStatistics::AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics) {
+  struct Seed {
+    double rms;
+    int u, v;
+    InversePlane plane;
+  };
+  constexpr int kHalf = kWindow / 2;
+  const int width = depth.width(), height = depth.height();
+  std::vector<Seed> seeds;
+  for (int v = kHalf; v + kHalf < height; v += 4) {
+    for (int u = kHalf; u + kHalf < width; u += 4) {
+      PlaneFit fit;
+      fit.SetOrigin(u, v);
+      bool whole = true;
+      double mean = 0;
+      for (int y = v - kHalf; whole && y <= v + kHalf; ++y) {
+        for (int x = u - kHalf; x <= u + kHalf; ++x) {
+          const double z = depth(x, y);
+          if (z <= 0) {
+            whole = false;
+            break;
+          }
+          fit.Add(x, y, z);
+          mean += z;
+        }
+      }
+      if (!whole) continue;
+      mean /= kWindow * kWindow;
+      const InversePlane plane = fit.Solve();
+      double squares = 0, products = 0;
+      for (int y = v - kHalf; y <= v + kHalf; ++y) {
+        double before = 0;
+        for (int x = u - kHalf; x <= u + kHalf; ++x) {
+          const double e = depth(x, y) - plane.Depth(x, y);
+          squares += e * e;
+          products += e * before;
+          before = e;
+        }
+      }
+      constexpr double kPixels = kWindow * kWindow;
+      const double rms = std::sqrt(squares / (kPixels - 3));
+      const int d = Bin(kDistances, mean), i = Bin(kIncidences, Incidence(plane, intrinsics, u, v));
+      if (d >= 0 && i >= 0) {
+        windows_[static_cast<std::size_t>(d)][static_cast<std::size_t>(i)].push_back(
+            {1000 * rms, squares > 0 ? products / squares * kWindow / (kWindow - 1) : 0});
+      }
+      if (rms < 0.5 * PlaneTolerance(mean)) seeds.push_back({rms, u, v, plane});
+    }
+  }
+
+  std::sort(seeds.begin(), seeds.end(), [](const Seed& a, const Seed& b) { return a.rms < b.rms; });
+  Image<std::uint8_t> taken(width, height);
+  const auto least = static_cast<std::size_t>(kPlaneShare * static_cast<double>(depth.size()));
+  std::vector<std::pair<int, int>> region;
+  for (const Seed& seed : seeds) {
+    if (taken(seed.u, seed.v)) continue;
+    InversePlane plane = seed.plane;
+    std::size_t before = 0;
+    for (int growth = 0; growth < kPlaneGrowths; ++growth) {
+      // Not far beyond what the fit rests on: a few hundred pixels do not say where a wall ends.
+      const std::size_t limit = std::max<std::size_t>(4 * before, 300);
+      Image<std::uint8_t> seen(width, height);
+      region.assign(1, {seed.u, seed.v});
+      seen(seed.u, seed.v) = 1;
+      for (std::size_t next = 0; next < region.size() && region.size() < limit; ++next) {
+        const auto [u, v] = region[next];
+        for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+          const int x = u + du, y = v + dv;
+          if (!depth.Contains(x, y) || seen(x, y) || taken(x, y)) continue;
+          const double z = depth(x, y);
+          if (z <= 0 || std::abs(z - plane.Depth(x, y)) > PlaneTolerance(z)) continue;
+          seen(x, y) = 1;
+          region.emplace_back(x, y);
+        }
+      }
+      PlaneFit fit;
+      fit.SetOrigin(seed.u, seed.v);
+      for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+      if (region.size() < 30) break;
+      plane = fit.Solve();
+      if (growth > 3 && region.size() <= before + before / 50) break;
+      before = region.size();
+    }
+    for (const auto& [u, v] : region) taken(u, v) = 1;
+    if (region.size() < least) continue;
+
+    planes_.push_back(Residuals(depth, region));
+  }
+}
+
+DepthStatistics::Plane DepthStatistics::Residuals(const DepthImage& depth,
+                                                  const std::vector<std::pair<int, int>>& region) {
+  const int width = depth.width(), height = depth.height();
+  PlaneFit fit;
+  fit.SetOrigin(region.front().first, region.front().second);
+  for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+  const InversePlane plane = fit.Solve();
+  Image<float> residual(width, height);
+  Image<std::uint8_t> inside(width, height);
+  std::vector<double> depths;
+  double squares = 0;
+  for (const auto& [u, v] : region) {
+    const double e = depth(u, v) - plane.Depth(u, v);
+    residual(u, v) = static_cast<float>(e);
+    inside(u, v) = 1;
+    squares += e * e;
+    depths.push_back(depth(u, v));
+  }
+  double smooth = 0, count = 0;
+  for (const auto& [u, v] : region) {
+    if (u % 3 != 0 || v % 3 != 0) continue;
+    double sum = 0, n = 0;
+    for (int y = std::max(v - 3, 0); y <= std::min(v + 3, height - 1); ++y) {
+      for (int x = std::max(u - 3, 0); x <= std::min(u + 3, width - 1); ++x) {
+        if (!inside(x, y)) continue;
+        sum += residual(x, y);
+        ++n;
+      }
+    }
+    smooth += sum / n * sum / n;
+    ++count;
+  }
+  Plane out;
+  out.distance = Quantile(depths, 0.5);
+  out.pixels = static_cast<int>(region.size());
+  out.rms_mm = 1000 * std::sqrt(squares / static_cast<double>(region.size()));
+  out.smooth_mm = count > 0 ? 1000 * std::sqrt(smooth / count) : 0;
+  return out;
+}
+
+void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels,
+                               const Intrinsics& intrinsics) {
+  if (depth.width() != labels.width() || depth.height() != labels.height() ||
+      depth.width() != intrinsics.width || depth.height() != intrinsics.height) {
+    throw Error(fmt::format("depth statistics: the frame is {}x{}, its labels {}x{}", depth.width(),
+                            depth.height(), labels.width(), labels.height()));
+  }
+  constexpr double kOutlier = 0.04;  // m
+  constexpr double kSideShare = 0.003;
+  std::array<std::vector<std::pair<int, int>>, 256> regions;
+  for (int v = 1; v + 1 < depth.height(); ++v) {
+    for (int u = 1; u + 1 < depth.width(); ++u) {
+      const std::uint8_t label = labels(u, v);
+      if (label == 0 || depth(u, v) <= 0 || labels(u - 1, v) != label ||
+          labels(u + 1, v) != label || labels(u, v - 1) != label || labels(u, v + 1) != label) {
+        continue;
+      }
+      regions[label].emplace_back(u, v);
+    }
+  }
+  const auto least = static_cast<std::size_t>(kSideShare * static_cast<double>(depth.size()));
+  for (std::vector<std::pair<int, int>>& region : regions) {
+    for (int pass = 0; pass < 3 && region.size() > least; ++pass) {
+      PlaneFit fit;
+      fit.SetOrigin(region.front().first, region.front().second);
+      for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+      const InversePlane plane = fit.Solve();
+      region.erase(std::remove_if(region.begin(), region.end(),
+                                  [&](const std::pair<int, int>& p) {
+                                    return std::abs(depth(p.first, p.second) -
+                                                    plane.Depth(p.first, p.second)) > kOutlier;
+                                  }),
+                   region.end());
+    }
+    if (region.size() > least) sides_.push_back(Residuals(depth, region));
+  }
+}
+
+double DepthStatistics::valid_share() const { return pixels_ > 0 ? valid_ / pixels_ : 0; }
+double DepthStatistics::hull_share() const { return pixels_ > 0 ? hull_ / pixels_ : 0; }
+double DepthStatistics::hole_share() const { return hull_ > 0 ? 1 - valid_ / hull_ : 0; }
+
+double DepthStatistics::LocalResidual(std::size_t distance, std::size_t incidence) const {
+  const std::vector<Window>& windows = windows_[distance][incidence];
+  if (windows.size() < kLeastWindows) return -1;
+  std::vector<double> values;
+  for (const Window& w : windows) values.push_back(w.rms_mm);
+  return Quantile(std::move(values), 0.25);
+}
+
+double DepthStatistics::LocalCorrelation(std::size_t distance, std::size_t incidence) const {
+  const double quartile = LocalResidual(distance, incidence);
+  std::vector<double> values;
+  for (const Window& w : windows_[distance][incidence]) {
+    if (w.rms_mm <= quartile) values.push_back(w.correlation);
+  }
+  return values.empty() ? 0 : Quantile(std::move(values), 0.5);
+}
+
+double DepthStatistics::PlaneResidual(std::size_t distance, bool smooth) const {
+  std::vector<double> values;
+  for (const Plane& plane : planes_) {
+    if (Bin(kDistances, plane.distance) == static_cast<int>(distance)) {
+      values.push_back(smooth ? plane.smooth_mm : plane.rms_mm);
+    }
+  }
+  return Quantile(std::move(values), 0.5);
+}
+
+int DepthStatistics::PlaneCount(std::size_t distance) const {
+  return static_cast<int>(std::count_if(planes_.begin(), planes_.end(), [&](const Plane& plane) {
+    return Bin(kDistances, plane.distance) == static_cast<int>(distance);
+  }));
+}
+
+double DepthStatistics::SideResidual(bool in_disparity) const {
+  std::vector<double> values;
+  for (const Plane& side : sides_) {
+    values.push_back(in_disparity
+                         ? 0.001 * side.rms_mm * kFocalBaseline / (side.distance * side.distance)
+                         : side.rms_mm);
+  }
+  return Quantile(std::move(values), 0.5);
+}
+
+std::array<double, 6> DepthStatistics::GapShares() const {
+  double sum = 0;
+  for (const double gap : gaps_) sum += gap;
+  std::array<double, 6> shares{};
+  for (std::size_t i = 0; sum > 0 && i < shares.size(); ++i) shares[i] = gaps_[i] / sum;
+  return shares;
+}
+
+double DepthStatistics::FlyingShare() const {
+  double sum = 0;
+  for (const double gap : gaps_) sum += gap;
+  return sum > 0 ? flying_ / sum : 0;
+}
+
+std::string StatisticsTable(const std::vector<std::string>& names,
+                            const std::vector<const DepthStatistics*>& sets) {
+  std::string table = "| figure |";
+  for (const std::string& name : names) table += fmt::format(" {} |", name);
+  table += "\n|---|";
+  for (std::size_t i = 0; i < names.size(); ++i) table += "---|";
+  const auto row = [&](const std::string& name,
+                       const std::function<std::string(const DepthStatistics&)>& figure) {
+    std::string line = fmt::format("\n| {} |", name);
+    bool any = false;
+    for (const DepthStatistics* set : sets) {
+      const std::string text = figure(*set);
+      any = any || !text.empty();
+      line += fmt::format(" {} |", text.empty() ? "-" : text);
+    }
+    if (any) table += line;
+  };
+  const auto percent = [](double x) { return fmt::format("{:.1f}", 100 * x); };
+  row("frames", [](const DepthStatistics& s) { return fmt::format("{}", s.frames()); });
+  row("valid pixels, %", [&](const DepthStatistics& s) { return percent(s.valid_share()); });
+  row("field of view (hull), %", [&](const DepthStatistics& s) { return percent(s.hull_share()); });
+  row("holes inside it, %", [&](const DepthStatistics& s) { return percent(s.hole_share()); });
+  constexpr std::array<const char*, 6> kGaps{"0", "1", "2", "3", "4-12", "> 12"};
+  for (std::size_t i = 0; i < kGaps.size(); ++i) {
+    row(fmt::format("edges with a gap of {} px, %", kGaps[i]),
+        [&](const DepthStatistics& s) { return percent(s.GapShares()[i]); });
+  }
+  row("flying pixels a jump, %",
+      [&](const DepthStatistics& s) { return percent(s.FlyingShare()); });
+  for (std::size_t d = 0; d + 1 < DepthStatistics::kDistances.size(); ++d) {
+    const std::string at = fmt::format("{:.1f}-{:.1f} m", DepthStatistics::kDistances[d],
+                                       DepthStatistics::kDistances[d + 1]);
+    for (std::size_t i = 0; i + 1 < DepthStatistics::kIncidences.size(); ++i) {
+      row(fmt::format("local residual (correlation), {}, {:.0f}-{:.0f} deg, mm", at,
+                      DepthStatistics::kIncidences[i], DepthStatistics::kIncidences[i + 1]),
+          [&](const DepthStatistics& s) {
+            const double x = s.LocalResidual(d, i);
+            return x < 0 ? std::string()
+                         : fmt::format("{:.2f} ({:.2f})", x, s.LocalCorrelation(d, i));
+          });
+    }
+    row(fmt::format("whole faces: rms, smooth part (faces a frame), {}, mm", at),
+        [&](const DepthStatistics& s) {
+          const double x = s.PlaneResidual(d, false);
+          return x < 0 ? std::string()
+                       : fmt::format("{:.1f}, {:.1f} ({:.1f})", x, s.PlaneResidual(d, true),
+                                     static_cast<double>(s.PlaneCount(d)) / s.frames());
+        });
+  }
+  row("structure's sides: rms to their planes, mm", [](const DepthStatistics& s) {
+    return s.sides().empty() ? std::string() : fmt::format("{:.1f}", s.SideResidual(false));
+  });
+  row("structure's sides: in disparity, px", [](const DepthStatistics& s) {
+    return s.sides().empty() || !s.options().stereo ? std::string()
+                                                    : fmt::format("{:.3f}", s.SideResidual(true));
+  });
+  return table + "\n";
+}
+
+}  // namespace volalign

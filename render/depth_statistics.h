@@ -1,0 +1,103 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+
+namespace volalign {
+
+/// Figures of depth frames that need no labels, so that rendered and real frames compare
+/// (facts/sensors.md: the rows marked [M] were measured in this way). Frames of one sensor kind are
+/// pooled with Add.
+///
+/// - Local residual: 9x9 windows without holes, inverse depth fitted by a plane (a plane in space
+/// is
+///   one in 1/z), residual in mm at the window's depth; a bin's figure is the lower quartile over
+///   its windows, which leaves out edges and bent surfaces.
+/// - Whole faces: planes grown from the flattest windows, refitted while they grow, all pixels
+///   within `PlaneTolerance`; residual of the plane's pixels and of its 7x7 means.
+/// - Edges: runs of zeros between two valid pixels of a row or column whose depths differ by more
+///   than 300 mm.
+class DepthStatistics {
+ public:
+  struct Options {
+    bool stereo =
+        false;  ///< noise grows with z^2: planes are grown with a tolerance that does, too
+  };
+  explicit DepthStatistics(const Options& options) : options_(options) {}
+
+  /// `depth` in m, 0 for no measurement. Throws Error if the sizes differ from the intrinsics'.
+  void Add(const DepthImage& depth, const Intrinsics& intrinsics);
+
+  /// Sides of the structure: pixels of each side label but its border, a plane fitted to them
+  /// without outliers beyond 40 mm, for sides of at least 0.3 % of the image. `labels` as large as
+  /// `depth`.
+  void AddSides(const DepthImage& depth, const LabelImage& labels, const Intrinsics& intrinsics);
+
+  const Options& options() const { return options_; }
+  int frames() const { return frames_; }
+  double valid_share() const;
+  /// Holes inside the convex hull of the valid pixels; the hull's share of the image is
+  /// `hull_share`.
+  double hole_share() const;
+  double hull_share() const;
+
+  /// Lower edges of the distance bins, m; the last entry closes the last bin.
+  static constexpr std::array<double, 6> kDistances{1.0, 1.5, 2.0, 2.5, 3.5, 5.5};
+  /// Lower edges of the incidence bins, deg.
+  static constexpr std::array<double, 4> kIncidences{0, 40, 60, 80};
+  /// mm; negative where fewer than 60 windows fell into the bin.
+  double LocalResidual(std::size_t distance, std::size_t incidence) const;
+  /// Correlation of neighbouring residuals along rows, of the same windows; 0 without windows.
+  double LocalCorrelation(std::size_t distance, std::size_t incidence) const;
+
+  struct Plane {
+    double distance = 0;  ///< m, median
+    int pixels = 0;
+    double rms_mm = 0;     ///< of the pixels
+    double smooth_mm = 0;  ///< of 7x7 means
+  };
+  const std::vector<Plane>& planes() const { return planes_; }
+  /// Median over the planes of a distance bin, mm; negative where there is none.
+  double PlaneResidual(std::size_t distance, bool smooth) const;
+  int PlaneCount(std::size_t distance) const;
+
+  /// Residuals to the fitted planes of the structure's sides.
+  const std::vector<Plane>& sides() const { return sides_; }
+  /// Median over the sides of all distances; in mm and, as the noise of stereo is constant in
+  /// disparity, in px of the native resolution of a D415 (f B = 51.9 px m). Negative without sides.
+  double SideResidual(bool in_disparity) const;
+
+  /// Shares of the edges with a gap of 0, 1, 2, 3, 4-12 and more px.
+  std::array<double, 6> GapShares() const;
+  /// Pixels at mid-depth (20-80 %) of a jump between their neighbours, of all jumps.
+  double FlyingShare() const;
+
+ private:
+  struct Window {
+    double rms_mm, correlation;
+  };
+  void AddHoles(const DepthImage& depth);
+  void AddEdges(const DepthImage& depth);
+  static Plane Residuals(const DepthImage& depth, const std::vector<std::pair<int, int>>& region);
+  void AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics);
+  double PlaneTolerance(double z) const;
+
+  Options options_;
+  int frames_ = 0;
+  double pixels_ = 0, valid_ = 0, hull_ = 0;
+  std::array<double, 6> gaps_{};
+  double flying_ = 0;
+  std::array<std::array<std::vector<Window>, 3>, 5> windows_;
+  std::vector<Plane> planes_, sides_;
+};
+
+/// Markdown table, a column for each set; names and sets are parallel.
+std::string StatisticsTable(const std::vector<std::string>& names,
+                            const std::vector<const DepthStatistics*>& sets);
+
+}  // namespace volalign
