@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -90,6 +91,9 @@ class Calibration {
     Segment(&watch);
     InspectStack(&watch);
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) { Place(i); });
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (result_.sensors[i].code == "degenerate_sides") result_.sensors[i].hint = MoveHint(i);
+    }
     watch.Lap("placement");
     RefineTogether();
     watch.Lap("refinement");
@@ -328,8 +332,6 @@ class Calibration {
           "(--structure)");
     }
     CheckIntrinsics(i);
-    constexpr char kLookHint[] =
-        "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m";
     if (!work.initial.found) {
       // One or two sides on which the network is sure are a structure seen too narrowly; less is
       // none.
@@ -385,7 +387,7 @@ class Calibration {
           fmt::format(
               "{} found; their keypoints lie on a line and their planes leave a direction free",
               Sides(labels.size())),
-          "move the sensor sideways or up, until it sees sides of more than one orientation");
+          kLookHint);
     }
     if (agreement.score() < limits.min_label_iou) return FailVerification(i, agreement, seen);
     if (!(alone_sigma_m <= limits.max_sigma_translation_m)) {
@@ -399,6 +401,9 @@ class Calibration {
       return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
   }
+
+  static constexpr char kLookHint[] =
+      "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m";
 
   struct SureSides {
     std::size_t count = 0;
@@ -440,6 +445,57 @@ class Calibration {
   }
   static constexpr char kIntrinsicsHint[] =
       "give the intrinsics of this sensor at this resolution and orientation";
+
+  /// Turns that put a sensor without a pose upright: the network's orientation is upright after as
+  /// many turns for every sensor, and those with a pose tell how many.
+  std::optional<int> UprightTurnsFrom(std::size_t i) const {
+    std::array<int, 4> votes{};
+    for (std::size_t j = 0; j < frames_.size(); ++j) {
+      if (!work_[j].placed) continue;
+      const int upright = UprightTurns(work_[j].start) - result_.sensors[j].quarter_turns;
+      ++votes[static_cast<std::size_t>((upright + 4) % 4)];
+    }
+    const auto most = std::max_element(votes.begin(), votes.end());
+    if (*most == 0) return std::nullopt;
+    return static_cast<int>(most - votes.begin()) + result_.sensors[i].quarter_turns;
+  }
+
+  /// Where to move a sensor that sees too few sides: away from the border that cuts the structure
+  /// off, or round the structure.
+  std::string MoveHint(std::size_t i) const {
+    const LabelImage& labels = result_.sensors[i].segmentation.labels;
+    const int w = labels.width(), h = labels.height();
+    constexpr int kBorder = 8;  // px: depth is often missing along the very border
+    std::vector<int> cut;       // 0 left, 1 top, 2 right, 3 bottom of the stored image
+    for (int border = 0; border < 4; ++border) {
+      const bool upright = border % 2 == 0;
+      const int length = upright ? h : w;
+      int marked = 0;
+      for (int k = 0; k < length; ++k) {
+        bool any = false;
+        for (int d = 0; d < kBorder && d < (upright ? w : h); ++d) {
+          const int across = border < 2 ? d : (upright ? w : h) - 1 - d;
+          any = any || (upright ? labels(across, k) : labels(k, across)) > 0;
+        }
+        marked += any ? 1 : 0;
+      }
+      if (10 * marked >= length) cut.push_back(border);
+    }
+    constexpr char kRound[] =
+        "move the sensor round the structure to the left or right, or up, until it sees sides of "
+        "more than one orientation";
+    if (cut.empty()) return kRound;
+    const std::optional<int> turns = UprightTurnsFrom(i);
+    if (cut.size() > 1 || !turns) {
+      return "the image border cuts the structure off: move the sensor further away, or turn it so "
+             "that it sees most of the structure";
+    }
+    // Turning the picture clockwise sends its left border to the top.
+    static constexpr const char* kNames[] = {"to the left", "up", "to the right", "down"};
+    return fmt::format(
+        "the image border cuts the structure off: turn the sensor {}, or move it further away",
+        kNames[(cut.front() + *turns) % 4]);
+  }
 
   static std::string Sides(std::size_t count) {
     return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
