@@ -11,6 +11,7 @@
 
 #include "core/procrustes.h"
 #include "core/visibility.h"
+#include "infer/held_out.h"
 
 namespace volalign {
 
@@ -260,7 +261,8 @@ class PoseSearch {
 
   /// Gauss-Newton steps that bring each patch's points onto its finite side, Cauchy-weighted with a
   /// scale that shrinks, while the centroids of what is visible hold the directions along the sides
-  /// (a rectangle alone would let points that lie within it slide).
+  /// (a rectangle alone would let points that lie within it slide). Points that are held out to
+  /// judge the refinement stay out of it.
   void FitToSides(Pose* pose, PatchSet* members) const {
     // Errors of neighbouring pixels are alike: so many make one observation, with this spread, m.
     constexpr double kPixelsPerObservation = 200, kPointSigma = 0.005, kCentroidSigma = 0.01;
@@ -295,9 +297,10 @@ class PoseSearch {
         Vector6d moment = Vector6d::Zero(), mean = Vector6d::Zero();
         double total = 0, offset = 0;
         for (std::size_t k = stride / 2; k < patch.pixels.size(); k += stride) {
-          const int pixel = patch.pixels[k];
-          const Eigen::Vector3d p =
-              *pose * full_view_->Point(pixel % full_view_->width(), pixel / full_view_->width());
+          const int u = patch.pixels[k] % full_view_->width();
+          const int v = patch.pixels[k] / full_view_->width();
+          if (HeldOut(u, v)) continue;
+          const Eigen::Vector3d p = *pose * full_view_->Point(u, v);
           const Eigen::Vector3d gap = side.ClosestPoint(p) - p;
           const double residual = gap.dot(side.normal);
           const double weight = share / (1 + gap.squaredNorm() / (scale * scale));
@@ -309,6 +312,7 @@ class PoseSearch {
           offset += weight * residual;
           total += weight;
         }
+        if (!(total > 0)) continue;
         mean /= total;
         offset /= total;
         // Marginal over the common offset: the patch's own tilt and bend keep their weight.
