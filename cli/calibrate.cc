@@ -18,7 +18,7 @@ namespace volalign {
 
 Command AddCalibrateCommand(CLI::App& program) {
   struct Options {
-    std::string capture, model, output, config, structure;
+    std::string capture, model, output, config, structure, initial;
     std::vector<std::string> assignments;
   };
   auto options = std::make_shared<Options>();
@@ -30,6 +30,9 @@ Command AddCalibrateCommand(CLI::App& program) {
   app->add_option(
       "--structure", options->structure,
       "structure with other dimensions than the capture's or the model's (.glb or .yaml)");
+  app->add_option("--initial", options->initial,
+                  "initial pose: robust (default) or paper (the paper's estimator)")
+      ->check(CLI::IsMember({"robust", "paper"}));
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
@@ -37,6 +40,7 @@ Command AddCalibrateCommand(CLI::App& program) {
             ConfigSource source =
                 options->config.empty() ? ConfigSource() : ConfigSource::FromFile(options->config);
             for (const std::string& assignment : options->assignments) source.Set(assignment);
+            if (!options->initial.empty()) source.Set("initial.method=" + options->initial);
             const auto config = ReadConfig<CalibrateOptions>(source);
 
             const auto start = std::chrono::steady_clock::now();

@@ -42,12 +42,22 @@ struct Extrinsics {
     std::string serial;
   };
 
+  /// How the boxes stand (infer/assembly.h).
+  struct Assembly {
+    std::string code;  ///< empty: as described
+    std::string sentence;
+    std::string box, other_box;
+    int turn_deg = 0;
+    double overlap = 0, described_overlap = 0;
+  };
+
   std::string tool;
   std::string capture;
   std::string structure_name, structure_sha256;
   std::string model_file, model_sha256;
   std::string verdict;
   std::vector<Sensor> sensors;
+  std::optional<Assembly> assembly;
   std::vector<PairResult> pairs;
   std::optional<SetDistances> metrics;
   std::vector<std::pair<std::string, double>> timings_s;
