@@ -307,9 +307,12 @@ class Calibration {
     sensor.hint = std::move(hint);
   }
 
+  /// What a refinement has to beat on held-out points is the pose from keypoints. One that was
+  /// fitted to the sensor's own points has absorbed its warp and the boxes' offsets, and would win
+  /// that comparison against better poses.
   RefineSensor Refinable(std::size_t i) const {
     const auto& without = options_.refine.without_structure;
-    return {work_[i].refine_view.get(), work_[i].initial.structure_from_sensor, work_[i].start,
+    return {work_[i].refine_view.get(), work_[i].initial.from_keypoints, work_[i].start,
             std::find(without.begin(), without.end(), frames_[i].name) == without.end(),
             work_[i].start_offset};
   }
@@ -548,9 +551,10 @@ class Calibration {
     const RefineResult refined = Refine(structure_, sensors, options_.refine);
     for (std::size_t j = 0; j < index.size(); ++j) {
       SensorResult& sensor = result_.sensors[index[j]];
-      sensor.initial = sensors[j].initial;
-      sensor.structure_from_sensor = refined.sensors[j].structure_from_sensor;
+      sensor.initial = work_[index[j]].initial.structure_from_sensor;
       sensor.refinement_accepted = refined.sensors[j].accepted;
+      sensor.structure_from_sensor =
+          sensor.refinement_accepted ? refined.sensors[j].structure_from_sensor : sensor.initial;
       sensor.covariance = refined.sensors[j].covariance;
       sensor.depth_offset_m = refined.sensors[j].depth_offset;
     }

@@ -76,6 +76,7 @@ class PoseSearch {
       if (!CorrectForVisibility(*full_view_, kLast, &best.structure_from_sensor, &chosen)) break;
     }
     if (best.found) {
+      best.from_keypoints = best.structure_from_sensor;
       FitToSides(&best.structure_from_sensor, &chosen);
       best.agreement = CompareWithView(view_, segmentation_, structure_, best.structure_from_sensor,
                                        options_.evidence.min_confidence, kTolerance);
@@ -373,6 +374,7 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
   if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
   result.found = true;
   result.structure_from_sensor = AlignPoints(source, target).target_from_source;
+  result.from_keypoints = result.structure_from_sensor;
   result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
                                      options.evidence.min_confidence, kTolerance);
   for (std::size_t i = 0; i < result.evidence.size(); ++i)

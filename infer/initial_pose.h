@@ -55,6 +55,9 @@ struct InitialPoseOptions {
 struct InitialPose {
   bool found = false;  ///< a pose was hypothesised; whether it is right is CompareWithView's to say
   Pose structure_from_sensor = Pose::Identity();
+  /// The same before the points were brought onto their sides: no depth but those of centroids and
+  /// normals is fitted.
+  Pose from_keypoints = Pose::Identity();
   Agreement agreement;                 ///< at the pose, on the decimated view, tolerance 5 cm
   std::vector<SideEvidence> evidence;  ///< all patches that were found
   std::vector<int> consistent;         ///< indices of the patches that the pose agrees with
