@@ -90,7 +90,8 @@ class Program : public testing::Test {
 TEST_F(Program, SaysWhatItCanDo) {
   const Outcome help = Volalign("--help");
   EXPECT_EQ(help.status, 0);
-  for (const char* command : {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
+  for (const char* command :
+       {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
     EXPECT_NE(help.output.find(command), std::string::npos) << command;
   }
   EXPECT_EQ(Volalign("--version").status, 0);
