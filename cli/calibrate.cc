@@ -18,7 +18,7 @@ namespace volalign {
 
 Command AddCalibrateCommand(CLI::App& program) {
   struct Options {
-    std::string capture, model, output, config, structure, estimate;
+    std::string capture, model, output, config, structure, initial, estimate;
     std::vector<std::string> assignments;
   };
   auto options = std::make_shared<Options>();
@@ -30,6 +30,9 @@ Command AddCalibrateCommand(CLI::App& program) {
   app->add_option(
       "--structure", options->structure,
       "structure with other dimensions than the capture's or the model's (.glb or .yaml)");
+  app->add_option("--initial", options->initial,
+                  "initial pose: robust (default) or paper (the paper's estimator)")
+      ->check(CLI::IsMember({"robust", "paper"}));
   app->add_option("--estimate", options->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_scale, depth_offset; refine.estimate of the config");
@@ -40,6 +43,7 @@ Command AddCalibrateCommand(CLI::App& program) {
             ConfigSource source =
                 options->config.empty() ? ConfigSource() : ConfigSource::FromFile(options->config);
             for (const std::string& assignment : options->assignments) source.Set(assignment);
+            if (!options->initial.empty()) source.Set("initial.method=" + options->initial);
             if (!options->estimate.empty()) source.Set("refine.estimate=" + options->estimate);
             const auto config = ReadConfig<CalibrateOptions>(source);
 

@@ -15,10 +15,12 @@ struct Command {
 Command AddStructureCommand(CLI::App& program);
 Command AddRenderCommand(CLI::App& program);
 Command AddTrainCommand(CLI::App& program);
+Command AddValidateCommand(CLI::App& program);
 Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
+Command AddEvaluateCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

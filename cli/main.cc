@@ -15,9 +15,9 @@ int main(int argc, char** argv) {
   program.require_subcommand(1);
   const std::vector<volalign::Command> commands = {
       volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
-      volalign::AddTrainCommand(program),
+      volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
-      volalign::AddCalibrateCommand(program),
+      volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
 #endif
       volalign::AddExportCommand(program),    volalign::AddConfigCommand(program)};
   try {

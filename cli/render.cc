@@ -1,15 +1,20 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "cli/commands.h"
 #include "core/error.h"
 #include "render/capture_writer.h"
+#include "render/dataset.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "render/preview.h"
 #include "render/rig.h"
 #include "render/sample.h"
 #include "train/train_config.h"
@@ -20,61 +25,113 @@ Command AddRenderCommand(CLI::App& program) {
   struct Options {
     std::string rig, config, output;
     std::vector<std::string> assignments;
+    std::optional<std::uint64_t> seed;
     std::uint64_t index = 0;
-    int count = 24;
+    std::uint64_t count = 24;
+    int threads = 0;
+    bool preview = false;
+    std::string real_frames;
+    double real_depth_scale = 0.001;
     int device = -1;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.add_subcommand("render", "Render a multi-sensor capture, or training samples");
+  CLI::App* app = program.add_subcommand(
+      "render", "Render a multi-sensor capture, or a dataset of training samples");
   CLI::Option* rig =
       app->add_option("--rig", options->rig, "rig.yaml: write one capture with ground truth");
   app->add_option("--config", options->config,
-                  "training recipe: write samples as training sees them")
+                  "training recipe: write samples as training sees them; continues an "
+                  "interrupted run")
       ->excludes(rig);
   app->add_option("--set", options->assignments, "KEY=VALUE over the rig or recipe")->take_all();
   app->add_option("-o,--output", options->output, "folder to write")->required();
   app->add_option("--index", options->index, "first sample")->excludes(rig);
   app->add_option("--count", options->count, "number of samples")
-      ->check(CLI::Range(1, 100000000))
+      ->check(CLI::Range(1, 1000000000))
       ->excludes(rig);
+  app->add_option("--seed", options->seed, "of the samples; the recipe's run.seed without it")
+      ->excludes(rig);
+  app->add_option("--threads", options->threads,
+                  "threads that render, and as many that compress; 0: one a core")
+      ->check(CLI::Range(0, 1024))
+      ->excludes(rig);
+  CLI::Option* preview =
+      app->add_flag("--preview", options->preview,
+                    "write no dataset: draw preview.png with --count samples of each sensor, and "
+                    "print statistics of their depth")
+          ->excludes(rig);
+  app->add_option("--real-frames", options->real_frames,
+                  "folder of real depth frames (.pgm, .png) to compare with")
+      ->needs(preview);
+  app->add_option("--real-depth-scale", options->real_depth_scale, "metres a step of these frames")
+      ->needs(preview)
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app->add_option("--device", options->device,
                   "EGL device; the first that works, or software, without it");
-  return {
-      app, [options] {
-        if (options->rig.empty() == options->config.empty()) {
-          throw ConfigError(
-              "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
-        }
-        ConfigSource source =
-            ConfigSource::FromFile(options->rig.empty() ? options->config : options->rig);
-        for (const std::string& assignment : options->assignments) source.Set(assignment);
-        EglContextOptions context_options;
-        context_options.device = options->device;
-        const EglContext egl(context_options);
-        DepthRenderer renderer;
-        fmt::print("renderer: {}\n", egl.Describe());
-        if (!options->rig.empty()) {
-          const RigCapture capture = RenderRig(ReadRig(source), renderer);
-          WriteCapture(options->output, capture);
-          for (const CapturedSensor& sensor : capture.sensors) {
-            const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
-            fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
-                       sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(),
-                       p.y(), p.z());
-          }
-          fmt::print("written: {}/capture.json, contact_sheet.png\n", options->output);
-        } else {
-          const TrainConfig recipe = ReadTrainConfig(source);
-          WriteSamples(options->output, MakeSampleContext(recipe.data, recipe.run.batch_size),
-                       renderer, static_cast<std::uint64_t>(recipe.run.seed), options->index,
-                       options->count);
-          fmt::print(
-              "written: {} samples from index {} of seed {} to {}/index.json, contact_sheet.png\n",
-              options->count, options->index, recipe.run.seed, options->output);
-        }
-        return 0;
-      }};
+  return {app, [options] {
+            if (options->rig.empty() == options->config.empty()) {
+              throw ConfigError(
+                  "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
+            }
+            ConfigSource source =
+                ConfigSource::FromFile(options->rig.empty() ? options->config : options->rig);
+            for (const std::string& assignment : options->assignments) source.Set(assignment);
+            EglContextOptions context_options;
+            context_options.device = options->device;
+            const EglContext egl(context_options);
+            fmt::print("renderer: {}\n", egl.Describe());
+            if (!options->rig.empty()) {
+              DepthRenderer renderer;
+              const RigCapture capture = RenderRig(ReadRig(source), renderer);
+              WriteCapture(options->output, capture);
+              for (const CapturedSensor& sensor : capture.sensors) {
+                const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
+                fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
+                           sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(),
+                           p.y(), p.z());
+              }
+              fmt::print("written: {}/capture.json, contact_sheet.png\n", options->output);
+              return 0;
+            }
+            const TrainConfig recipe = ReadTrainConfig(source);
+            const std::uint64_t seed =
+                options->seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
+            if (options->preview) {
+              DepthRenderer renderer;
+              PreviewOptions preview_options;
+              preview_options.seed = seed;
+              preview_options.first_index = options->index;
+              preview_options.count =
+                  static_cast<int>(std::min<std::uint64_t>(options->count, 10000));
+              preview_options.real_frames = options->real_frames;
+              preview_options.real_depth_scale = options->real_depth_scale;
+              fmt::print("\n{}written: {}/preview.png\n",
+                         WritePreview(options->output, recipe.data, preview_options, renderer),
+                         options->output);
+            } else {
+              DatasetOptions dataset;
+              dataset.seed = seed;
+              dataset.first_index = options->index;
+              dataset.count = options->count;
+              dataset.num_threads =
+                  options->threads > 0
+                      ? options->threads
+                      : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+              dataset.device = options->device;
+              dataset.progress = true;
+              const DatasetResult result =
+                  WriteDataset(options->output,
+                               std::make_shared<const SampleContext>(
+                                   MakeSampleContext(recipe.data, recipe.run.batch_size)),
+                               dataset);
+              fmt::print("written: {} samples", result.written);
+              if (result.found > 0) fmt::print(" after {} that were there", result.found);
+              fmt::print(" to {}/index.json: {} from index {} of seed {}; contact_sheet.png\n",
+                         options->output, options->count, options->index, dataset.seed);
+            }
+            return 0;
+          }};
 }
 
 }  // namespace volalign

@@ -29,7 +29,7 @@ std::string ReadFile(const std::filesystem::path& path) {
   return content.str();
 }
 
-void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes) {
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
   std::error_code error;
   if (path.has_parent_path()) {
     std::filesystem::create_directories(path.parent_path(), error);
@@ -57,7 +57,7 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
     }
     written += static_cast<std::size_t>(n);
   }
-  if (::fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
+  if (sync && ::fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
     ::close(file);
     fail("sync");
   }

@@ -10,8 +10,10 @@ namespace volalign {
 std::string ReadFile(const std::filesystem::path& path);
 
 /// Writes to `path`.tmp-PID in the same folder, syncs and renames, so that a reader never sees half
-/// a file. Creates missing parent folders. Throws IoError.
-void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
+/// a file. Creates missing parent folders. Without `sync`, a power failure may still lose or empty
+/// the file: for many files that are synced together later. Throws IoError.
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes,
+                         bool sync = true);
 
 /// Lower-case hexadecimal SHA-256 of `bytes` (OpenSSL's EVP).
 std::string Sha256(std::string_view bytes);

@@ -93,8 +93,14 @@ void AppendBytes(png_structp png, png_bytep data, png_size_t size) {
 }
 
 bool EncodeRows(png_structp png, png_infop info, int width, int height, int bit_depth, int colour,
-                std::vector<png_bytep>* rows) {
+                PngEffort effort, std::vector<png_bytep>* rows) {
   if (setjmp(png_jmpbuf(png))) return false;
+  if (effort == PngEffort::kFast) {
+    constexpr int kRunLengths = 3;  // zlib's Z_RLE
+    png_set_compression_level(png, 1);
+    png_set_compression_strategy(png, kRunLengths);
+    png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_UP);
+  }
   png_set_IHDR(png, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
                bit_depth, colour, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                PNG_FILTER_TYPE_DEFAULT);
@@ -105,10 +111,9 @@ bool EncodeRows(png_structp png, png_infop info, int width, int height, int bit_
   return true;
 }
 
-void EncodePng(const std::filesystem::path& path, const void* data, int width, int height,
-               int bit_depth, int channels) {
-  if (width <= 0 || height <= 0)
-    throw Error(fmt::format("{}: an empty image cannot be written", path.string()));
+std::string Encode(const void* data, int width, int height, int bit_depth, int channels,
+                   PngEffort effort) {
+  if (width <= 0 || height <= 0) throw Error("an empty image cannot be written as PNG");
   const std::size_t row = static_cast<std::size_t>(width * channels * bit_depth / 8);
   std::vector<png_bytep> rows(static_cast<std::size_t>(height));
   auto* base = const_cast<png_bytep>(static_cast<const std::uint8_t*>(data));
@@ -119,11 +124,19 @@ void EncodePng(const std::filesystem::path& path, const void* data, int width, i
   if (!info) throw Error("libpng could not be initialised");
   std::string bytes;
   png_set_write_fn(png, &bytes, AppendBytes, nullptr);
-  const bool encoded = EncodeRows(png, info, width, height, bit_depth,
-                                  channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, &rows);
+  const bool encoded =
+      EncodeRows(png, info, width, height, bit_depth,
+                 channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, effort, &rows);
   png_destroy_write_struct(&png, &info);
-  if (!encoded) throw Error(fmt::format("{}: PNG encoding failed: {}", path.string(), state.error));
-  WriteFileAtomically(path, bytes);
+  if (!encoded) throw Error(fmt::format("PNG encoding failed: {}", state.error));
+  return bytes;
+}
+
+void WriteEncoded(const std::filesystem::path& path, const void* data, int width, int height,
+                  int bit_depth, int channels) {
+  if (width <= 0 || height <= 0)
+    throw Error(fmt::format("{}: an empty image cannot be written", path.string()));
+  WriteFileAtomically(path, Encode(data, width, height, bit_depth, channels, PngEffort::kSmall));
 }
 
 /// Reads PGM headers' and P2's numbers: white space and # comments between them.
@@ -267,16 +280,24 @@ RgbImage ReadPngRgb(const std::filesystem::path& path) {
   return image;
 }
 
+std::string EncodePng(const Image16& image, PngEffort effort) {
+  return Encode(image.data(), image.width(), image.height(), 16, 1, effort);
+}
+
+std::string EncodePng(const LabelImage& image, PngEffort effort) {
+  return Encode(image.data(), image.width(), image.height(), 8, 1, effort);
+}
+
 void WritePng(const std::filesystem::path& path, const Image16& image) {
-  EncodePng(path, image.data(), image.width(), image.height(), 16, 1);
+  WriteEncoded(path, image.data(), image.width(), image.height(), 16, 1);
 }
 
 void WritePng(const std::filesystem::path& path, const LabelImage& image) {
-  EncodePng(path, image.data(), image.width(), image.height(), 8, 1);
+  WriteEncoded(path, image.data(), image.width(), image.height(), 8, 1);
 }
 
 void WritePng(const std::filesystem::path& path, const RgbImage& image) {
-  EncodePng(path, image.data(), image.width(), image.height(), 8, 3);
+  WriteEncoded(path, image.data(), image.width(), image.height(), 8, 3);
 }
 
 void WritePgm(const std::filesystem::path& path, const Image16& image) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "core/image.h"
 
@@ -16,6 +17,11 @@ LabelImage ReadPng8(const std::filesystem::path& path);
 
 /// Reads an 8-bit RGB PNG. Throws IoError or DataError.
 RgbImage ReadPngRgb(const std::filesystem::path& path);
+
+/// What a PNG is to be: small, or encoded some ten times faster for a tenth more bytes (data sets).
+enum class PngEffort { kSmall, kFast };
+std::string EncodePng(const Image16& image, PngEffort effort = PngEffort::kSmall);
+std::string EncodePng(const LabelImage& image, PngEffort effort = PngEffort::kSmall);
 
 /// The writers encode in memory and replace `path` atomically (see WriteFileAtomically).
 void WritePng(const std::filesystem::path& path, const Image16& image);

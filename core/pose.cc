@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/portable_math.h"
 
 namespace volalign {
 
@@ -56,7 +57,12 @@ Pose LookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target, doub
   level.col(1) = level.col(2).cross(level.col(0));
   // A sensor turned by roll > 0 has its x axis lower: towards the level frame's +y, down.
   Pose pose = Pose::Identity();
-  pose.linear() = level * Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const SinCos turn = PortableSinCos(roll);
+  Eigen::Matrix3d rolled;
+  rolled << turn.cos, -turn.sin, 0,  //
+      turn.sin, turn.cos, 0,         //
+      0, 0, 1;
+  pose.linear() = level * rolled;
   pose.translation() = position;
   return pose;
 }

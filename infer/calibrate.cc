@@ -3,18 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <exception>
-#include <functional>
 #include <memory>
-#include <mutex>
+#include <optional>
 #include <set>
-#include <thread>
 
 #include "core/error.h"
 #include "core/visibility.h"
+#include "infer/intrinsics_check.h"
+#include "infer/parallel_for.h"
 #include "infer/sensor_view.h"
 
 namespace volalign {
@@ -24,35 +23,20 @@ namespace {
 constexpr double kInlierDistance = 0.03;  // design section 9
 constexpr double kRmsDistance = 0.1;
 
-/// Runs task(0), ..., task(count - 1) on `threads` threads and rethrows the first exception.
-void ParallelFor(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::mutex mutex;
-  const auto work = [&] {
-    for (std::size_t i = next++; i < count; i = next++) {
-      try {
-        task(i);
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(mutex);
-        if (!failure) failure = std::current_exception();
-      }
-    }
-  };
-  std::vector<std::thread> helpers;
-  const std::size_t wanted = std::min(count, static_cast<std::size_t>(threads));
-  for (std::size_t t = 1; t < wanted; ++t) helpers.emplace_back(work);
-  work();
-  for (std::thread& helper : helpers) helper.join();
-  if (failure) std::rethrow_exception(failure);
-}
-
 class Stopwatch {
  public:
   explicit Stopwatch(CalibrationResult* result) : result_(result) {}
+  /// Adds the time since the last lap to a stage.
   void Lap(const std::string& stage) {
     const auto now = Clock::now();
-    result_->timings_s.emplace_back(stage, Seconds(now - lap_));
+    auto& timings = result_->timings_s;
+    const auto known = std::find_if(timings.begin(), timings.end(),
+                                    [&](const auto& timing) { return timing.first == stage; });
+    if (known != timings.end()) {
+      known->second += Seconds(now - lap_);
+    } else {
+      timings.emplace_back(stage, Seconds(now - lap_));
+    }
     lap_ = now;
   }
   void Total() { result_->timings_s.emplace_back("total", Seconds(Clock::now() - start_)); }
@@ -70,6 +54,9 @@ struct Work {
   InitialPose initial;
   std::unique_ptr<RefineView> refine_view;
   Pose start = Pose::Identity();  // initial pose, refined alone
+  bool rejected = false;          // failed before its pose was looked at
+  std::string same_depth_as;      // another sensor with the same depth map
+  std::optional<BetterIntrinsics> better_intrinsics;
   bool placed = false;
 };
 
@@ -98,13 +85,19 @@ class Calibration {
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
       work_[i].view = MakeSensorView(frames_[i].depth, frames_[i].intrinsics);
     });
+    CheckDepths();
     watch.Lap("rays");
     Segment(&watch);
+    InspectStack(&watch);
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) { Place(i); });
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (result_.sensors[i].code == "degenerate_sides") result_.sensors[i].hint = MoveHint(i);
+    }
     watch.Lap("placement");
     RefineTogether();
     watch.Lap("refinement");
     Measure();
+    FindTwins();
     watch.Lap("metrics");
     watch.Total();
     return std::move(result_);
@@ -117,84 +110,208 @@ class Calibration {
     return depth.empty() ? 0 : static_cast<double>(valid) / static_cast<double>(depth.size());
   }
 
-  /// Labels and initial pose of every sensor; `auto` keeps the turn whose labels agree best with a
-  /// pose that stands on the floor.
-  void Segment(Stopwatch* watch) {
-    struct Trial {
-      std::size_t sensor;
-      int turns;
-      SegmentationResult segmentation;
-      InitialPose initial;
-      double score() const { return initial.found ? initial.agreement.score() : 0; }
-    };
-    std::vector<Trial> trials;
-    std::vector<SegmentationRequest> requests;
+  /// Rejects sensors whose depths cannot be a view of a structure: none, of another unit, or those
+  /// of another sensor.
+  void CheckDepths() {
     for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (ValidShare(i) < options_.verdict.min_valid_share) {
-        result_.sensors[i].segmentation = {
-            LabelImage(work_[i].view.width(), work_[i].view.height()),
-            Image<float>(work_[i].view.width(), work_[i].view.height())};
-        continue;
+      const DepthImage& depth = work_[i].view.depth;
+      const double valid = ValidShare(i);
+      if (valid < options_.verdict.min_valid_share) {
+        Fail(i, "no_depth", fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
+             "check the depth file and the sensor's lens cap");
+      } else if (const std::optional<std::string> problem = UnitProblem(depth)) {
+        Fail(i, "wrong_units", *problem, "correct depth_scale in the capture");
+      } else {
+        for (std::size_t j = 0; j < i; ++j) {
+          if (work_[j].rejected || !(work_[j].view.depth == depth)) continue;
+          work_[i].same_depth_as = frames_[j].name;
+          work_[j].same_depth_as = frames_[i].name;
+          Fail(i, "duplicate_depth",
+               fmt::format("its depth map is that of {}, pixel for pixel", frames_[j].name),
+               "check the sensors' depth files: one of them is given twice");
+          break;
+        }
       }
-      const bool automatic = frames_[i].quarter_turns == kAutoTurns;
-      for (int turns = automatic ? 0 : frames_[i].quarter_turns;
-           turns <= (automatic ? 3 : frames_[i].quarter_turns); ++turns) {
-        trials.push_back({i, turns, {}, {}});
-        requests.push_back({&work_[i].view.depth, &frames_[i].intrinsics, turns});
+      work_[i].rejected = !result_.sensors[i].code.empty();
+      if (work_[i].rejected) {
+        result_.sensors[i].segmentation = {LabelImage(depth.width(), depth.height()),
+                                           Image<float>(depth.width(), depth.height())};
       }
     }
-    if (!requests.empty()) {
-      std::vector<SegmentationResult> results = segmenter_.Segment(requests);
-      for (std::size_t t = 0; t < trials.size(); ++t)
-        trials[t].segmentation = std::move(results[t]);
+  }
+
+  /// A sentence for depths that no room gives: most of them beyond 10 m, or nearly all nearer than
+  /// 0.9 m, where no sensor sees a structure.
+  static std::optional<std::string> UnitProblem(const DepthImage& depth) {
+    std::vector<float> values;
+    for (const float z : depth) {
+      if (z > 0) values.push_back(z);
     }
+    const auto quantile = [&](double q) {
+      const auto at = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
+      std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at),
+                       values.end());
+      return static_cast<double>(values[at]);
+    };
+    constexpr double kFarthest = 10, kNearest = 0.9;
+    const double median = quantile(0.5), high = quantile(0.95);
+    if (median <= kFarthest && high >= kNearest) return std::nullopt;
+    std::string text = fmt::format("half of its depths are {} {:.3g} m",
+                                   median > kFarthest ? "beyond" : "under", median);
+    const std::vector<double> factors =
+        median > kFarthest ? std::vector<double>{0.1, 0.001} : std::vector<double>{10.0, 1000.0};
+    for (const double factor : factors) {
+      if (median * factor < 0.5 || median * factor > 8) continue;
+      return text + fmt::format("; its depth_scale seems to be {} times too {}",
+                                factor < 1 ? std::lround(1 / factor) : std::lround(factor),
+                                factor < 1 ? "large" : "small");
+    }
+    return text + ", where no structure can be";
+  }
+
+  /// One sensor's frame as the network sees it after `turns`, and the pose that follows.
+  struct Trial {
+    std::size_t sensor = 0;
+    int turns = 0;
+    SegmentationResult segmentation;
+    InitialPose initial;
+    int floor = 0;  // FloorEvidence::balance at the pose
+    double score() const { return initial.found ? initial.agreement.score() : 0; }
+    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down it would
+    /// not (infer/agreement.h, FindFloor).
+    bool decided() const {
+      constexpr double kDecided = 0.6;
+      return initial.found && floor > 0 && score() >= kDecided;
+    }
+  };
+
+  /// Segments and poses the trials from `begin` on, in as few forward passes as sizes allow.
+  void Try(std::vector<Trial>* trials, std::size_t begin, Stopwatch* watch) {
+    std::vector<SegmentationRequest> requests;
+    for (std::size_t t = begin; t < trials->size(); ++t) {
+      const Trial& trial = (*trials)[t];
+      requests.push_back(
+          {&work_[trial.sensor].view.depth, &frames_[trial.sensor].intrinsics, trial.turns});
+    }
+    if (requests.empty()) return;
+    std::vector<SegmentationResult> results = segmenter_.Segment(requests);
+    for (std::size_t t = begin; t < trials->size(); ++t)
+      (*trials)[t].segmentation = std::move(results[t - begin]);
     watch->Lap("segmentation");
-    ParallelFor(trials.size(), options_.threads, [&](std::size_t t) {
-      trials[t].initial = EstimateInitialPose(work_[trials[t].sensor].view, trials[t].segmentation,
-                                              structure_, options_.initial);
+    ParallelFor(trials->size() - begin, options_.threads, [&](std::size_t k) {
+      Trial& trial = (*trials)[begin + k];
+      const SensorView& view = work_[trial.sensor].view;
+      trial.initial = EstimateInitialPose(view, trial.segmentation, structure_, options_.initial);
+      if (trial.initial.found) {
+        trial.floor = FindFloor(view, structure_, trial.initial.structure_from_sensor).balance();
+      }
     });
-    std::vector<double> best(frames_.size(), 0);
-    for (const Trial& trial : trials) {
-      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
+    watch->Lap("initial_pose");
+  }
+
+  /// Labels and initial pose of every sensor. `auto` takes the network's own orientation where that
+  /// decides, then, sensors of a rig being mounted alike, the turn of the first sensor that it did
+  /// not, and tries all four only where neither does: the turn whose labels agree best with a pose
+  /// that stands on the floor.
+  void Segment(Stopwatch* watch) {
+    std::vector<Trial> trials;
+    const auto add = [&](std::size_t i, int turns) {
+      Trial trial;
+      trial.sensor = i;
+      trial.turns = turns;
+      trials.push_back(std::move(trial));
+    };
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (!work_[i].rejected)
+        add(i, frames_[i].quarter_turns == kAutoTurns ? 0 : frames_[i].quarter_turns);
     }
-    // Turns that explain the view about as well as the best one compete by how the structure stands
-    // on the floor.
+    Try(&trials, 0, watch);
+    std::vector<std::size_t> open;
+    for (const Trial& trial : trials) {
+      if (frames_[trial.sensor].quarter_turns == kAutoTurns && !trial.decided())
+        open.push_back(trial.sensor);
+    }
+    int usual = 0;
+    if (!open.empty()) {
+      const std::size_t begin = trials.size();
+      for (int turns = 1; turns < 4; ++turns) add(open.front(), turns);
+      Try(&trials, begin, watch);
+      for (std::size_t t = begin; t < trials.size(); ++t) {
+        if (trials[t].decided()) usual = trials[t].turns;
+      }
+      open.erase(open.begin());
+    }
+    if (usual != 0) {
+      const std::size_t begin = trials.size();
+      for (const std::size_t i : open) add(i, usual);
+      Try(&trials, begin, watch);
+      open.clear();
+      for (std::size_t t = begin; t < trials.size(); ++t) {
+        if (!trials[t].decided()) open.push_back(trials[t].sensor);
+      }
+    }
+    const std::size_t begin = trials.size();
+    for (const std::size_t i : open) {
+      for (int turns = 1; turns < 4; ++turns) {
+        if (turns != usual) add(i, turns);
+      }
+    }
+    Try(&trials, begin, watch);
+    TakeBest(&trials);
+  }
+
+  /// Turns that explain a view about as well as the best one compete by how the structure stands on
+  /// the floor.
+  void TakeBest(std::vector<Trial>* trials) {
+    std::vector<double> best(frames_.size(), 0);
+    for (const Trial& trial : *trials)
+      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
     constexpr double kRival = 0.5;
     std::vector<const Trial*> chosen(frames_.size(), nullptr);
-    std::vector<int> balance(frames_.size(), 0);
-    for (const Trial& trial : trials) {
+    for (const Trial& trial : *trials) {
       const std::size_t i = trial.sensor;
       if (trial.score() < kRival * best[i]) continue;
-      const int floor =
-          trial.initial.found
-              ? FindFloor(work_[i].view, structure_, trial.initial.structure_from_sensor).balance()
-              : 0;
-      if (!chosen[i] || floor > balance[i] ||
-          (floor == balance[i] && trial.score() > chosen[i]->score())) {
+      if (!chosen[i] || trial.floor > chosen[i]->floor ||
+          (trial.floor == chosen[i]->floor && trial.score() > chosen[i]->score())) {
         chosen[i] = &trial;
-        balance[i] = floor;
       }
     }
-    for (Trial& trial : trials) {
+    for (Trial& trial : *trials) {
       if (chosen[trial.sensor] != &trial) continue;
       result_.sensors[trial.sensor].quarter_turns = trial.turns;
       result_.sensors[trial.sensor].segmentation = std::move(trial.segmentation);
       work_[trial.sensor].initial = std::move(trial.initial);
     }
-    watch->Lap("initial_pose");
   }
 
-  void Fail(std::size_t i, const char* code, std::string reason, const char* hint) {
+  /// Is the stack built as described? Asked of the sensors that are sure of several sides.
+  void InspectStack(Stopwatch* watch) {
+    if (!options_.assembly.enabled) return;
+    std::vector<AssemblySensor> sensors;
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (SeesSides(i))
+        sensors.push_back({&work_[i].view, &result_.sensors[i].segmentation, &work_[i].initial});
+    }
+    if (sensors.empty()) return;
+    result_.assembly =
+        InspectAssembly(sensors, structure_, options_.initial, options_.assembly, options_.threads);
+    watch->Lap("assembly");
+  }
+
+  void Fail(std::size_t i, const char* code, std::string reason, std::string hint) {
     SensorResult& sensor = result_.sensors[i];
     sensor.status = SensorStatus::kFailed;
     sensor.code = code;
     sensor.reason = std::move(reason);
-    sensor.hint = hint;
+    sensor.hint = std::move(hint);
   }
 
+  /// What a refinement has to beat on held-out points is the pose from keypoints. One that was
+  /// fitted to the sensor's own points has absorbed its warp and the boxes' offsets, and would win
+  /// that comparison against better poses.
   RefineSensor Refinable(std::size_t i) const {
     const auto& without = options_.refine.without_structure;
-    return {work_[i].refine_view.get(), work_[i].initial.structure_from_sensor, work_[i].start,
+    return {work_[i].refine_view.get(), work_[i].initial.from_keypoints, work_[i].start,
             std::find(without.begin(), without.end(), frames_[i].name) == without.end()};
   }
 
@@ -203,13 +320,19 @@ class Calibration {
   void Place(std::size_t i) {
     Work& work = work_[i];
     SensorResult& sensor = result_.sensors[i];
-    const double valid = ValidShare(i);
-    if (valid < options_.verdict.min_valid_share) {
-      return Fail(i, "no_depth", fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
-                  "check the depth file, its depth_scale and the sensor's lens cap");
+    if (work.rejected) return;
+    if (result_.assembly && result_.assembly->altered() && SeesSides(i)) {
+      const AssemblyReport& report = *result_.assembly;
+      return Fail(
+          i, report.arrangement.code.c_str(),
+          fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
+                      "{:.0f} %",
+                      report.arrangement.sentence, 100 * report.overlap,
+                      100 * report.described_overlap),
+          "stack the boxes as the structure file says, or describe them as they stand "
+          "(--structure)");
     }
-    constexpr char kLookHint[] =
-        "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m";
+    CheckIntrinsics(i);
     if (!work.initial.found) {
       // One or two sides on which the network is sure are a structure seen too narrowly; less is
       // none.
@@ -264,7 +387,7 @@ class Calibration {
           fmt::format(
               "{} found; their keypoints lie on a line and their planes leave a direction free",
               Sides(labels.size())),
-          "move the sensor sideways or up, until it sees sides of more than one orientation");
+          kLookHint);
     }
     if (agreement.score() < limits.min_label_iou) return FailVerification(i, agreement, seen);
     if (!(alone_sigma_m <= limits.max_sigma_translation_m)) {
@@ -273,7 +396,105 @@ class Calibration {
                               Sides(labels.size()), alone_sigma_m),
                   kLookHint);
     }
+    constexpr double kFarOff = 0.08;  // of the focal length: the pose is decimetres off
+    if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
+      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
+  }
+
+  static constexpr char kLookHint[] =
+      "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m";
+
+  struct SureSides {
+    std::size_t count = 0;
+    double area = 0;
+  };
+  SureSides CountSureSides(std::size_t i) const {
+    SureSides sure;
+    for (const SideEvidence& patch : work_[i].initial.evidence) {
+      if (patch.mean_confidence < 0.8) continue;
+      sure.area += patch.area;
+      ++sure.count;
+    }
+    return sure;
+  }
+  /// Enough of what looks like sides to ask why they do not fit. A structure seen from one corner
+  /// shows over 1 m^2.
+  bool SeesSides(std::size_t i) const {
+    const SureSides sure = CountSureSides(i);
+    return sure.count >= 4 && sure.area > 0.5;
+  }
+
+  /// Where labelled sides fit the structure badly: would they with other intrinsics?
+  void CheckIntrinsics(std::size_t i) {
+    constexpr double kGoodScore = 0.85;
+    const InitialPose& initial = work_[i].initial;
+    if (!SeesSides(i) || (initial.found && initial.agreement.score() >= kGoodScore)) return;
+    work_[i].better_intrinsics =
+        FindBetterIntrinsics(work_[i].view.depth, frames_[i].intrinsics,
+                             result_.sensors[i].segmentation, structure_, options_.initial);
+  }
+
+  std::string IntrinsicsReason(std::size_t i) const {
+    const BetterIntrinsics& better = *work_[i].better_intrinsics;
+    return fmt::format(
+        "its sides fit the structure {:.0f} % better with {} (labels and depth agree on {:.0f} % "
+        "of the structure, {:.0f} % as given)",
+        100 * (better.score / std::max(better.given_score, 0.01) - 1), better.change,
+        100 * better.score, 100 * better.given_score);
+  }
+  static constexpr char kIntrinsicsHint[] =
+      "give the intrinsics of this sensor at this resolution and orientation";
+
+  /// Turns that put a sensor without a pose upright: the network's orientation is upright after as
+  /// many turns for every sensor, and those with a pose tell how many.
+  std::optional<int> UprightTurnsFrom(std::size_t i) const {
+    std::array<int, 4> votes{};
+    for (std::size_t j = 0; j < frames_.size(); ++j) {
+      if (!work_[j].placed) continue;
+      const int upright = UprightTurns(work_[j].start) - result_.sensors[j].quarter_turns;
+      ++votes[static_cast<std::size_t>((upright + 4) % 4)];
+    }
+    const auto most = std::max_element(votes.begin(), votes.end());
+    if (*most == 0) return std::nullopt;
+    return static_cast<int>(most - votes.begin()) + result_.sensors[i].quarter_turns;
+  }
+
+  /// Where to move a sensor that sees too few sides: away from the border that cuts the structure
+  /// off, or round the structure.
+  std::string MoveHint(std::size_t i) const {
+    const LabelImage& labels = result_.sensors[i].segmentation.labels;
+    const int w = labels.width(), h = labels.height();
+    constexpr int kBorder = 8;  // px: depth is often missing along the very border
+    std::vector<int> cut;       // 0 left, 1 top, 2 right, 3 bottom of the stored image
+    for (int border = 0; border < 4; ++border) {
+      const bool upright = border % 2 == 0;
+      const int length = upright ? h : w;
+      int marked = 0;
+      for (int k = 0; k < length; ++k) {
+        bool any = false;
+        for (int d = 0; d < kBorder && d < (upright ? w : h); ++d) {
+          const int across = border < 2 ? d : (upright ? w : h) - 1 - d;
+          any = any || (upright ? labels(across, k) : labels(k, across)) > 0;
+        }
+        marked += any ? 1 : 0;
+      }
+      if (10 * marked >= length) cut.push_back(border);
+    }
+    constexpr char kRound[] =
+        "move the sensor round the structure to the left or right, or up, until it sees sides of "
+        "more than one orientation";
+    if (cut.empty()) return kRound;
+    const std::optional<int> turns = UprightTurnsFrom(i);
+    if (cut.size() > 1 || !turns) {
+      return "the image border cuts the structure off: move the sensor further away, or turn it so "
+             "that it sees most of the structure";
+    }
+    // Turning the picture clockwise sends its left border to the top.
+    static constexpr const char* kNames[] = {"to the left", "up", "to the right", "down"};
+    return fmt::format(
+        "the image border cuts the structure off: turn the sensor {}, or move it further away",
+        kNames[(cut.front() + *turns) % 4]);
   }
 
   static std::string Sides(std::size_t count) {
@@ -281,22 +502,15 @@ class Calibration {
   }
 
   void FailVerification(std::size_t i, const Agreement& agreement, bool seen) {
-    double area = 0;
-    std::size_t sure = 0;
-    for (const SideEvidence& patch : work_[i].initial.evidence) {
-      if (patch.mean_confidence < 0.8) continue;
-      area += patch.area;
-      ++sure;
-    }
+    if (work_[i].better_intrinsics)
+      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     const std::string facts = fmt::format(
         "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
         "structure's view is "
         "measured on it and {:.0f} % of that is seen through",
         100 * agreement.inlier_share(), 100 * agreement.explained_share(),
         100 * agreement.see_through_share());
-    constexpr double kStructureArea =
-        0.5;  // m^2: a structure seen from one corner shows over 1 m^2
-    if (sure >= 4 && area > kStructureArea && (seen || agreement.inlier_share() > 0.3)) {
+    if (SeesSides(i) && (seen || agreement.inlier_share() > 0.3)) {
       return Fail(
           i, "inconsistent",
           "the sides that were found do not fit the structure together: " + facts,
@@ -339,9 +553,10 @@ class Calibration {
     result_.sigma_size_scale = refined.sigma_size_scale;
     for (std::size_t j = 0; j < index.size(); ++j) {
       SensorResult& sensor = result_.sensors[index[j]];
-      sensor.initial = sensors[j].initial;
-      sensor.structure_from_sensor = refined.sensors[j].structure_from_sensor;
+      sensor.initial = work_[index[j]].initial.structure_from_sensor;
       sensor.refinement_accepted = refined.sensors[j].accepted;
+      sensor.structure_from_sensor =
+          sensor.refinement_accepted ? refined.sensors[j].structure_from_sensor : sensor.initial;
       sensor.covariance = refined.sensors[j].covariance;
       sensor.depth_offset_m = refined.sensors[j].depth_offset;
       sensor.depth_scale = refined.sensors[j].depth_scale;
@@ -400,7 +615,15 @@ class Calibration {
     const double sigma_m = sensor.sigma_translation_m().maxCoeff();
     const double sigma_deg = sensor.sigma_rotation_deg().maxCoeff();
     sensor.status = SensorStatus::kWeak;
-    if (sensor.inlier_share < limits.weak_inlier_share) {
+    if (!work_[i].same_depth_as.empty()) {
+      sensor.code = "duplicate_depth";
+      sensor.reason = fmt::format("{} has the same depth map", work_[i].same_depth_as);
+      sensor.hint = "check which of the two it belongs to";
+    } else if (work_[i].better_intrinsics) {
+      sensor.code = "intrinsics_suspect";
+      sensor.reason = IntrinsicsReason(i);
+      sensor.hint = kIntrinsicsHint;
+    } else if (sensor.inlier_share < limits.weak_inlier_share) {
       sensor.code = "few_inliers";
       sensor.reason =
           fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
@@ -426,6 +649,25 @@ class Calibration {
       sensor.hint = "let it see more sides, or more of what its neighbours see";
     } else {
       sensor.status = SensorStatus::kOk;
+    }
+  }
+
+  /// Two sensors cannot stand in one place: it is one sensor under two names.
+  void FindTwins() {
+    constexpr double kPlace = 0.02, kDirectionDeg = 2;
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      for (std::size_t j = 0; j < frames_.size(); ++j) {
+        SensorResult& sensor = result_.sensors[i];
+        if (i == j || !work_[i].placed || !work_[j].placed) continue;
+        const PoseError gap =
+            ComparePoses(*sensor.structure_from_sensor, *result_.sensors[j].structure_from_sensor);
+        if (gap.translation_m > kPlace || gap.rotation_deg > kDirectionDeg) continue;
+        sensor.status = SensorStatus::kWeak;
+        sensor.code = "same_pose";
+        sensor.reason = fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
+                                    frames_[j].name, 1000 * gap.translation_m, gap.rotation_deg);
+        sensor.hint = "check the sensors' depth files: one sensor seems to be given twice";
+      }
     }
   }
 

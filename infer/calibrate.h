@@ -10,6 +10,7 @@
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/agreement.h"
+#include "infer/assembly.h"
 #include "infer/capture.h"
 #include "infer/initial_pose.h"
 #include "infer/refine.h"
@@ -76,6 +77,7 @@ struct CalibrateOptions {
   InitialPoseOptions initial;
   RefineOptions refine;
   VerdictOptions verdict;
+  AssemblyOptions assembly;
   int threads = 2;
 
   template <class Archive>
@@ -83,6 +85,7 @@ struct CalibrateOptions {
     ar("initial", initial, "initial pose of each sensor");
     ar("refine", refine, "joint refinement");
     ar("verdict", verdict, "what a placed sensor has to show");
+    ar("assembly", assembly, "recognition of a stack that is built otherwise");
     ar("threads", threads, "threads over sensors", AtLeast(1));
   }
 };
@@ -95,8 +98,9 @@ const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
 struct SensorResult {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
-  /// no_depth, no_structure, degenerate_sides, inconsistent; for a weak sensor few_inliers,
-  /// labels_disagree, large_residual, uncertain.
+  /// Failed: no_depth, wrong_units, duplicate_depth, no_structure, degenerate_sides,
+  /// intrinsics_suspect, inconsistent, and the Arrangement's codes. Weak: duplicate_depth,
+  /// same_pose, intrinsics_suspect, few_inliers, large_residual, labels_disagree, uncertain.
   std::string code;
   std::string reason;  ///< a sentence
   std::string hint;    ///< what to do about it
@@ -137,7 +141,8 @@ struct PairResult {
 struct CalibrationResult {
   std::vector<SensorResult> sensors;
   std::vector<PairResult> pairs;
-  std::optional<SetDistances> metrics;  ///< absent when no sensor was placed
+  std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
+  std::optional<AssemblyReport> assembly;  ///< absent when no sensor sees four sides for sure
   std::vector<std::pair<std::string, double>> timings_s;
   /// The structure with its boxes where the capture shows them and the size that it shows, which
   /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.

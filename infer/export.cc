@@ -121,6 +121,47 @@ RgbImage SensorPicture(const SensorFrame& frame, const SensorResult& result,
   return Montage(panels, 3);
 }
 
+namespace {
+
+/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it.
+std::string OverlapTable(const CalibrationResult& result) {
+  constexpr std::size_t kWidest = 16;  // sensors
+  if (result.pairs.empty()) return "";
+  double worst = 0;
+  for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
+  const std::string summary =
+      fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
+                  result.pairs.size() == 1 ? "" : "s", 1000 * worst);
+  std::vector<std::string> names;
+  std::size_t width = 5;
+  for (const SensorResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    names.push_back(sensor.name);
+    width = std::max(width, sensor.name.size());
+  }
+  if (names.size() > kWidest) return summary;
+  std::string text = fmt::format("{:<{}}", "", width);
+  for (const std::string& name : names) text += fmt::format("  {:>{}}", name, width);
+  text += "   overlap, % above the diagonal; RMS, mm below\n";
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += fmt::format("{:<{}}", names[i], width);
+    for (std::size_t j = 0; j < names.size(); ++j) {
+      std::string cell = i == j ? "." : "-";
+      for (const PairResult& pair : result.pairs) {
+        const bool this_way = pair.a == names[i] && pair.b == names[j];
+        if (!this_way && !(pair.a == names[j] && pair.b == names[i])) continue;
+        cell = i < j ? fmt::format("{:.0f}", 100 * pair.overlap)
+                     : fmt::format("{:.1f}", 1000 * pair.rms_m);
+      }
+      text += fmt::format("  {:>{}}", cell, width);
+    }
+    text += '\n';
+  }
+  return text + summary;
+}
+
+}  // namespace
+
 std::string FormatReport(const CalibrationResult& result) {
   std::size_t width = 6;
   bool truth = false;
@@ -172,18 +213,16 @@ std::string FormatReport(const CalibrationResult& result) {
     text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
                         100 * result.size_scale, 100 * result.sigma_size_scale);
   }
-  if (!result.pairs.empty()) {
-    double worst = 0;
-    for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
-    text += fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
-                        result.pairs.size() == 1 ? "" : "s", 1000 * worst);
-  }
+  text += OverlapTable(result);
   if (result.metrics) {
     text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
                         1000 * result.metrics->d2);
   }
-  text += fmt::format("{} of {} sensors placed; verdict: {}\n", result.placed(),
+  text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
                       result.sensors.size(), ToString(result.verdict()));
+  if (result.assembly && result.assembly->altered())
+    text += fmt::format(": {}", result.assembly->arrangement.sentence);
+  text += '\n';
   return text;
 }
 

@@ -36,8 +36,8 @@ RgbImage SensorPicture(const SensorFrame& frame, const SensorResult& result,
                        const Structure& structure, int turns);
 
 /// Table of sensors (status, sides, RMS, standard deviations, errors where there is a ground
-/// truth), reasons and hints of those that are not ok, pairs, d1 and d2, and a verdict; for a
-/// terminal.
+/// truth), reasons and hints of those that are not ok, the overlap of each two, d1 and d2, and a
+/// verdict; for a terminal.
 std::string FormatReport(const CalibrationResult& result);
 
 /// Writes into `folder`: extrinsics.json (last, so that it names a complete folder),

@@ -89,6 +89,34 @@ Json SensorJson(const Extrinsics::Sensor& sensor) {
   return json;
 }
 
+Json AssemblyJson(const Extrinsics::Assembly& assembly) {
+  Json json = Json::object();
+  PutText(&json, "code", assembly.code);
+  json["sentence"] = assembly.sentence;
+  PutText(&json, "box", assembly.box);
+  PutText(&json, "other_box", assembly.other_box);
+  if (assembly.turn_deg != 0) json["turn_deg"] = assembly.turn_deg;
+  json["overlap"] = Finite(assembly.overlap, "assembly: overlap");
+  json["described_overlap"] = Finite(assembly.described_overlap, "assembly: described_overlap");
+  return json;
+}
+
+Extrinsics::Assembly ParseAssembly(const JsonObject& object) {
+  Extrinsics::Assembly assembly;
+  const auto text = [&](const char* key) {
+    return object.Has(key) ? object.Text(key) : std::string();
+  };
+  assembly.code = text("code");
+  assembly.sentence = object.Text("sentence");
+  assembly.box = text("box");
+  assembly.other_box = text("other_box");
+  if (object.Has("turn_deg")) assembly.turn_deg = object.Int("turn_deg");
+  assembly.overlap = object.Number("overlap");
+  assembly.described_overlap = object.Number("described_overlap");
+  object.RejectOthers();
+  return assembly;
+}
+
 PoseError ParseError(const JsonObject& object) {
   PoseError error{object.Number("translation_m"), object.Number("rotation_deg")};
   object.RejectOthers();
@@ -182,6 +210,16 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sen
   out.model_file = source.model_file;
   out.model_sha256 = source.model_sha256;
   out.verdict = ToString(result.verdict());
+  if (result.assembly) {
+    const Arrangement& found = result.assembly->arrangement;
+    out.assembly = Extrinsics::Assembly{found.code,
+                                        found.sentence,
+                                        found.box,
+                                        found.other_box,
+                                        found.turn_deg,
+                                        result.assembly->overlap,
+                                        result.assembly->described_overlap};
+  }
   for (std::size_t i = 0; i < result.sensors.size(); ++i) {
     const SensorResult& from = result.sensors[i];
     const SensorFrame& frame = frames.at(i);
@@ -253,6 +291,7 @@ void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrin
     json["model"] = {{"file", extrinsics.model_file}, {"sha256", extrinsics.model_sha256}};
   }
   json["verdict"] = extrinsics.verdict;
+  if (extrinsics.assembly) json["assembly"] = AssemblyJson(*extrinsics.assembly);
   json["sensors"] = Json::object();
   for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
     json["sensors"][sensor.name] = SensorJson(sensor);
@@ -312,6 +351,7 @@ Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
     model.RejectOthers();
   }
   extrinsics.verdict = root.Text("verdict");
+  if (root.Has("assembly")) extrinsics.assembly = ParseAssembly(root.Child("assembly"));
   const JsonObject sensors = root.Child("sensors");
   for (const std::string& sensor : sensors.Keys()) {
     extrinsics.sensors.push_back(ParseSensor(sensor, sensors.Child(sensor)));

@@ -45,6 +45,15 @@ struct Extrinsics {
     std::string serial;
   };
 
+  /// How the boxes stand (infer/assembly.h).
+  struct Assembly {
+    std::string code;  ///< empty: as described
+    std::string sentence;
+    std::string box, other_box;
+    int turn_deg = 0;
+    double overlap = 0, described_overlap = 0;
+  };
+
   std::string tool;
   std::string capture;
   std::string structure_name, structure_sha256;
@@ -62,6 +71,7 @@ struct Extrinsics {
   std::vector<Box> boxes;
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  std::optional<Assembly> assembly;
   std::vector<PairResult> pairs;
   std::optional<SetDistances> metrics;
   std::vector<std::pair<std::string, double>> timings_s;

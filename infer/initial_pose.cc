@@ -11,6 +11,7 @@
 
 #include "core/procrustes.h"
 #include "core/visibility.h"
+#include "infer/held_out.h"
 
 namespace volalign {
 
@@ -27,6 +28,9 @@ struct PatchSetLess {
 /// Errors that the weights assume: of keypoints (visibility, labels), m, and of normals beside
 /// their own, rad.
 constexpr double kKeypointSigma = 0.03, kNormalSigma = 0.01;
+
+/// Of the verification: depths agree, points lie on their side, m.
+constexpr double kTolerance = 0.05;
 
 /// Weight of a patch: a large one outweighs a sliver, but two large ones are equals.
 double Trust(const SideEvidence& patch) { return patch.area / (patch.area + 0.03); }
@@ -71,6 +75,12 @@ class PoseSearch {
     for (int i = 0; best.found && i < std::min(options_.visibility_iterations, 3); ++i) {
       if (!CorrectForVisibility(*full_view_, kLast, &best.structure_from_sensor, &chosen)) break;
     }
+    if (best.found) {
+      best.from_keypoints = best.structure_from_sensor;
+      FitToSides(&best.structure_from_sensor, &chosen);
+      best.agreement = CompareWithView(view_, segmentation_, structure_, best.structure_from_sensor,
+                                       options_.evidence.min_confidence, kTolerance);
+    }
     for (std::size_t i = 0; i < evidence_.size(); ++i) {
       if (chosen[i]) best.consistent.push_back(static_cast<int>(i));
     }
@@ -79,7 +89,6 @@ class PoseSearch {
   }
 
  private:
-  static constexpr double kTolerance = 0.05;
   static constexpr int kLast = 3;  // corrections after which the gate on keypoints stays
   struct Candidate {
     Pose pose;
@@ -203,10 +212,9 @@ class PoseSearch {
     return candidates;
   }
 
-  /// Replaces keypoints by centroids of what the structure shows from `pose`, and solves again.
-  bool CorrectForVisibility(const SensorView& view, int iteration, Pose* pose,
-                            PatchSet* members) const {
-    const StructureView model = CastView(structure_, view.rays, *pose);
+  /// Centroids, structure frame, of what each patch's side shows from `pose`.
+  std::map<int, Eigen::Vector3d> VisibleKeypoints(const SensorView& view, const Pose& pose) const {
+    const StructureView model = CastView(structure_, view.rays, pose);
     struct Sum {
       double area = 0;
       Eigen::Vector3d moment = Eigen::Vector3d::Zero();
@@ -222,7 +230,7 @@ class PoseSearch {
         const double z = model.depth(u, v);
         const Eigen::Vector3d p(z * ray.x(), z * ray.y(), z);
         const Eigen::Vector3d normal =
-            pose->linear().transpose() * structure_.SideOfLabel(label).normal;
+            pose.linear().transpose() * structure_.SideOfLabel(label).normal;
         const double area = view.PixelArea(p, normal);
         shown[label].area += area;
         shown[label].moment += area * p;
@@ -233,8 +241,15 @@ class PoseSearch {
       const auto sum = shown.find(evidence_[i].label);
       if (sum == shown.end() || sum->second.area < 0.2 * evidence_[i].area) continue;
       keypoints[static_cast<int>(i)] =
-          *pose * Eigen::Vector3d(sum->second.moment / sum->second.area);
+          pose * Eigen::Vector3d(sum->second.moment / sum->second.area);
     }
+    return keypoints;
+  }
+
+  /// Replaces keypoints by centroids of what the structure shows from `pose`, and solves again.
+  bool CorrectForVisibility(const SensorView& view, int iteration, Pose* pose,
+                            PatchSet* members) const {
+    const std::map<int, Eigen::Vector3d> keypoints = VisibleKeypoints(view, *pose);
     PatchSet agreeing =
         Agreeing(*pose, keypoints, options_.max_keypoint_error_m / std::min(iteration + 1, kLast));
     if (agreeing.count() < 2) return false;
@@ -245,6 +260,87 @@ class PoseSearch {
     return true;
   }
 
+  /// Gauss-Newton steps that bring each patch's points onto its finite side, Cauchy-weighted with a
+  /// scale that shrinks, while the centroids of what is visible hold the directions along the sides
+  /// (a rectangle alone would let points that lie within it slide). Points that are held out to
+  /// judge the refinement stay out of it.
+  void FitToSides(Pose* pose, PatchSet* members) const {
+    // Errors of neighbouring pixels are alike: so many make one observation, with this spread, m.
+    constexpr double kPixelsPerObservation = 200, kPointSigma = 0.005, kCentroidSigma = 0.01;
+    // Boxes stand some millimetres off their places, which shifts all points of a side alike, m.
+    constexpr double kPlacementSigma = 0.003;
+    constexpr std::size_t kMostPoints = 400;  // of a patch
+    for (int step = 0; step < options_.side_fit_steps; ++step) {
+      const std::map<int, Eigen::Vector3d> keypoints = VisibleKeypoints(*full_view_, *pose);
+      const PatchSet agreeing = Agreeing(*pose, keypoints, options_.max_keypoint_error_m / kLast);
+      if (agreeing.count() < 2) return;
+      const double scale = std::max(0.01, 0.04 / (1 << std::min(step, 8)));
+      const Eigen::Vector3d pivot = *pose * evidence_.front().centroid;
+      Matrix6d hessian = Matrix6d::Zero();
+      Vector6d gradient = Vector6d::Zero();
+      const auto add = [&](const Eigen::Vector3d& p, const Eigen::Vector3d& direction,
+                           double residual, double weight) {
+        Vector6d jacobian;
+        jacobian << direction, (p - pivot).cross(direction);
+        hessian += weight * jacobian * jacobian.transpose();
+        gradient += weight * residual * jacobian;
+      };
+      for (std::size_t i = 0; i < evidence_.size(); ++i) {
+        if (!agreeing[i]) continue;
+        const SideEvidence& patch = evidence_[i];
+        const Side& side = structure_.SideOfLabel(patch.label);
+        const std::size_t stride = patch.pixels.size() / kMostPoints + 1;
+        const double observations =
+            std::max(1.0, static_cast<double>(patch.pixels.size()) / kPixelsPerObservation);
+        const double share = observations * static_cast<double>(stride) /
+                             static_cast<double>(patch.pixels.size()) / (kPointSigma * kPointSigma);
+        Matrix6d squares = Matrix6d::Zero();
+        Vector6d moment = Vector6d::Zero(), mean = Vector6d::Zero();
+        double total = 0, offset = 0;
+        for (std::size_t k = stride / 2; k < patch.pixels.size(); k += stride) {
+          const int u = patch.pixels[k] % full_view_->width();
+          const int v = patch.pixels[k] / full_view_->width();
+          if (HeldOut(u, v)) continue;
+          const Eigen::Vector3d p = *pose * full_view_->Point(u, v);
+          const Eigen::Vector3d gap = side.ClosestPoint(p) - p;
+          const double residual = gap.dot(side.normal);
+          const double weight = share / (1 + gap.squaredNorm() / (scale * scale));
+          Vector6d jacobian;
+          jacobian << side.normal, (p - pivot).cross(side.normal);
+          squares += weight * jacobian * jacobian.transpose();
+          moment += weight * residual * jacobian;
+          mean += weight * jacobian;
+          offset += weight * residual;
+          total += weight;
+        }
+        if (!(total > 0)) continue;
+        mean /= total;
+        offset /= total;
+        // Marginal over the common offset: the patch's own tilt and bend keep their weight.
+        const double centre_weight = 1 / (1 / total + kPlacementSigma * kPlacementSigma);
+        hessian += squares + (centre_weight - total) * mean * mean.transpose();
+        gradient += moment + (centre_weight - total) * offset * mean;
+        const auto own = keypoints.find(static_cast<int>(i));
+        if (own == keypoints.end()) continue;
+        const Eigen::Vector3d p = *pose * patch.centroid;
+        const Eigen::Vector3d gap = own->second - p;
+        const double u = gap.dot(side.axis_u), v = gap.dot(side.axis_v);
+        const double variance = kCentroidSigma * kCentroidSigma;
+        const double weight = Trust(patch) / variance / (1 + (u * u + v * v) / (4 * variance));
+        add(p, side.axis_u, u, weight);
+        add(p, side.axis_v, v, weight);
+      }
+      // A prior of 1 m and 1 rad for directions that nothing holds.
+      hessian.diagonal().array() += 1;
+      const Vector6d delta = hessian.ldlt().solve(gradient);
+      const Eigen::Matrix3d turn = RotationExp(delta.tail<3>());
+      pose->translation() = pivot + turn * (pose->translation() - pivot) + delta.head<3>();
+      pose->linear() = turn * pose->linear();
+      *members = agreeing;
+      if (delta.head<3>().norm() < 1e-4 && delta.tail<3>().norm() < 1e-4) return;
+    }
+  }
+
   const InitialPoseOptions& options_;
   const Structure& structure_;
   const SensorView* full_view_ = nullptr;
@@ -253,10 +349,44 @@ class PoseSearch {
   std::vector<SideEvidence> evidence_;
 };
 
+InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
+                              const Structure& structure, const InitialPoseOptions& options) {
+  const auto classes = static_cast<std::size_t>(structure.num_classes());
+  std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());
+  std::vector<int> counts(classes, 0);
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const std::size_t label = segmentation.labels(u, v);
+      if (label == 0 || label >= classes || !(view.depth(u, v) > 0)) continue;
+      if (segmentation.confidence(u, v) < options.evidence.min_confidence) continue;
+      sums[label] += view.Point(u, v);
+      ++counts[label];
+    }
+  }
+  std::vector<Eigen::Vector3d> source, target;
+  for (std::size_t label = 1; label < classes; ++label) {
+    if (counts[label] < options.evidence.min_pixels) continue;
+    source.push_back(sums[label] / counts[label]);
+    target.push_back(structure.SideOfLabel(static_cast<int>(label)).centre);
+  }
+  InitialPose result;
+  result.evidence = CollectEvidence(view, segmentation, structure, options.evidence);
+  if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
+  result.found = true;
+  result.structure_from_sensor = AlignPoints(source, target).target_from_source;
+  result.from_keypoints = result.structure_from_sensor;
+  result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
+                                     options.evidence.min_confidence, kTolerance);
+  for (std::size_t i = 0; i < result.evidence.size(); ++i)
+    result.consistent.push_back(static_cast<int>(i));
+  return result;
+}
+
 }  // namespace
 
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options) {
+  if (options.method == "paper") return EstimatePaperPose(view, segmentation, structure, options);
   return PoseSearch(view, segmentation, structure, options).Run();
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/random.h"
+#include "infer/held_out.h"
 
 namespace volalign {
 
@@ -16,11 +17,7 @@ namespace {
 
 constexpr int kNormalRadius = 3;
 
-bool HeldOut(int u, int v) {
-  const auto block = static_cast<std::uint64_t>(v / RefineView::kBlock) << 32 |
-                     static_cast<std::uint64_t>(u / RefineView::kBlock);
-  return RandomStream(0, block, "held_out").Below(5) == 0;
-}
+static_assert(RefineView::kBlock == kHeldOutBlock);
 
 /// Keeps at most `most` elements, evenly spread.
 template <class T>

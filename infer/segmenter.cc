@@ -27,6 +27,10 @@ class TorchSegmenter : public NetworkSegmenter {
         file_(checkpoint.string()),
         sha256_(Sha256(ReadFile(checkpoint))) {
     if (structure) CheckStructure(model_.meta, *structure);
+    // Channels last took two thirds of the time of a forward pass on two cores.
+    for (at::Tensor& weight : model_.net->parameters()) {
+      if (weight.dim() == 4) weight.set_data(weight.contiguous(at::MemoryFormat::ChannelsLast));
+    }
     at::set_num_threads(num_threads);
   }
 
@@ -59,7 +63,8 @@ std::vector<SegmentationResult> TorchSegmenter::Forward(const std::vector<const 
                                    at::TensorOptions(at::kFloat)));
   }
   const c10::NoGradGuard no_grad;
-  const at::Tensor input = EncodeDepth(at::cat(depths), model_.meta.network.input);
+  const at::Tensor input = EncodeDepth(at::cat(depths), model_.meta.network.input)
+                               .contiguous(at::MemoryFormat::ChannelsLast);
   const at::Tensor log_probabilities = model_.net->forward(input);  // [B,K,H,W]
   const auto [best, winner] = log_probabilities.max(1);             // [B,H,W]
   const at::Tensor confidence = best.exp().contiguous();

@@ -1,10 +1,12 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
 
+#include "core/camera.h"
+#include "core/image.h"
 #include "render/rig.h"
-#include "render/sample.h"
 
 namespace volalign {
 
@@ -14,11 +16,11 @@ namespace volalign {
 /// sensor, turned upright. Throws IoError.
 void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture);
 
-/// Draws samples first_index, ..., first_index + count - 1 and writes for each NNNNNNNN_depth.png
-/// (16 bits, mm) and NNNNNNNN_labels.png, an index.json ("volalign.samples/1": sensor, intrinsics,
-/// pose, box offsets) and contact_sheet.png with the first 24. Throws IoError.
-void WriteSamples(const std::filesystem::path& dir, const SampleContext& context,
-                  DepthRenderer& renderer, std::uint64_t seed, std::uint64_t first_index,
-                  int count);
+/// Appends three pictures for a contact sheet, turned upright: clean depth, depth and labels.
+void AppendPictures(const DepthImage& clean, const DepthImage& depth, const LabelImage& labels,
+                    const Pose& structure_from_sensor, std::vector<RgbImage>* pictures);
+
+/// {width, height, fx, fy, cx, cy, distortion}, as all of volalign's JSON files have it.
+nlohmann::ordered_json ToJson(const Intrinsics& intrinsics);
 
 }  // namespace volalign

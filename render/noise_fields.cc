@@ -43,23 +43,29 @@ Image<float> SmoothField(int width, int height, double correlation_px, RandomStr
   Image<float> grid(grid_width, grid_height);
   for (std::size_t i = 0; i < grid.size(); ++i) grid[i] = noise.Normal(i);
 
-  Image<float> field(width, height);
-  std::vector<float> line(static_cast<std::size_t>(grid_width));
-  for (int v = 0; v < height; ++v) {
-    const SplineTap& row = rows[static_cast<std::size_t>(v)];
-    for (int i = 0; i < grid_width; ++i) {
-      float sum = 0;
-      for (int k = 0; k < 4; ++k) {
-        sum += row.weight[static_cast<std::size_t>(k)] * grid(i, row.first + k);
-      }
-      line[static_cast<std::size_t>(i)] = sum;
-    }
-    float* out = &field(0, v);
+  // Along the few rows of nodes first, so that what is left for each pixel runs along contiguous
+  // rows.
+  Image<float> lines(width, grid_height);
+  for (int j = 0; j < grid_height; ++j) {
+    float* line = &lines(0, j);
     for (int u = 0; u < width; ++u) {
       const SplineTap& tap = columns[static_cast<std::size_t>(u)];
-      const float* in = &line[static_cast<std::size_t>(tap.first)];
-      out[u] = tap.weight[0] * in[0] + tap.weight[1] * in[1] + tap.weight[2] * in[2] +
-               tap.weight[3] * in[3];
+      const float* in = &grid(tap.first, j);
+      line[u] = tap.weight[0] * in[0] + tap.weight[1] * in[1] + tap.weight[2] * in[2] +
+                tap.weight[3] * in[3];
+    }
+  }
+  Image<float> field(width, height);
+  for (int v = 0; v < height; ++v) {
+    const SplineTap& row = rows[static_cast<std::size_t>(v)];
+    const float* in0 = &lines(0, row.first);
+    const float* in1 = &lines(0, row.first + 1);
+    const float* in2 = &lines(0, row.first + 2);
+    const float* in3 = &lines(0, row.first + 3);
+    float* out = &field(0, v);
+    for (int u = 0; u < width; ++u) {
+      out[u] = row.weight[0] * in0[u] + row.weight[1] * in1[u] + row.weight[2] * in2[u] +
+               row.weight[3] * in3[u];
     }
   }
   return field;

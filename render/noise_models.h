@@ -23,7 +23,7 @@ struct StereoModel {
   double native_width = 1280;              ///< px, of the resolution that the next figures are for
   double focal_baseline = 51.9;            ///< f B, px m
   double local_sigma[2] = {0.045, 0.065};  ///< px rms, range drawn from
-  double warp_sigma[2] = {0.1, 0.27};      ///< px rms
+  double warp_sigma[2] = {0.08, 0.19};     ///< px rms
   double largest_disparity = 126;          ///< px; nearer surfaces are not matched
 };
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random);

@@ -196,7 +196,7 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
 
   const auto bias = static_cast<float>(random.Uniform(-0.011, 0.011));
   const auto white = static_cast<float>(random.Uniform(0.75, 1.25));
-  const auto warp_rms = static_cast<float>(random.Uniform(0.0025, 0.006));
+  const auto warp_rms = static_cast<float>(random.Uniform(0.0014, 0.0056));
   const auto multipath = static_cast<float>(random.Uniform(0, 0.025));
   const auto fill = static_cast<float>(random.Uniform(0, 0.02));
   const auto threshold =

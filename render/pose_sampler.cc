@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/portable_math.h"
 
 namespace volalign {
 
@@ -15,14 +16,16 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   const double rho = 0.01 * random.Uniform(config.rho_cm[0], config.rho_cm[1]);
   const double phi = random.Uniform(0, 2 * kPi);
   const double y = 0.01 * random.Uniform(config.height_cm[0], config.height_cm[1]);
-  const Eigen::Vector3d position(rho * std::cos(phi), y, rho * std::sin(phi));
+  const SinCos place = PortableSinCos(phi);
+  const Eigen::Vector3d position(rho * place.cos, y, rho * place.sin);
 
   const double cos_polar = random.Uniform(-1, 1);
   const double azimuth = random.Uniform(0, 2 * kPi);
-  const double radius = 0.01 * config.look_at_radius_cm * std::cbrt(random.Uniform());
+  const double radius = 0.01 * config.look_at_radius_cm * PortableCbrt(random.Uniform());
   const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
-  const Eigen::Vector3d target = radius * Eigen::Vector3d(sin_polar * std::cos(azimuth), cos_polar,
-                                                          sin_polar * std::sin(azimuth));
+  const SinCos aside = PortableSinCos(azimuth);
+  const Eigen::Vector3d target =
+      radius * Eigen::Vector3d(sin_polar * aside.cos, cos_polar, sin_polar * aside.sin);
 
   const double roll = random.Uniform(-config.roll_deg, config.roll_deg);
   const double offset = config.roll_offsets_deg[static_cast<std::size_t>(

@@ -74,7 +74,9 @@ class SampleStream::Impl {
 
   void Work() {
     try {
-      const EglContext egl;
+      EglContextOptions egl_options;
+      egl_options.device = options_.device;
+      const EglContext egl(egl_options);
       DepthRenderer renderer;
       std::uint64_t index = 0;
       while (Claim(&index)) {

@@ -19,6 +19,7 @@ class SampleStream {
     std::uint64_t first_index = 0;
     int num_threads = 1;
     int prefetch = 4;
+    int device = -1;  ///< EglContextOptions::device
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
   ~SampleStream();

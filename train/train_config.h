@@ -102,6 +102,8 @@ struct RunConfig {
   int loader_threads = 1;
   int prefetch = 4;
   std::string device = "cpu";
+  std::string dataset;
+  std::string validation_dataset;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -121,9 +123,14 @@ struct RunConfig {
     ar("channels_last", channels_last, "memory layout of the activations");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
     ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
-    ar("loader_threads", loader_threads, "threads that render samples", AtLeast(1));
-    ar("prefetch", prefetch, "batches rendered ahead", AtLeast(1));
+    ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
+    ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
     ar("device", device, "cpu, cuda or cuda:N");
+    ar("dataset", dataset,
+       "folder of `volalign render --config` to train on, written from the same data section; "
+       "empty: render");
+    ar("validation_dataset", validation_dataset,
+       "such a folder to validate on, of any recipe for the same structure; empty: render");
   }
 };
 

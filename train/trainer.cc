@@ -86,7 +86,8 @@ const std::set<std::string>& FreeKeys() {
                                              "run.validate_every", "run.checkpoint_every",
                                              "run.log_every",      "run.half_checkpoint",
                                              "run.threads",        "run.loader_threads",
-                                             "run.prefetch",       "run.device"};
+                                             "run.prefetch",       "run.device",
+                                             "run.dataset",        "run.validation_dataset"};
   return keys;
 }
 
@@ -432,6 +433,7 @@ class Trainer {
                        {"lr", lr_},
                        {"focal_px", {focal_px_.first, focal_px_.second}},
                        {"image_sizes", sizes},
+                       {"data_identity", data_.identity},
                        {"config", WriteConfig(config_)}};
     if (config_.optim.ema_decay == 0) CopyToAverage();
     TensorFile state{kStateFormat, meta.dump(1), {}};
@@ -459,6 +461,12 @@ class Trainer {
     try {
       const json meta = json::parse(state.meta);
       RequireSameRun(meta.at("config").get<std::string>(), config_, path);
+      if (meta.value("data_identity", std::string()) != data_.identity) {
+        throw ConfigError(fmt::format(
+            "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
+            "run's own dataset (config.yaml there names it), or start a new run",
+            path, config_.run.dataset));
+      }
       samples_ = meta.at("samples").get<std::int64_t>();
       init_samples_ = meta.value("init_samples", std::int64_t{0});
       adam_->set_steps(meta.at("steps").get<std::int64_t>());

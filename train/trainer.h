@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "core/structure.h"
 #include "train/batch.h"
@@ -32,11 +33,15 @@ struct TrainResult {
 /// What the trainer needs of the world.
 struct TrainingData {
   Structure structure;
+  /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
+  /// where samples depend on configuration and seed alone.
+  std::string identity;
   /// A source that starts at sample `first_index` of the domain `seed`.
   std::function<std::unique_ptr<SampleSource>(std::uint64_t seed, std::uint64_t first_index)> open;
 };
 
-/// Trains a network (design sections 5-7) and fills the run folder:
+/// Trains a network (design sections 5-7) on samples rendered as it goes, or on run.dataset, and
+/// fills the run folder:
 ///   config.yaml    the resolved configuration
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///   validation last.state     all that --resume needs (format volalign.training/1) model.pt the

@@ -1,10 +1,13 @@
 #include "train/validation.h"
 
 #include <ATen/ops/argmax.h>
+#include <ATen/ops/gather.h>
 #include <c10/core/GradMode.h>
 
 #include <cmath>
 #include <limits>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/camera.h"
@@ -55,12 +58,12 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
                           const at::Device& device, bool channels_last) {
   c10::NoGradGuard no_grad;
   net->eval();
-  ValidationResult result;
+  std::vector<SampleScore> scores;
+  double loss_3d = 0;
   MiouOptions present, all;
   present.num_classes = all.num_classes = structure.num_classes();
   all.absent_counts_as_one = true;
-  std::vector<double> translation, rotation;
-  while (result.samples < samples) {
+  while (static_cast<int>(scores.size()) < samples) {
     const std::vector<Sample> drawn = source.Next();
     const Batch batch = Collate(drawn).To(device);
     at::Tensor input = EncodeDepth(batch.depth, net->options().input);
@@ -68,35 +71,61 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     const at::Tensor log_probs = net->forward(input);
     const LossTerms terms = loss(log_probs, batch.depth, batch.labels, batch.intrinsics,
                                  std::numeric_limits<std::int64_t>::max());
-    const double count = static_cast<double>(drawn.size());
-    result.loss_seg += count * terms.segmentation.item<double>();
-    result.loss_3d += count * terms.procrustes.item<double>();
+    loss_3d += static_cast<double>(drawn.size()) * terms.procrustes.item<double>();
     const at::Tensor predicted = at::argmax(log_probs, 1).to(at::kByte).to(at::kCPU).contiguous();
     const std::uint8_t* pixels = predicted.data_ptr<std::uint8_t>();
-    for (const Sample& s : drawn) {
+    const at::Tensor nll =
+        -log_probs.gather(1, batch.labels.unsqueeze(1)).mean({1, 2, 3}).to(at::kCPU, at::kDouble);
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+      const Sample& s = drawn[i];
       LabelImage labels(s.labels.width(), s.labels.height());
       std::copy(pixels, pixels + labels.size(), labels.begin());
       pixels += labels.size();
-      result.miou += MeanIou(labels, s.labels, s.depth, present);
-      result.miou_authors += MeanIou(labels, s.labels, s.depth, all);
-      ++result.samples;
+      SampleScore score;
+      score.sensor = s.sensor;
+      const Eigen::Vector3d at = s.structure_from_sensor.translation();
+      score.rho_m = std::hypot(at.x(), at.z());
+      score.loss_seg = nll[static_cast<std::int64_t>(i)].item<double>();
+      score.miou = MeanIou(labels, s.labels, s.depth, present);
+      score.miou_authors = MeanIou(labels, s.labels, s.depth, all);
       const Keypoints found = HardKeypoints(s, labels, structure, keypoints);
-      if (found.structure.size() < 3 ||
-          SecondSingularValue(found.structure) <= kMinSecondSingularValue) {
-        continue;
+      score.posed = found.structure.size() >= 3 &&
+                    SecondSingularValue(found.structure) > kMinSecondSingularValue;
+      if (score.posed) {
+        const ProcrustesResult aligned = AlignPoints(found.sensor, found.structure);
+        const PoseError error = ComparePoses(aligned.target_from_source, s.structure_from_sensor);
+        score.keypoint_rmse_m = aligned.rms;
+        score.translation_error_m = error.translation_m;
+        score.rotation_error_deg = error.rotation_deg;
       }
-      const ProcrustesResult aligned = AlignPoints(found.sensor, found.structure);
-      const PoseError error = ComparePoses(aligned.target_from_source, s.structure_from_sensor);
-      ++result.posed;
-      result.keypoint_rmse_m += aligned.rms;
-      translation.push_back(error.translation_m);
-      rotation.push_back(error.rotation_deg);
+      scores.push_back(std::move(score));
     }
   }
-  result.loss_seg /= result.samples;
-  result.loss_3d /= result.samples;
-  result.miou /= result.samples;
-  result.miou_authors /= result.samples;
+  ValidationResult result = Summarise(scores);
+  result.loss_3d = loss_3d / result.samples;
+  result.scores = std::move(scores);
+  return result;
+}
+
+ValidationResult Summarise(const std::vector<SampleScore>& scores) {
+  ValidationResult result;
+  std::vector<double> translation, rotation;
+  for (const SampleScore& score : scores) {
+    ++result.samples;
+    result.loss_seg += score.loss_seg;
+    result.miou += score.miou;
+    result.miou_authors += score.miou_authors;
+    if (!score.posed) continue;
+    ++result.posed;
+    result.keypoint_rmse_m += score.keypoint_rmse_m;
+    translation.push_back(score.translation_error_m);
+    rotation.push_back(score.rotation_error_deg);
+  }
+  if (result.samples > 0) {
+    result.loss_seg /= result.samples;
+    result.miou /= result.samples;
+    result.miou_authors /= result.samples;
+  }
   if (result.posed > 0) {
     result.keypoint_rmse_m /= result.posed;
     result.median_translation_error_m = Summarise(translation).median;

@@ -1,12 +1,24 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "core/network.h"
 #include "train/batch.h"
 #include "train/losses.h"
 
 namespace volalign {
+
+/// One validation sample.
+struct SampleScore {
+  std::string sensor;  ///< pool name
+  double rho_m = 0;    ///< horizontal distance of the sensor from the structure's origin
+  double loss_seg = 0;
+  double miou = 0, miou_authors = 0;
+  bool posed = false;  ///< the predicted keypoints fix a pose; what follows is of posed samples
+  double keypoint_rmse_m = 0, translation_error_m = 0, rotation_error_deg = 0;
+};
 
 /// Means over the validation samples unless said otherwise.
 struct ValidationResult {
@@ -19,7 +31,11 @@ struct ValidationResult {
   double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
   double median_translation_error_m = 0;  ///< over posed samples
   double median_rotation_error_deg = 0;   ///< over posed samples
+  std::vector<SampleScore> scores;        ///< of each sample, in order
 };
+
+/// Means and medians over some samples; `loss_3d`, which is a batch's, stays 0 and `scores` empty.
+ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
 /// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
 /// source. A predicted side is used from 20 pixels on; its keypoint is the mean of the argmax

@@ -1,62 +1,150 @@
 #include <benchmark/benchmark.h>
 
+#include <cstdint>
+#include <memory>
+#include <string>
 #include <vector>
 
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "render/image_size.h"
+#include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/sample.h"
+#include "render/sample_stream.h"
 #include "render/scene.h"
 
 namespace volalign {
 namespace {
 
-/// Frames a second of one thread for full rooms, 320x180, vertices included.
-void BM_RenderRoom(benchmark::State& state) {
-  const EglContext egl;
-  DepthRenderer renderer;
+constexpr std::uint64_t kSeed = 1;
+constexpr std::uint64_t kDistinct = 256;  // samples that a benchmark goes round
+
+/// Complete samples of the default configuration (rooms, sensor models, imprecise assembly);
+/// argument 0 to 3 chooses sensor and size.
+const char* const kSizes[] = {"320x180", "160x90", "320x288", "160x144"};
+
+SampleContext MakeContext(std::int64_t size, int batch_size) {
   SampleConfig config;
-  config.image_sizes = {"320x180"};
-  const SampleContext context = MakeSampleContext(config, 1);
-  const Intrinsics intrinsics = context.pool[0].intrinsics[0].Resized(320, 180);
-  std::vector<SceneMesh> meshes;
-  std::vector<Pose> poses;
-  for (std::uint64_t i = 0; i < 64; ++i) {
-    RandomStream random(1, i, "pose");
-    poses.push_back(SamplePose(config.pose, random));
-    SceneOptions options;
-    options.structure_from_sensors = {poses.back()};
-    meshes.push_back(BuildScene(config.scene, context.structure, options, 1, i));
+  config.image_sizes = {kSizes[size]};
+  return MakeSampleContext(config, batch_size);
+}
+
+/// What the stages of one sample pass on.
+struct Stages {
+  explicit Stages(const SampleContext& context) {
+    for (std::uint64_t i = 0; i < kDistinct; ++i) {
+      RandomStream random(kSeed, i, "pose");
+      poses.push_back(SamplePose(context.config.pose, random));
+      built.push_back(Assemble(context.structure, context.config.assembly, kSeed, i));
+      SceneOptions options;
+      options.structure_from_sensors = {poses.back()};
+      meshes.push_back(BuildScene(context.config.scene, built.back().structure, options, kSeed, i));
+    }
+    const IntrinsicsPoolEntry* entry = &context.pool[0];
+    const auto [width, height] = context.image_sizes[0];
+    for (const IntrinsicsPoolEntry& candidate : context.pool) {
+      if (SameAspect(candidate.intrinsics[0], {width, height})) entry = &candidate;
+    }
+    sensor = entry->sensor;
+    intrinsics = entry->intrinsics[0].Resized(width, height);
   }
-  RenderedView view;
-  std::size_t i = 0;
+  std::vector<Pose> poses;
+  std::vector<AssembledStructure> built;
+  std::vector<SceneMesh> meshes;
+  std::string sensor;
+  Intrinsics intrinsics;
+};
+
+void BM_Scene(benchmark::State& state) {
+  const SampleContext context = MakeContext(state.range(0), 1);
+  const Stages stages(context);
+  std::uint64_t i = 0;
   for (auto _ : state) {
-    renderer.Render(meshes[i % 64], intrinsics, poses[i % 64], &view);
-    benchmark::DoNotOptimize(view.depth.data());
-    ++i;
+    const std::uint64_t k = i++ % kDistinct;
+    const AssembledStructure built = Assemble(context.structure, context.config.assembly, kSeed, k);
+    SceneOptions options;
+    options.structure_from_sensors = {stages.poses[k]};
+    benchmark::DoNotOptimize(
+        BuildScene(context.config.scene, built.structure, options, kSeed, k).faces.data());
   }
   state.SetItemsProcessed(state.iterations());
-  state.SetLabel(egl.Describe());
 }
-BENCHMARK(BM_RenderRoom)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Scene)->Arg(0)->Unit(benchmark::kMicrosecond);
 
-/// Whole samples of one thread; argument 0: D415 at 160x90, 1: Azure Kinect at 160x144, 2: Azure
-/// Kinect at 320x288.
+/// Vertices, rasterisation, and reading depth, labels and faces back.
+void BM_Render(benchmark::State& state) {
+  const EglContext egl;
+  DepthRenderer renderer;
+  const SampleContext context = MakeContext(state.range(0), 1);
+  const Stages stages(context);
+  RenderedView view;
+  std::uint64_t i = 0;
+  for (auto _ : state) {
+    const std::uint64_t k = i++ % kDistinct;
+    renderer.Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &view);
+    benchmark::DoNotOptimize(view.depth.data());
+  }
+  state.SetItemsProcessed(state.iterations());
+  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + egl.Describe());
+}
+BENCHMARK(BM_Render)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
+
+void BM_SensorNoise(benchmark::State& state) {
+  const EglContext egl;
+  DepthRenderer renderer;
+  const SampleContext context = MakeContext(state.range(0), 1);
+  const Stages stages(context);
+  std::vector<RenderedView> views(16);
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    renderer.Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &views[k]);
+  }
+  std::uint64_t i = 0;
+  for (auto _ : state) {
+    const std::uint64_t k = i++ % views.size();
+    benchmark::DoNotOptimize(ApplyNoise(context.config.noise,
+                                        {views[k], stages.meshes[k], stages.built[k].structure,
+                                         stages.intrinsics, stages.poses[k], stages.sensor},
+                                        kSeed, i)
+                                 .depth.data());
+  }
+  state.SetItemsProcessed(state.iterations());
+  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + stages.sensor);
+}
+BENCHMARK(BM_SensorNoise)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
+
+/// Whole samples of one thread.
 void BM_Synthesize(benchmark::State& state) {
   const EglContext egl;
   DepthRenderer renderer;
-  SampleConfig config;
-  const char* const sizes[] = {"160x90", "160x144", "320x288"};
-  config.image_sizes = {sizes[state.range(0)]};
-  const SampleContext context = MakeSampleContext(config, 1);
+  const SampleContext context = MakeContext(state.range(0), 1);
   std::uint64_t index = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(Synthesize(context, renderer, 1, index++ % 256).depth.data());
+    benchmark::DoNotOptimize(
+        Synthesize(context, renderer, kSeed, index++ % kDistinct).depth.data());
   }
   state.SetItemsProcessed(state.iterations());
-  state.SetLabel(sizes[state.range(0)]);
+  state.SetLabel(kSizes[state.range(0)]);
 }
-BENCHMARK(BM_Synthesize)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Synthesize)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
+
+/// Whole samples through the stream, arguments: size, worker threads.
+void BM_SampleStream(benchmark::State& state) {
+  constexpr int kBatch = 16;
+  SampleStream::Options options;
+  options.seed = kSeed;
+  options.num_threads = static_cast<int>(state.range(1));
+  SampleStream stream(std::make_shared<const SampleContext>(MakeContext(state.range(0), kBatch)),
+                      options);
+  for (auto _ : state) benchmark::DoNotOptimize(stream.Next().data());
+  state.SetItemsProcessed(state.iterations() * kBatch);
+  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + std::to_string(state.range(1)) +
+                 " threads");
+}
+BENCHMARK(BM_SampleStream)
+    ->ArgsProduct({{0, 1, 2, 3}, {1, 2}})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace volalign

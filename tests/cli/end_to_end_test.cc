@@ -5,16 +5,19 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/error.h"
 #include "core/image_io.h"
 #include "core/metrics.h"
 #include "core/random.h"
 #include "core/structure.h"
+#include "core/structure_gltf.h"
 #include "infer/calibrate.h"
 #include "infer/capture.h"
 #include "infer/export.h"
@@ -22,6 +25,7 @@
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
 #include "render/rig.h"
+#include "tests/core/temp_folder.h"
 
 namespace volalign {
 namespace {
@@ -64,6 +68,8 @@ TEST_F(EndToEnd, NoisyRingOfEightIsPlaced) {
     EXPECT_LT(sensor.error->translation_m, 0.02) << sensor.name;
     EXPECT_LT(sensor.error->rotation_deg, 1.0) << sensor.name;
   }
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_FALSE(result.assembly->altered());
 }
 
 /// Other rooms and other noise: docs/results.md has the distribution. A sensor whose warp happens
@@ -135,6 +141,56 @@ TEST_F(EndToEnd, AFailedSensorDoesNotTakeTheOthersWithIt) {
   const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
   EXPECT_EQ(result.placed(), 7) << FormatReport(result);
   EXPECT_EQ(result.sensors[3].status, SensorStatus::kFailed);
+}
+
+/// A network that was trained on one stack, shown others.
+TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
+  const Structure described = ReadStructureYaml("configs/structure.yaml");
+  const auto with = [&](const std::vector<std::array<double, 4>>& footprints) {
+    std::vector<Box> boxes = described.boxes();
+    for (std::size_t i = 0; i < boxes.size(); ++i) {
+      const auto& [x0, x1, z0, z1] = footprints[i];
+      const double y0 = -0.81 + 0.405 * static_cast<double>(i);
+      boxes[i] = Box::FromMinMax(boxes[i].name, Eigen::Vector3d(x0, y0, z0),
+                                 Eigen::Vector3d(x1, y0 + 0.405, z1));
+    }
+    return Structure::FromBoxes("built", boxes, described.SideNames());
+  };
+  const std::array<double, 4> bottom{-0.28, 0.275, -0.165, 0.165},
+      mid_bottom{-0.28, 0.05, -0.39, 0.165}, mid_top{-0.505, 0.05, -0.165, 0.165},
+      top{-0.28, 0.05, -0.165, 0.39};
+  struct Case {
+    Structure built;
+    std::string sentence;
+  };
+  const std::vector<Case> cases = {
+      {with({bottom, top, mid_top, mid_bottom}), "the stack is mirrored"},
+      {with({bottom, mid_bottom, top, top}), "box mid_top is turned by 270 deg"},
+      {with({bottom, mid_bottom, top, mid_top}), "boxes mid_top and top are swapped"}};
+  const TempFolder folder;
+  for (const Case& c : cases) {
+    WriteStructureGlb(folder / "built.glb", c.built);
+    Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
+    rig.structure = (folder / "built.glb").string();
+    rig.seed = 5;
+    const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
+    ASSERT_TRUE(result.assembly.has_value());
+    EXPECT_EQ(result.assembly->arrangement.sentence, c.sentence) << FormatReport(result);
+    EXPECT_EQ(result.placed(), 0);
+  }
+}
+
+TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
+  Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
+  std::vector<SensorFrame> frames = Frames(Render(rig));
+  frames.resize(3);
+  frames[1].intrinsics.fx *= 1.15;
+  frames[1].intrinsics.fy *= 1.15;
+  const CalibrationResult result = CalibrateFrames(frames);
+  EXPECT_EQ(result.sensors[1].code, "intrinsics_suspect") << FormatReport(result);
+  for (const std::size_t i : {0u, 2u}) {
+    EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << FormatReport(result);
+  }
 }
 
 SensorFrame RealFrame(const std::string& file, const Intrinsics& intrinsics) {

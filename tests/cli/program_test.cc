@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -89,7 +90,8 @@ class Program : public testing::Test {
 TEST_F(Program, SaysWhatItCanDo) {
   const Outcome help = Volalign("--help");
   EXPECT_EQ(help.status, 0);
-  for (const char* command : {"structure", "render", "train", "calibrate", "export", "config"}) {
+  for (const char* command :
+       {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
     EXPECT_NE(help.output.find(command), std::string::npos) << command;
   }
   EXPECT_EQ(Volalign("--version").status, 0);
@@ -129,11 +131,43 @@ TEST_F(Program, UnknownConfigKeysAreErrors) {
 }
 
 TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
-  const Outcome run =
-      Volalign("render --config configs/m05-lite.yaml --index 32 --count 2 -o " + Path("samples"));
+  const std::string command =
+      "render --config configs/m05-lite.yaml --index 998 -o " + Path("samples");
+  Outcome run = Volalign(command + " --count 3");
   EXPECT_EQ(run.status, 0) << run.output;
-  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("samples").size(), 2u);
+  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("count"), 3);
   EXPECT_GT(ReadPngRgb(Path("samples/contact_sheet.png")).width(), 160);
+  EXPECT_EQ(ReadDepthFile(Path("samples/000000/00000999_depth.png")).width(), 160);
+  EXPECT_EQ(ReadPng8(Path("samples/000001/00001000_labels.png")).width(), 160);
+  run = Volalign(command + " --count 5 --threads 3");
+  EXPECT_NE(run.output.find("2 samples after 3"), std::string::npos) << run.output;
+  run = Volalign(command + " --count 5 --seed 2");
+  EXPECT_EQ(run.status, 1);
+  EXPECT_NE(run.output.find("seed = 2 (dataset: 1)"), std::string::npos) << run.output;
+}
+
+// A node that has no EGL driver at all trains and validates on folders.
+TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
+  const std::string small =
+      " --config configs/m05-lite.yaml --set data.image_sizes=[40x36] --set run.batch_size=2";
+  const auto write = [&](const std::string& name, const std::string& seed) {
+    const Outcome run =
+        Volalign("render" + small + " --count 4 --seed " + seed + " -o " + Path(name));
+    EXPECT_EQ(run.status, 0) << run.output;
+  };
+  write("train", "1");
+  write("valid", "1000001");
+  const std::string train =
+      "train" + small + " --set model.base_channels=2 --set run.samples=6 --set run.threads=1" +
+      " --set optim.warmup_samples=2 --set run.validation_samples=4 --set run.dataset=" +
+      Path("train") + " -o " + Path("run");
+  ASSERT_EQ(::setenv("__EGL_VENDOR_LIBRARY_FILENAMES", Path("none.json").c_str(), 1), 0);
+  const Outcome blind = Volalign(train);
+  const Outcome run = Volalign(train + " --set run.validation_dataset=" + Path("valid"));
+  ::unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
+  ExpectError(blind, {"run.validation_dataset", "run.validation_samples=0"});
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_TRUE(fs::exists(Path("run/model.pt")));
 }
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
@@ -197,6 +231,52 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   const std::string image = ReadFile(Path("capture/A_Depth.png"));
   WriteFileAtomically(Path("capture/A_Depth.png"), image.substr(0, image.size() / 2));
   ExpectCalibrateError(capture, {"A_Depth.png", "truncated"});
+}
+
+TEST_F(Program, EvaluatesRigsAndCaptures) {
+  const std::string capture = WriteSmallCapture();
+  const std::string command =
+      "evaluate --model models/m05-lite.pt --rigs " + Path("rig.yaml") +
+      " --sensors azure_kinect_nfov_binned realsense_d415 --seeds 5:7 --captures " + capture +
+      " --compare initial.keypoints=exposed,centre -o " + Path("eval");
+  const Outcome first = Volalign(command);
+  EXPECT_EQ(first.status, 0) << first.output;
+  const nlohmann::json json = ReadJson(Path("eval/evaluation.json"));
+  // Two seeds of two sensor models, and the capture, under two variants each.
+  ASSERT_EQ(json.at("cases").size(), 10u);
+  for (const nlohmann::json& one : json.at("cases")) {
+    EXPECT_EQ(one.at("sensors").size(), 2u);
+    for (const nlohmann::json& sensor : one.at("sensors")) {
+      EXPECT_LT(sensor.at("error").at("refined").at("translation_m").get<double>(), 0.01)
+          << one.dump();
+    }
+  }
+  EXPECT_NE(first.output.find("| rig | azure_kinect_nfov_binned | exposed |"), std::string::npos)
+      << first.output;
+  EXPECT_NE(first.output.find("| " + capture + " | A | centre | ok |"), std::string::npos)
+      << first.output;
+
+  const Outcome again = Volalign(command);
+  EXPECT_EQ(again.status, 0) << again.output;
+  EXPECT_NE(again.output.find("[5/5]"), std::string::npos) << again.output;
+  std::size_t done = 0;
+  for (std::size_t at = 0; (at = again.output.find("(done before)", at)) != std::string::npos; ++at)
+    ++done;
+  EXPECT_EQ(done, 5u) << again.output;
+  EXPECT_EQ(ReadJson(Path("eval/evaluation.json")), json);
+}
+
+TEST_F(Program, BadEvaluationsAreOneLineErrors) {
+  const std::string model = "evaluate --model models/m05-lite.pt -o " + Path("eval") + " ";
+  ExpectError(Volalign(model), {"--rigs", "--captures"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --seeds 9:3"), {"--seeds 9:3"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --compare initial.method"),
+              {"--compare initial.method", "KEY=VALUE"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml configs/rig_ring8.yaml"), {"ring8"});
+  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --set-rig room_=1"), {"room_"});
+  ExpectError(Volalign(model + "--captures " + Path("none.json")), {"none.json"});
+  WriteFileAtomically(Path("eval/evaluation.json"), "{\"cases\": []}");
+  ExpectError(Volalign(model + "--captures " + WriteSmallCapture()), {"evaluation.json", "folder"});
 }
 
 TEST_F(Program, BadModelsAreOneLineErrors) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -226,37 +228,217 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
   }
 }
 
-TEST(Calibrate, AutoTakesTheTurnThatAgrees) {
-  /// Perfect labels for one turn, sides shuffled for the others.
-  class OneTurnSegmenter : public Segmenter {
-   public:
-    explicit OneTurnSegmenter(const LabelImage& labels) : labels_(labels) {}
-    std::vector<SegmentationResult> Segment(
-        const std::vector<SegmentationRequest>& requests) override {
-      std::vector<SegmentationResult> results;
-      for (const SegmentationRequest& request : requests) {
-        LabelImage labels = labels_;
-        if (request.quarter_turns != 3) {
-          for (std::uint8_t& label : labels) {
-            if (label)
-              label = static_cast<std::uint8_t>(1 + (label * 7 + request.quarter_turns) % 20);
-          }
-        }
-        results.push_back(Certain(labels));
+/// Perfect labels for one turn, sides shuffled for the others; counts the frames that it was given.
+class OneTurnSegmenter : public Segmenter {
+ public:
+  OneTurnSegmenter(const Rig& rig, int turn) : perfect_(rig.PerfectSegmenter()), turn_(turn) {}
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    std::vector<SegmentationResult> results = perfect_.Segment(requests);
+    for (std::size_t i = 0; i < requests.size(); ++i) {
+      if (requests[i].quarter_turns == turn_) continue;
+      for (std::uint8_t& label : results[i].labels) {
+        if (label)
+          label = static_cast<std::uint8_t>(1 + (label * 7 + requests[i].quarter_turns) % 20);
       }
-      return results;
     }
+    frames_ += static_cast<int>(requests.size());
+    return results;
+  }
+  int frames() const { return frames_; }
 
-   private:
-    LabelImage labels_;
-  };
+ private:
+  StoredSegmenter perfect_;
+  int turn_;
+  int frames_ = 0;
+};
+
+TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
+  for (const bool floor : {true, false}) {
+    for (int turn = 0; turn < 4; ++turn) {
+      Rig rig{PaperStructure(), {}, {}};
+      for (int i = 0; i < 4; ++i) {
+        rig.Add("S" + std::to_string(i), RingPose(130 + 80.0 * i), {floor, 0});
+        rig.frames.back().quarter_turns = kAutoTurns;
+      }
+      OneTurnSegmenter segmenter(rig, turn);
+      CalibrateOptions options;
+      options.refine.outer_iterations = 1;
+      const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+      for (const SensorResult& sensor : result.sensors) {
+        EXPECT_EQ(sensor.quarter_turns, turn);
+        EXPECT_TRUE(sensor.structure_from_sensor.has_value()) << sensor.reason;
+      }
+      // Without a floor nothing tells up from down, and every turn has to be seen. With it, one
+      // pass, or one, three for the first sensor, and one for each other.
+      EXPECT_EQ(segmenter.frames(), !floor ? 16 : turn == 0 ? 4 : 10) << turn;
+    }
+  }
+}
+
+/// Calibrates a rig whose depths stay as rendered after `spoil` has changed its frames.
+template <class Spoil>
+CalibrationResult CalibrateSpoilt(Rig rig, Spoil spoil) {
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    spoil(&rig.frames[i]);
+    segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  }
+  return Calibrate(rig.frames, rig.structure, segmenter);
+}
+
+Rig ThreeSensors() {
   Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(130));
-  rig.frames[0].quarter_turns = kAutoTurns;
-  OneTurnSegmenter segmenter(rig.labels[0]);
-  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
-  EXPECT_EQ(result.sensors[0].quarter_turns, 3);
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  return rig;
+}
+
+void ExpectFailed(const SensorResult& sensor, const std::string& code,
+                  const std::vector<std::string>& parts) {
+  EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
+  EXPECT_EQ(sensor.code, code) << sensor.name << ": " << sensor.reason;
+  EXPECT_FALSE(sensor.hint.empty()) << sensor.name;
+  for (const std::string& part : parts)
+    EXPECT_NE(sensor.reason.find(part), std::string::npos) << sensor.reason;
+}
+
+/// Three sides in a line, cut off by the right or left border of the scene as a person sees it.
+TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
+  for (const bool right : {true, false}) {
+    Rig rig = ThreeSensors();
+    // From +z, +x is on the right.
+    rig.Add("S3", RingPose(90, 2.0, 0.3, 90, Eigen::Vector3d(right ? -1.1 : 0.6, 0, 0)),
+            {true, 3.5});
+    Restrict(rig.structure, &rig.labels[3], [&](const Side& side) {
+      return side.name == "mid_bottom/right" || side.name == "mid_top/right" ||
+             side.name == "bottom/right";
+    });
+    const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+    ExpectFailed(result.sensors[3], "degenerate_sides", {"sides"});
+    const std::string& hint = result.sensors[3].hint;
+    EXPECT_NE(hint.find(right ? "turn the sensor to the right" : "turn the sensor to the left"),
+              std::string::npos)
+        << hint;
+  }
+}
+
+TEST(FailureClasses, WrongUnits) {
+  struct Case {
+    float factor;
+    const char* text;
+  };
+  // 100 um read as mm, mm as m, mm as 100 um, mm as um.
+  for (const Case& c : {Case{10, "10 times too large"}, Case{1000, "1000 times too large"},
+                        Case{0.1f, "10 times too small"}, Case{0.001f, "1000 times too small"}}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      for (float& z : frame->depth) z *= c.factor;
+    });
+    ExpectFailed(result.sensors[1], "wrong_units", {c.text});
+    EXPECT_EQ(result.placed(), 2);
+  }
+}
+
+TEST(FailureClasses, WrongFocalLength) {
+  for (const double factor : {0.85, 1.15}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      frame->intrinsics.fx *= factor;
+      frame->intrinsics.fy *= factor;
+    });
+    ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with fx = "});
+    const std::string& reason = result.sensors[1].reason;
+    const double fx = std::stod(reason.substr(reason.find("fx = ") + 5));
+    EXPECT_NEAR(fx, 252.2, 0.02 * 252.2) << reason;
+    EXPECT_EQ(result.placed(), 2);
+    EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  }
+}
+
+TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
+  Intrinsics wide;
+  wide.width = 320;
+  wide.height = 180;
+  wide.fx = wide.fy = 235.9;
+  wide.cx = 159.3;
+  wide.cy = 88.0;
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 2; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5}, wide);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame* frame) {
+    if (frame->name == "S1") std::swap(frame->intrinsics.cx, frame->intrinsics.cy);
+  });
+  ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with cx = 159.3, cy = 88.0"});
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+}
+
+TEST(FailureClasses, ExchangedWidthAndHeight) {
+  ExpectError<DataError>(
+      [] {
+        CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+          std::swap(frame->intrinsics.width, frame->intrinsics.height);
+        });
+      },
+      {"320x288", "288x320"});
+}
+
+TEST(FailureClasses, EmptyDepth) {
+  const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+    if (frame->name == "S1") std::fill(frame->depth.begin(), frame->depth.end(), 0.0f);
+  });
+  ExpectFailed(result.sensors[1], "no_depth", {"0.0 %"});
+  EXPECT_EQ(result.placed(), 2);
+}
+
+TEST(FailureClasses, ASensorTwice) {
+  // The same file under two names, and two shots of one sensor.
+  Rig rig = ThreeSensors();
+  rig.frames[1].depth = rig.frames[0].depth;
+  rig.labels[1] = rig.labels[0];
+  CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  ExpectFailed(result.sensors[1], "duplicate_depth", {"S0"});
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kWeak);
+  EXPECT_EQ(result.sensors[0].code, "duplicate_depth");
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+
+  AddNoise(&rig.frames[1].depth, 0.001, 1);
+  result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  for (int i = 0; i < 2; ++i) {
+    const SensorResult& sensor = result.sensors[static_cast<std::size_t>(i)];
+    EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+    EXPECT_EQ(sensor.code, "same_pose");
+    EXPECT_NE(sensor.reason.find(i == 0 ? "S1" : "S0"), std::string::npos) << sensor.reason;
+    EXPECT_TRUE(sensor.structure_from_sensor.has_value());
+  }
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+}
+
+TEST(FailureClasses, AMirroredStack) {
+  // Seen from the other side of the plane z = 0, with sides named by where they face.
+  const Structure structure = PaperStructure();
+  std::vector<Box> boxes = structure.boxes();
+  for (Box& box : boxes) box.structure_from_box.translation().z() *= -1;
+  Rig rig{Structure::FromBoxes("mirrored", boxes, structure.SideNames()), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_TRUE(result.assembly->altered());
+  for (const SensorResult& sensor : result.sensors)
+    ExpectFailed(sensor, "assembly_mirrored", {"the stack is mirrored"});
+  EXPECT_EQ(result.placed(), 0);
+}
+
+TEST(FailureClasses, NoneOfThemOnAGoodRig) {
+  Rig rig = ThreeSensors();
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) AddNoise(&rig.frames[i].depth, 0.003, i);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_FALSE(result.assembly->altered());
+  EXPECT_GT(result.assembly->described_overlap, 0.97);
 }
 
 TEST(Calibrate, RejectsBadInput) {

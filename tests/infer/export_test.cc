@@ -1,5 +1,6 @@
 #include "infer/export.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -87,6 +88,42 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
   EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
   EXPECT_DOUBLE_EQ(read.metrics->d2, result_->metrics->d2);
   EXPECT_EQ(read.timings_s.size(), result_->timings_s.size());
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->code, "");
+  EXPECT_DOUBLE_EQ(read.assembly->overlap, result_->assembly->overlap);
+}
+
+TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
+  CalibrationResult result = *result_;
+  Arrangement& found = result.assembly->arrangement;
+  found.code = "assembly_turned";
+  found.sentence = "box top is turned by 90 deg";
+  found.box = "top";
+  found.turn_deg = 90;
+  result.assembly->overlap = 0.98;
+  result.assembly->described_overlap = 0.8;
+  WriteExtrinsics(*folder_ / "altered.json",
+                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->code, "assembly_turned");
+  EXPECT_EQ(read.assembly->box, "top");
+  EXPECT_EQ(read.assembly->other_box, "");
+  EXPECT_EQ(read.assembly->turn_deg, 90);
+  EXPECT_DOUBLE_EQ(read.assembly->overlap, 0.98);
+  EXPECT_DOUBLE_EQ(read.assembly->described_overlap, 0.8);
+  EXPECT_NE(FormatReport(result).find("verdict: failed: box top is turned by 90 deg"),
+            std::string::npos);
+}
+
+TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
+  // Two placed sensors: left's row has the overlap in right's column, right's row the RMS in
+  // left's.
+  const std::string report = FormatReport(*result_);
+  const PairResult& pair = result_->pairs.at(0);
+  const std::string overlap = fmt::format("left       .  {:>5.0f}\n", 100 * pair.overlap);
+  const std::string rms = fmt::format("right  {:>5.1f}      .\n", 1000 * pair.rms_m);
+  EXPECT_NE(report.find(overlap + rms), std::string::npos) << report;
 }
 
 TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {

@@ -187,23 +187,6 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
   EXPECT_THROW(RenderRig(Parse("sensors: [{name: A, sensor: lidar}]\n"), renderer_), ConfigError);
 }
 
-TEST_F(RigTest, WrittenSamplesReadBack) {
-  SampleConfig config;
-  config.image_sizes = {"80x72"};
-  const SampleContext context = MakeSampleContext(config, 1);
-  WriteSamples(dir_, context, renderer_, 6, 100, 3);
-  const auto json = nlohmann::json::parse(ReadFile(dir_ / "index.json"));
-  ASSERT_EQ(json.at("samples").size(), 3u);
-  const Sample sample = Synthesize(context, renderer_, 6, 101);
-  const auto& entry = json.at("samples").at(1);
-  EXPECT_EQ(entry.at("index"), 101);
-  EXPECT_EQ(entry.at("sensor"), sample.sensor);
-  EXPECT_TRUE(ReadPng8(dir_ / entry.at("labels").get<std::string>()) == sample.labels);
-  EXPECT_TRUE(ReadDepthFile(dir_ / entry.at("depth").get<std::string>()) ==
-              FromMetres(sample.depth, 0.001));
-  EXPECT_EQ(entry.at("box_offsets").size(), 4u);
-}
-
 TEST_F(RigTest, UprightTurnsFollowTheMounting) {
   for (int turns = 0; turns < 4; ++turns) {
     RigSensor sensor;

@@ -1,0 +1,613 @@
+#include "render/dataset.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstdio>
+#include <cstring>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string_view>
+#include <thread>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "core/image_io.h"
+#include "core/picture.h"
+#include "render/capture_writer.h"
+#include "render/sample_stream.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+constexpr char kFormat[] = "volalign.samples/2";
+constexpr char kRowsName[] = "samples.jsonl";
+constexpr double kDepthScale = 0.001;  // m a step
+constexpr std::uint64_t kSheetSamples = 24;
+constexpr std::chrono::seconds kCommitInterval{5};
+
+std::string PoolHash(const std::vector<IntrinsicsPoolEntry>& pool) {
+  std::string text;
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    text += entry.sensor + ":";
+    for (const Intrinsics& k : entry.intrinsics) text += ToJson(k).dump() + ";";
+  }
+  return Sha256(text);
+}
+
+DatasetHeader MakeHeader(const SampleContext& context, const DatasetOptions& options) {
+  DatasetHeader header;
+  header.data_yaml = WriteConfig(context.config);
+  header.seed = options.seed;
+  header.first_index = options.first_index;
+  header.count = options.count;
+  header.batch_size = context.batch_size;
+  header.samples_per_folder = options.samples_per_folder;
+  header.structure_name = context.structure.name();
+  header.structure_hash = context.structure.Hash();
+  header.num_classes = context.structure.num_classes();
+  header.intrinsics_hash = PoolHash(context.pool);
+  header.image_sizes = context.config.image_sizes;
+  return header;
+}
+
+void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
+  const Json json{
+      {"format", kFormat},
+      {"complete", h.complete},
+      {"count", h.count},
+      {"seed", h.seed},
+      {"first_index", h.first_index},
+      {"batch_size", h.batch_size},
+      {"samples_per_folder", h.samples_per_folder},
+      {"folders", "index / samples_per_folder, six digits, each with a samples.jsonl"},
+      {"depth_scale", kDepthScale},
+      {"convention",
+       "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y "
+       "up"},
+      {"structure",
+       {{"name", h.structure_name}, {"sha256", h.structure_hash}, {"num_classes", h.num_classes}}},
+      {"intrinsics_sha256", h.intrinsics_hash},
+      {"image_sizes", h.image_sizes},
+      {"data", h.data_yaml}};
+  WriteFileAtomically(dir / "index.json", json.dump(2) + "\n");
+}
+
+DatasetHeader ReadHeader(const fs::path& dir) {
+  const fs::path path = dir / "index.json";
+  const Json json = Json::parse(ReadFile(path), nullptr, /*allow_exceptions=*/false);
+  const std::string format = json.is_object() ? json.value("format", std::string()) : "";
+  if (format != kFormat) {
+    throw DataError(fmt::format(
+        "{}: format '{}' is not {}: write the samples again with `volalign render --config`, to an "
+        "empty folder",
+        path.string(), format, kFormat));
+  }
+  try {
+    DatasetHeader h;
+    h.complete = json.at("complete").get<bool>();
+    h.count = json.at("count").get<std::uint64_t>();
+    h.seed = json.at("seed").get<std::uint64_t>();
+    h.first_index = json.at("first_index").get<std::uint64_t>();
+    h.batch_size = json.at("batch_size").get<int>();
+    h.samples_per_folder = json.at("samples_per_folder").get<int>();
+    h.structure_name = json.at("structure").at("name").get<std::string>();
+    h.structure_hash = json.at("structure").at("sha256").get<std::string>();
+    h.num_classes = json.at("structure").at("num_classes").get<int>();
+    h.intrinsics_hash = json.at("intrinsics_sha256").get<std::string>();
+    h.image_sizes = json.at("image_sizes").get<std::vector<std::string>>();
+    h.data_yaml = json.at("data").get<std::string>();
+    if (h.count < 1 || h.batch_size < 1 || h.samples_per_folder < 1) {
+      throw DataError(fmt::format(
+          "{}: count = {}, batch_size = {} and samples_per_folder = {} have to be positive",
+          path.string(), h.count, h.batch_size, h.samples_per_folder));
+    }
+    return h;
+  } catch (const Json::exception& e) {
+    throw DataError(fmt::format("{}: not a valid index ({})", path.string(), e.what()));
+  }
+}
+
+std::string FolderName(const DatasetHeader& header, std::uint64_t index) {
+  return fmt::format("{:06}", index / static_cast<std::uint64_t>(header.samples_per_folder));
+}
+
+/// The first sample index of the folder after that of `index`.
+std::uint64_t NextFolder(const DatasetHeader& header, std::uint64_t index) {
+  const auto size = static_cast<std::uint64_t>(header.samples_per_folder);
+  return (index / size + 1) * size;
+}
+
+std::string RowText(const Sample& sample, const std::string& depth, const std::string& labels) {
+  Json offsets = Json::array();
+  for (const Pose& offset : sample.box_offsets) offsets.push_back(ToRows(offset));
+  return Json{{"index", sample.index},
+              {"depth", depth},
+              {"labels", labels},
+              {"sensor", sample.sensor},
+              {"intrinsics", ToJson(sample.intrinsics)},
+              {"structure_from_sensor", ToRows(sample.structure_from_sensor)},
+              {"box_offsets", offsets},
+              {"size_scale", sample.size_scale}}
+             .dump() +
+         "\n";
+}
+
+/// The complete lines of a samples.jsonl.
+std::vector<std::string_view> Lines(const std::string& text) {
+  std::vector<std::string_view> lines;
+  std::size_t start = 0;
+  for (std::size_t end; (end = text.find('\n', start)) != std::string::npos; start = end + 1) {
+    lines.emplace_back(text.data() + start, end - start);
+  }
+  return lines;
+}
+
+/// An open folder that no other process may write to.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& dir) : dir_(dir) {
+    std::error_code error;
+    fs::create_directories(dir, error);
+    if (error) {
+      throw IoError(fmt::format("cannot create folder {}: {}", dir.string(), error.message()));
+    }
+    fd_ = ::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd_ < 0) throw IoError(fmt::format("cannot open {}: {}", dir.string(), Reason()));
+    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      ::close(fd_);
+      throw IoError(fmt::format(
+          "{}: another volalign render is writing there: wait for it, or use another folder",
+          dir.string()));
+    }
+  }
+  ~FolderLock() { ::close(fd_); }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+  /// Everything written to the folder's file system so far is on the disk afterwards.
+  void Sync() const {
+    if (::syncfs(fd_) != 0) {
+      throw IoError(fmt::format("cannot sync {}: {}", dir_.string(), Reason()));
+    }
+  }
+
+ private:
+  static std::string Reason() { return std::strerror(errno); }
+
+  fs::path dir_;
+  int fd_ = -1;
+};
+
+/// Compresses and writes images on threads of its own. A few samples a thread wait in memory.
+class ImageWriters {
+ public:
+  explicit ImageWriters(int num_threads) : room_for_(4 * static_cast<std::size_t>(num_threads)) {
+    for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Work(); });
+  }
+
+  ~ImageWriters() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stop_ = true;
+    }
+    changed_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  struct Job {
+    fs::path depth_path, labels_path;
+    DepthImage depth;
+    LabelImage labels;
+  };
+
+  /// Waits for room. Rethrows a thread's exception.
+  void Submit(Job job) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait(lock, [this] { return failure_ || jobs_.size() < room_for_; });
+    if (failure_) std::rethrow_exception(failure_);
+    jobs_.push_back(std::move(job));
+    ++unfinished_;
+    lock.unlock();
+    changed_.notify_all();
+  }
+
+  /// Returns when all images are written. Rethrows a thread's exception.
+  void Finish() {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait(lock, [this] { return failure_ || unfinished_ == 0; });
+    if (failure_) std::rethrow_exception(failure_);
+  }
+
+ private:
+  void Work() {
+    for (;;) {
+      std::unique_lock<std::mutex> lock(mutex_);
+      changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
+      if (stop_) return;
+      const Job job = std::move(jobs_.front());
+      jobs_.pop_front();
+      lock.unlock();
+      std::exception_ptr failure;
+      try {
+        WriteFileAtomically(job.depth_path,
+                            EncodePng(FromMetres(job.depth, kDepthScale), PngEffort::kFast),
+                            /*sync=*/false);
+        WriteFileAtomically(job.labels_path, EncodePng(job.labels, PngEffort::kFast),
+                            /*sync=*/false);
+      } catch (...) {
+        failure = std::current_exception();
+      }
+      lock.lock();
+      --unfinished_;
+      if (failure && !failure_) failure_ = failure;
+      lock.unlock();
+      changed_.notify_all();
+    }
+  }
+
+  const std::size_t room_for_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Job> jobs_;
+  std::size_t unfinished_ = 0;
+  std::exception_ptr failure_;
+  bool stop_ = false;
+  std::vector<std::thread> threads_;
+};
+
+/// A line that redraws itself on a terminal, and one every half minute elsewhere.
+class Progress {
+ public:
+  Progress(bool shown, std::uint64_t done, std::uint64_t total)
+      : shown_(shown), terminal_(isatty(STDERR_FILENO) != 0), start_done_(done), total_(total) {}
+
+  void Show(std::uint64_t done) {
+    const auto now = Clock::now();
+    const bool last = done == total_;
+    const auto pause = terminal_ ? std::chrono::milliseconds(200) : std::chrono::seconds(30);
+    if (!shown_ || (!last && now - shown_at_ < pause)) return;
+    shown_at_ = now;
+    const double seconds = std::chrono::duration<double>(now - start_).count();
+    const double rate = static_cast<double>(done - start_done_) / std::max(seconds, 1e-9);
+    const auto left = static_cast<long>(static_cast<double>(total_ - done) / std::max(rate, 1e-9));
+    fmt::print(stderr, "{}{}/{} samples  {:.1f} %  {:.0f} samples/s  {}h{:02}m{:02}s left{}",
+               terminal_ ? "\r" : "", done, total_,
+               100 * static_cast<double>(done) / static_cast<double>(total_), rate, left / 3600,
+               left / 60 % 60, left % 60, terminal_ ? "\033[K" : "\n");
+    if (terminal_ && last) fmt::print(stderr, "\n");
+    std::fflush(stderr);
+  }
+
+ private:
+  bool shown_, terminal_;
+  std::uint64_t start_done_, total_;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point shown_at_ = start_;
+};
+
+class DatasetWriter {
+ public:
+  DatasetWriter(const fs::path& dir, std::shared_ptr<const SampleContext> context,
+                const DatasetOptions& options)
+      : dir_(dir), context_(std::move(context)), options_(options), lock_(dir) {
+    header_ = MakeHeader(*context_, options);
+  }
+
+  DatasetResult Run() {
+    Adopt();
+    DatasetResult result;
+    result.found = next_ - header_.first_index;
+    if (next_ < End()) {
+      WriteHeader(dir_, header_);
+      RemoveLeftovers();
+      Draw();
+      result.written = header_.count - result.found;
+    }
+    if (!header_.complete) {
+      header_.complete = true;
+      WriteHeader(dir_, header_);
+    }
+    return result;
+  }
+
+ private:
+  std::uint64_t End() const { return header_.first_index + header_.count; }
+
+  /// Takes over what an earlier run left: next_ becomes the first sample without a row.
+  void Adopt() {
+    next_ = header_.first_index;
+    if (!fs::exists(dir_ / "index.json")) return;
+    const DatasetHeader old = ReadHeader(dir_);
+    RequireSame(old);
+    while (next_ < End()) {
+      const fs::path path = dir_ / FolderName(header_, next_) / kRowsName;
+      if (!fs::exists(path)) break;
+      const std::uint64_t end = std::min(NextFolder(header_, next_), End());
+      // Only the last folder that was begun can be partly filled.
+      const fs::path following = dir_ / FolderName(header_, NextFolder(header_, next_)) / kRowsName;
+      if (end < End() && fs::exists(following)) {
+        next_ = end;
+        continue;
+      }
+      const std::string text = ReadFile(path);
+      const std::vector<std::string_view> lines = Lines(text);
+      const std::size_t kept = std::min<std::size_t>(lines.size(), end - next_);
+      for (std::size_t i = 0; i < kept; ++i) rows_ += std::string(lines[i]) + "\n";
+      next_ += kept;
+      if (next_ == NextFolder(header_, next_ - 1)) rows_.clear();
+      if (next_ < end) break;
+    }
+    header_.complete = old.complete && next_ == End() && old.count == header_.count;
+  }
+
+  void RequireSame(const DatasetHeader& old) const {
+    const auto refuse = [&](const std::string& what) {
+      throw ConfigError(fmt::format(
+          "{} holds other samples: {}: use another folder, or the same recipe, seed and first "
+          "index",
+          dir_.string(), what));
+    };
+    const std::vector<std::string> differences = DifferencesFrom(old, *context_);
+    if (!differences.empty()) refuse(differences[0]);
+    const auto require = [&](const char* name, std::uint64_t now, std::uint64_t before) {
+      if (now != before) refuse(fmt::format("{} = {} (dataset: {})", name, now, before));
+    };
+    require("seed", header_.seed, old.seed);
+    require("first index", header_.first_index, old.first_index);
+    require("batch size", static_cast<std::uint64_t>(header_.batch_size),
+            static_cast<std::uint64_t>(old.batch_size));
+    require("samples per folder", static_cast<std::uint64_t>(header_.samples_per_folder),
+            static_cast<std::uint64_t>(old.samples_per_folder));
+    if (header_.count < old.count) {
+      throw ConfigError(
+          fmt::format("{} was begun for {} samples, more than the {} asked for now: ask for as "
+                      "many, or use another folder",
+                      dir_.string(), old.count, header_.count));
+    }
+  }
+
+  /// Temporary files of a run that was killed.
+  void RemoveLeftovers() const {
+    for (std::uint64_t index = next_; index < End(); index = NextFolder(header_, index)) {
+      const fs::path folder = dir_ / FolderName(header_, index);
+      if (!fs::exists(folder)) return;
+      for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+        if (entry.path().filename().string().find(".tmp-") != std::string::npos) {
+          fs::remove(entry.path());
+        }
+      }
+    }
+  }
+
+  void Draw() {
+    const std::uint64_t batch = static_cast<std::uint64_t>(header_.batch_size);
+    const std::uint64_t sheet_end = header_.first_index + std::min(header_.count, kSheetSamples);
+    // The pictures show clean depth, which is not kept: draw those samples again.
+    const std::uint64_t start = next_ < sheet_end ? header_.first_index : next_;
+    SampleStream::Options stream_options;
+    stream_options.seed = header_.seed;
+    stream_options.first_index = start / batch * batch;
+    stream_options.num_threads = options_.num_threads;
+    stream_options.device = options_.device;
+    const std::uint64_t batches = (End() - 1) / batch + 1 - start / batch;
+    const std::uint64_t ahead =
+        std::max<std::uint64_t>(4, 2 * static_cast<std::uint64_t>(options_.num_threads) / batch);
+    stream_options.prefetch = static_cast<int>(std::min(batches, ahead));
+    SampleStream stream(context_, stream_options);
+    ImageWriters writers(options_.num_threads);
+    Progress progress(options_.progress, next_ - header_.first_index, header_.count);
+    auto committed_at = Clock::now();
+    std::vector<RgbImage> pictures;
+    while (next_ < End()) {
+      for (Sample& sample : stream.Next()) {
+        if (sample.index < start || sample.index >= End()) continue;
+        if (start == header_.first_index && sample.index < sheet_end) {
+          AppendPictures(sample.depth_clean, sample.depth, sample.labels,
+                         sample.structure_from_sensor, &pictures);
+          if (sample.index + 1 == sheet_end) {
+            WritePng(dir_ / "contact_sheet.png", Montage(pictures, pictures.size() > 9 ? 6 : 3));
+            pictures.clear();
+          }
+        }
+        if (sample.index < next_) continue;
+        Write(std::move(sample), &writers);
+        if (next_ == NextFolder(header_, next_ - 1) || next_ == End() ||
+            Clock::now() - committed_at > kCommitInterval) {
+          Commit(&writers);
+          committed_at = Clock::now();
+        }
+        progress.Show(next_ - header_.first_index);
+      }
+    }
+  }
+
+  void Write(Sample sample, ImageWriters* writers) {
+    const fs::path folder = dir_ / FolderName(header_, sample.index);
+    const std::string depth = fmt::format("{:08}_depth.png", sample.index);
+    const std::string labels = fmt::format("{:08}_labels.png", sample.index);
+    rows_ += RowText(sample, depth, labels);
+    next_ = sample.index + 1;
+    writers->Submit(
+        {folder / depth, folder / labels, std::move(sample.depth), std::move(sample.labels)});
+  }
+
+  /// Images first, then the rows that name them.
+  void Commit(ImageWriters* writers) {
+    writers->Finish();
+    lock_.Sync();
+    WriteFileAtomically(dir_ / FolderName(header_, next_ - 1) / kRowsName, rows_);
+    if (next_ == NextFolder(header_, next_ - 1)) rows_.clear();
+  }
+
+  const fs::path dir_;
+  const std::shared_ptr<const SampleContext> context_;
+  const DatasetOptions options_;
+  const FolderLock lock_;
+  DatasetHeader header_;
+  std::uint64_t next_ = 0;
+  std::string rows_;  // of the folder that next_ falls into
+};
+
+Sample ReadRow(std::string_view line, const fs::path& path) {
+  try {
+    const Json row = Json::parse(line);
+    Sample sample;
+    sample.index = row.at("index").get<std::uint64_t>();
+    sample.sensor = row.at("sensor").get<std::string>();
+    const Json& k = row.at("intrinsics");
+    sample.intrinsics.width = k.at("width").get<int>();
+    sample.intrinsics.height = k.at("height").get<int>();
+    sample.intrinsics.fx = k.at("fx").get<double>();
+    sample.intrinsics.fy = k.at("fy").get<double>();
+    sample.intrinsics.cx = k.at("cx").get<double>();
+    sample.intrinsics.cy = k.at("cy").get<double>();
+    sample.intrinsics.distortion = k.at("distortion").get<std::vector<double>>();
+    const std::string what = fmt::format("{}: sample {}", path.string(), sample.index);
+    sample.intrinsics.Validate(what);
+    using Rows = std::vector<std::vector<double>>;
+    sample.structure_from_sensor = PoseFromRows(row.at("structure_from_sensor").get<Rows>(), what);
+    for (const Json& offset : row.at("box_offsets")) {
+      sample.box_offsets.push_back(PoseFromRows(offset.get<Rows>(), what));
+    }
+    sample.size_scale = row.at("size_scale").get<double>();
+    const fs::path folder = path.parent_path();
+    const fs::path depth_path = folder / row.at("depth").get<std::string>();
+    const fs::path labels_path = folder / row.at("labels").get<std::string>();
+    const Image16 raw = ReadDepthFile(depth_path);
+    sample.labels = ReadPng8(labels_path);
+    const auto require_size = [&](const fs::path& image, int width, int height) {
+      if (width == sample.intrinsics.width && height == sample.intrinsics.height) return;
+      throw DataError(fmt::format("{}: {}x{} pixels, but {} says {}x{}", image.string(), width,
+                                  height, path.string(), sample.intrinsics.width,
+                                  sample.intrinsics.height));
+    };
+    require_size(depth_path, raw.width(), raw.height());
+    require_size(labels_path, sample.labels.width(), sample.labels.height());
+    // Single-precision like the sensor models' own rounding, so that training sees the very numbers
+    // that it would have rendered.
+    sample.depth = DepthImage(raw.width(), raw.height());
+    for (std::size_t i = 0; i < raw.size(); ++i) {
+      sample.depth[i] = static_cast<float>(raw[i]) * static_cast<float>(kDepthScale);
+    }
+    return sample;
+  } catch (const Json::exception& e) {
+    throw DataError(fmt::format("{}: not a valid row ({})", path.string(), e.what()));
+  }
+}
+
+}  // namespace
+
+std::string DatasetHeader::Identity() const {
+  return Sha256(fmt::format("{}\n{} {} {} {}\n{} {} {}", data_yaml, seed, first_index, count,
+                            batch_size, structure_hash, num_classes, intrinsics_hash));
+}
+
+std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
+                                         const SampleContext& context) {
+  std::vector<std::string> differences;
+  const ConfigSource before = ConfigSource::FromString(
+      WriteConfig(ReadConfig<SampleConfig>(ConfigSource::FromString(header.data_yaml, "dataset"))),
+      "dataset");
+  const ConfigSource now = ConfigSource::FromString(WriteConfig(context.config), "now");
+  const std::set<std::string> paths = {"structure", "intrinsics"};
+  for (const auto& [key, leaf] : now.leaves()) {
+    const std::vector<std::string>& values = before.leaves().at(key).values;
+    if (paths.count(key) > 0 || values == leaf.values) continue;
+    differences.push_back(fmt::format("data.{} = {} (dataset: {})", key,
+                                      fmt::join(leaf.values, ", "), fmt::join(values, ", ")));
+  }
+  if (context.structure.Hash() != header.structure_hash) {
+    differences.push_back(fmt::format("data.structure = {} has other boxes or labels (dataset: {})",
+                                      context.config.structure, header.structure_name));
+  }
+  if (PoolHash(context.pool) != header.intrinsics_hash) {
+    differences.push_back(
+        fmt::format("data.intrinsics = {} has other numbers", context.config.intrinsics));
+  }
+  return differences;
+}
+
+DatasetResult WriteDataset(const fs::path& dir, std::shared_ptr<const SampleContext> context,
+                           const DatasetOptions& options) {
+  if (context == nullptr) throw Error("WriteDataset: no context");
+  if (options.count < 1 || options.num_threads < 1 || options.samples_per_folder < 1) {
+    throw Error(fmt::format(
+        "WriteDataset: count = {}, num_threads = {}, samples_per_folder = {} violate >= 1",
+        options.count, options.num_threads, options.samples_per_folder));
+  }
+  return DatasetWriter(dir, std::move(context), options).Run();
+}
+
+Dataset::Dataset(fs::path dir) : dir_(std::move(dir)) {
+  if (!fs::exists(dir_ / "index.json")) {
+    throw IoError(fmt::format(
+        "{}: no such file: write a dataset with `volalign render --config RECIPE -o {} --count N`",
+        (dir_ / "index.json").string(), dir_.string()));
+  }
+  header_ = ReadHeader(dir_);
+  const std::uint64_t end = header_.first_index + header_.count;
+  for (std::uint64_t i = header_.first_index; i < end; i = NextFolder(header_, i)) {
+    const fs::path rows = dir_ / FolderName(header_, i) / kRowsName;
+    if (header_.complete && fs::exists(rows)) continue;
+    throw DataError(
+        fmt::format("{}: incomplete: {} not there: run the `volalign render --config` that "
+                    "began it again, which continues it",
+                    dir_.string(),
+                    header_.complete ? rows.string() + " is"
+                                     : fmt::format("not all {} samples are", header_.count)));
+  }
+}
+
+std::vector<Sample> Dataset::Read(std::uint64_t first_index, int count) const {
+  const std::uint64_t begin = header_.first_index, end = begin + header_.count;
+  const std::uint64_t stop = first_index + static_cast<std::uint64_t>(count);
+  if (count < 1 || first_index < begin || stop > end) {
+    throw Error(fmt::format("samples {} to {} are not all in {}, which has {} to {}", first_index,
+                            stop - 1, dir_.string(), begin, end - 1));
+  }
+  std::vector<Sample> samples;
+  for (std::uint64_t i = first_index; i < stop;) {
+    const fs::path path = dir_ / FolderName(header_, i) / kRowsName;
+    const std::string text = ReadFile(path);
+    const std::vector<std::string_view> lines = Lines(text);
+    const std::uint64_t folder_end = NextFolder(header_, i);
+    const std::uint64_t folder_begin =
+        std::max(begin, folder_end - static_cast<std::uint64_t>(header_.samples_per_folder));
+    for (; i < std::min(stop, folder_end); ++i) {
+      const std::uint64_t line = i - folder_begin;
+      if (line >= lines.size()) {
+        throw DataError(fmt::format("{}: the row of sample {} is missing", path.string(), i));
+      }
+      Sample sample = ReadRow(lines[line], path);
+      if (sample.index != i) {
+        throw DataError(fmt::format("{}: line {} is sample {}, not {}", path.string(), line + 1,
+                                    sample.index, i));
+      }
+      const auto high = std::max_element(sample.labels.begin(), sample.labels.end());
+      if (*high >= header_.num_classes) {
+        throw DataError(fmt::format("{}: sample {} has label {}, but its structure only {}",
+                                    path.string(), i, *high, header_.num_classes - 1));
+      }
+      samples.push_back(std::move(sample));
+    }
+  }
+  return samples;
+}
+
+}  // namespace volalign

@@ -1,0 +1,247 @@
+// Training on a folder against training on the rendered stream that the folder was written from.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "render/dataset.h"
+#include "render/sample_stream.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+#include "train/dataset_source.h"
+#include "train/trainer.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+TrainConfig SmallRecipe() {
+  ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
+  for (const char* assignment :
+       {"model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36, 64x36]",
+        "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=4",
+        "optim.warmup_samples=4", "loss.min_side_pixels=3", "run.threads=1"}) {
+    source.Set(assignment);
+  }
+  return ReadTrainConfig(source);
+}
+
+std::shared_ptr<const SampleContext> Context(const TrainConfig& recipe) {
+  return std::make_shared<const SampleContext>(
+      MakeSampleContext(recipe.data, recipe.run.batch_size));
+}
+
+void Write(const fs::path& dir, const TrainConfig& recipe, std::int64_t seed, std::uint64_t count,
+           std::uint64_t first_index = 0) {
+  DatasetOptions options;
+  options.seed = static_cast<std::uint64_t>(seed);
+  options.first_index = first_index;
+  options.count = count;
+  options.samples_per_folder = 10;
+  WriteDataset(dir, Context(recipe), options);
+}
+
+TrainOptions Options(const fs::path& run_dir) {
+  TrainOptions options;
+  options.run_dir = run_dir;
+  options.quiet = true;
+  return options;
+}
+
+/// Rows without what depends on the clock.
+std::vector<json> Rows(const fs::path& run_dir) {
+  std::vector<json> rows;
+  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
+  for (std::string line; std::getline(text, line);) {
+    rows.push_back(json::parse(line));
+    rows.back().erase("samples_per_s");
+    rows.back().erase("step_s");
+  }
+  return rows;
+}
+
+void ExpectSameRows(const std::vector<json>& a, const std::vector<json>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << "row " << i;
+}
+
+TEST(TrainOnADataset, GivesTheLossesOfTheRenderedStream) {
+  const TempFolder folder;
+  TrainConfig config = SmallRecipe();
+  Train(config, Options(folder / "rendered"));
+  Write(folder / "train", config, config.run.seed, 24);
+  Write(folder / "valid", config, config.run.validation_seed, 6);
+  config.run.dataset = folder / "train";
+  config.run.loader_threads = 3;
+  Train(config, Options(folder / "read"));
+  const std::vector<json> rendered = Rows(folder / "rendered");
+  ASSERT_EQ(rendered.size(), 13u);  // 12 steps, 1 validation
+  ExpectSameRows(rendered, Rows(folder / "read"));
+  config.run.validation_dataset = folder / "valid";
+  Train(config, Options(folder / "both"));
+  ExpectSameRows(rendered, Rows(folder / "both"));
+}
+
+TEST(TrainOnADataset, ResumesInALaterEpoch) {
+  const TempFolder folder;
+  TrainConfig config = SmallRecipe();
+  Write(folder / "train", config, 7, 10);  // five batches: 24 samples are more than two epochs
+  config.run.dataset = folder / "train";
+  config.run.validation_samples = 0;
+  Train(config, Options(folder / "whole"));
+  TrainOptions options = Options(folder / "parts");
+  options.stop_at_samples = 14;
+  EXPECT_FALSE(Train(config, options).finished);
+  fs::rename(folder / "train", folder / "moved");
+  config.run.dataset = folder / "moved";
+  config.run.loader_threads = 2;
+  options.stop_at_samples = 0;
+  options.resume = true;
+  EXPECT_TRUE(Train(config, options).finished);
+  ExpectSameRows(Rows(folder / "whole"), Rows(folder / "parts"));
+
+  options.stop_at_samples = 6;
+  options.resume = false;
+  options.run_dir = folder / "third";
+  Train(config, options);
+  options.resume = true;
+  config.run.dataset.clear();
+  ExpectError<ConfigError>([&] { Train(config, options); }, {"other samples", "run.dataset = ''"});
+  Write(folder / "other", config, 8, 10);
+  config.run.dataset = folder / "other";
+  ExpectError<ConfigError>([&] { Train(config, options); },
+                           {"last.state", "other samples", config.run.dataset});
+}
+
+class DatasetSourceTest : public testing::Test {
+ protected:
+  std::unique_ptr<DatasetSource> Open(std::uint64_t first_sample, int num_threads,
+                                      std::uint64_t seed = 5) {
+    DatasetSource::Options options;
+    options.seed = seed;
+    options.first_sample = first_sample;
+    options.batch_size = 2;
+    options.num_threads = num_threads;
+    options.prefetch = 3;
+    return std::make_unique<DatasetSource>(dataset_, options);
+  }
+
+  static std::vector<std::uint64_t> Indices(SampleSource& source, int batches) {
+    std::vector<std::uint64_t> indices;
+    for (int i = 0; i < batches; ++i) {
+      for (const Sample& s : source.Next()) indices.push_back(s.index);
+    }
+    return indices;
+  }
+
+  // Whole batches of two: 4, 5 to 24, 25; samples 3 and 26 stand alone.
+  void SetUp() override {
+    Write(folder_.path(), SmallRecipe(), 1, 24, 3);
+    dataset_ = std::make_shared<const Dataset>(folder_.path());
+  }
+
+  const TempFolder folder_;
+  std::shared_ptr<const Dataset> dataset_;
+};
+
+TEST_F(DatasetSourceTest, EpochsAreShuffledBatchesOfEverySample) {
+  EXPECT_EQ(CountBatches(*dataset_, 2), 11u);
+  const std::vector<std::uint64_t> seen = Indices(*Open(0, 3), 33);
+  std::set<std::vector<std::uint64_t>> orders;
+  for (std::size_t epoch = 0; epoch < 3; ++epoch) {
+    const std::vector<std::uint64_t> order(seen.begin() + 22 * epoch,
+                                           seen.begin() + 22 * (epoch + 1));
+    for (std::size_t i = 0; i < 22; i += 2) {
+      EXPECT_EQ(order[i] % 2, 0u);
+      EXPECT_EQ(order[i + 1], order[i] + 1);
+    }
+    std::vector<std::uint64_t> sorted = order;
+    std::sort(sorted.begin(), sorted.end());
+    for (std::size_t i = 0; i < 22; ++i) {
+      EXPECT_EQ(sorted[i], 4 + i);
+    }
+    if (epoch == 0) {
+      EXPECT_EQ(order, sorted);
+    }
+    orders.insert(order);
+  }
+  EXPECT_EQ(orders.size(), 3u);
+  EXPECT_NE(seen, Indices(*Open(0, 1, /*seed=*/6), 33));
+  for (const std::uint64_t start : {0u, 8u, 22u, 24u, 60u}) {
+    const std::vector<std::uint64_t> rest(seen.begin() + static_cast<long>(start), seen.end());
+    EXPECT_EQ(Indices(*Open(start, 2), static_cast<int>(rest.size() / 2)), rest) << start;
+  }
+}
+
+TEST_F(DatasetSourceTest, AReadersExceptionReachesTheCaller) {
+  const auto source = Open(0, 2);
+  WriteFileAtomically(folder_ / "000002/00000024_depth.png", "no picture");
+  ExpectError<DataError>([&] { Indices(*source, 11); }, {"00000024_depth.png"});
+}
+
+TEST_F(DatasetSourceTest, RejectsBadBatches) {
+  ExpectError<ConfigError>([&] { CountBatches(*dataset_, 3); },
+                           {"run.batch_size = 3", folder_.path().string()});
+  EXPECT_EQ(CountBatches(*dataset_, 1), 24u);
+  EXPECT_THROW(Open(3, 1), Error);
+  EXPECT_THROW(Open(0, 0), Error);
+}
+
+TEST(TrainOnADataset, SaysWhatDoesNotFit) {
+  const TempFolder folder;
+  TrainConfig config = SmallRecipe();
+  const auto expect = [&](const TrainConfig& bad, std::initializer_list<std::string> parts) {
+    ExpectError<ConfigError>([&] { Train(bad, Options(folder / "run")); }, parts);
+    EXPECT_FALSE(fs::exists(folder / "run"));
+  };
+  config.run.dataset = folder / "missing";
+  ExpectError<IoError>([&] { Train(config, Options(folder / "run")); },
+                       {config.run.dataset, "volalign render"});
+  Write(folder / "train", config, 7, 3, 1);
+  config.run.dataset = folder / "train";
+
+  TrainConfig bad = config;
+  bad.data.noise.model = "paper";
+  expect(bad, {config.run.dataset, "data.noise.model = paper (dataset: sensor)"});
+  bad = config;
+  folder.Write(
+      "other.yaml",
+      "name: other\nboxes:\n  - {name: a, x: [-300, 300], y: [-800, 0], z: [-200, 200]}\n");
+  bad.data.structure = folder / "other.yaml";
+  expect(bad, {"run.dataset", "structure", "other.yaml"});
+  bad = config;
+  bad.run.batch_size = 4;
+  expect(bad, {"run.batch_size = 4"});
+  bad = config;
+  bad.data.image_sizes = {"40x36"};
+  expect(bad, {"data.image_sizes"});
+  bad = config;
+  bad.run.validation_seed = 7;
+  expect(bad, {"validation would see training samples", "seed 7"});
+  Write(folder / "valid", config, 7, 4, 3);
+  bad = config;
+  bad.run.validation_dataset = folder / "valid";
+  bad.run.validation_samples = 2;
+  expect(bad, {"validation would see training samples", "training 1 to 3", "validation 3 to 6"});
+  Write(folder / "valid2", config, 9, 4, 4);
+  bad.run.validation_dataset = folder / "valid2";
+  bad.run.validation_samples = 5;
+  expect(bad, {"run.validation_samples = 5", "the 4 samples"});
+  TrainConfig single = config;
+  single.data.image_sizes = {"40x36"};
+  Write(folder / "few", single, 9, 3);
+  single.run.dataset = folder / "few";
+  single.run.batch_size = 4;
+  expect(single, {"few", "3 samples", "run.batch_size = 4"});
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,67 @@
+#include "train/checkpoint_validation.h"
+
+#include <ATen/Parallel.h>
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "train/rendered_source.h"
+
+namespace volalign {
+
+ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples) {
+  if (config.run.threads > 0) at::set_num_threads(config.run.threads);
+  const auto context =
+      std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
+  CheckStructure(model.meta, context->structure);
+  const at::Device device(config.run.device);
+  model.net->to(device);
+  const TrainingLoss loss(config.loss, context->structure, device);
+  RenderedSource source(context, config.run, static_cast<std::uint64_t>(config.run.validation_seed),
+                        0);
+  return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
+                  source, samples, device, config.run.channels_last);
+}
+
+std::string ValidationTable(const ValidationResult& result) {
+  std::string table =
+      "| samples of | number | miou | miou_authors | loss_seg | with a pose | median error of it "
+      "|\n"
+      "|---|---|---|---|---|---|---|\n";
+  const auto row = [&](const std::string& name,
+                       const std::function<bool(const SampleScore&)>& belongs) {
+    std::vector<SampleScore> scores;
+    for (const SampleScore& score : result.scores) {
+      if (belongs(score)) scores.push_back(score);
+    }
+    if (scores.empty()) return;
+    const ValidationResult r = Summarise(scores);
+    table += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.4f} | {} | {:.1f} cm, {:.2f} deg |\n",
+                         name, r.samples, r.miou, r.miou_authors, r.loss_seg, r.posed,
+                         100 * r.median_translation_error_m, r.median_rotation_error_deg);
+  };
+  row("all", [](const SampleScore&) { return true; });
+  std::set<std::string> sensors;
+  for (const SampleScore& score : result.scores) sensors.insert(score.sensor);
+  for (const std::string& sensor : sensors) {
+    row(sensor, [&](const SampleScore& score) { return score.sensor == sensor; });
+  }
+  constexpr std::array<std::pair<double, double>, 3> kBands{
+      {{1.5, 2.25}, {2.25, 2.75}, {2.75, 3.5}}};
+  for (const auto& [near, far] : kBands) {
+    row(fmt::format("rho {:.0f}-{:.0f} cm", 100 * near, 100 * far),
+        [&, low = near, high = far](const SampleScore& score) {
+          return score.rho_m >= low && score.rho_m < high;
+        });
+  }
+  return table;
+}
+
+}  // namespace volalign

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "render/dataset.h"
+#include "train/batch.h"
+
+namespace volalign {
+
+/// Batches of a dataset on disk, read ahead on threads. The stream is endless: epoch 0 gives the
+/// dataset's batches in their order, so that it equals the rendered stream that was written; every
+/// later epoch gives them in an order that depends on (seed, epoch) alone. A batch always consists
+/// of the same neighbouring samples, as the image size is one per batch.
+class DatasetSource : public SampleSource {
+ public:
+  struct Options {
+    std::uint64_t seed = 0;  ///< of the order in epochs 1, 2, ...
+    /// Samples of the stream to leave out, a multiple of batch_size.
+    std::uint64_t first_sample = 0;
+    int batch_size = 16;
+    int num_threads = 1;
+    int prefetch = 4;  ///< batches read ahead
+  };
+  /// Throws ConfigError when the dataset has several image sizes and `batch_size` does not divide
+  /// its own, or when it holds no whole batch; Error for bad options.
+  DatasetSource(std::shared_ptr<const Dataset> dataset, const Options& options);
+  ~DatasetSource() override;
+
+  /// Rethrows a reading thread's exception (Dataset::Read).
+  std::vector<Sample> Next() override;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Whole batches that a DatasetSource draws from in an epoch. Throws its ConfigErrors.
+std::uint64_t CountBatches(const Dataset& dataset, int batch_size);
+
+}  // namespace volalign

@@ -1,0 +1,125 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "render/dataset.h"
+#include "render/egl_context.h"
+#include "render/sample.h"
+#include "train/dataset_source.h"
+#include "train/rendered_source.h"
+#include "train/trainer.h"
+
+namespace volalign {
+namespace {
+
+/// Samples that a source may give: indices [begin, end) of a seed.
+struct Domain {
+  std::uint64_t seed, begin, end;
+};
+
+Domain DomainOf(const Dataset& dataset) {
+  const DatasetHeader& h = dataset.header();
+  return {h.seed, h.first_index, h.first_index + h.count};
+}
+
+void RequireSameStructure(const char* key, const Dataset& dataset, const SampleContext& context) {
+  if (dataset.header().structure_hash == context.structure.Hash()) return;
+  throw ConfigError(fmt::format(
+      "{} = {} shows the structure {} with other boxes or labels than data.structure = {}", key,
+      dataset.dir().string(), dataset.header().structure_name, context.config.structure));
+}
+
+std::shared_ptr<const Dataset> OpenTrainingSet(const TrainConfig& config,
+                                               const SampleContext& context) {
+  if (config.run.dataset.empty()) return nullptr;
+  auto dataset = std::make_shared<const Dataset>(config.run.dataset);
+  RequireSameStructure("run.dataset", *dataset, context);
+  const std::vector<std::string> differences = DifferencesFrom(dataset->header(), context);
+  if (!differences.empty()) {
+    throw ConfigError(fmt::format(
+        "run.dataset = {} was drawn from another recipe: {}: train with the recipe that wrote it",
+        config.run.dataset, differences[0]));
+  }
+  CountBatches(*dataset, config.run.batch_size);
+  return dataset;
+}
+
+std::shared_ptr<const Dataset> OpenValidationSet(const TrainConfig& config,
+                                                 const SampleContext& context) {
+  if (config.run.validation_dataset.empty() || config.run.validation_samples == 0) return nullptr;
+  auto dataset = std::make_shared<const Dataset>(config.run.validation_dataset);
+  RequireSameStructure("run.validation_dataset", *dataset, context);
+  const std::uint64_t usable = CountBatches(*dataset, config.run.batch_size) *
+                               static_cast<std::uint64_t>(config.run.batch_size);
+  if (static_cast<std::uint64_t>(config.run.validation_samples) > usable) {
+    throw ConfigError(
+        fmt::format("run.validation_samples = {} exceeds the {} samples in whole batches of "
+                    "run.validation_dataset = {}",
+                    config.run.validation_samples, usable, config.run.validation_dataset));
+  }
+  return dataset;
+}
+
+void RequireApart(const TrainConfig& config, const Dataset* training, const Dataset* validation) {
+  const RunConfig& run = config.run;
+  if (run.validation_samples == 0) return;
+  const Domain seen = training ? DomainOf(*training)
+                               : Domain{static_cast<std::uint64_t>(run.seed), 0,
+                                        static_cast<std::uint64_t>(run.samples)};
+  const Domain held = validation ? DomainOf(*validation)
+                                 : Domain{static_cast<std::uint64_t>(run.validation_seed), 0,
+                                          static_cast<std::uint64_t>(run.validation_samples)};
+  if (seen.seed != held.seed || seen.end <= held.begin || held.end <= seen.begin) return;
+  throw ConfigError(fmt::format(
+      "validation would see training samples: both draw from seed {}, training {} to {}, "
+      "validation {} to {}: write one of them with another `volalign render --seed`",
+      seen.seed, seen.begin, seen.end - 1, held.begin, held.end - 1));
+}
+
+/// Says at the start, and not hours later at the first validation, that nothing can be rendered.
+void RequireRendering() {
+  try {
+    const EglContext egl;
+  } catch (const Error& e) {
+    throw IoError(
+        fmt::format("run.dataset needs no renderer, but validation does ({}): name a folder in "
+                    "run.validation_dataset, or set run.validation_samples=0",
+                    e.what()));
+  }
+}
+
+}  // namespace
+
+TrainResult Train(const TrainConfig& config, const TrainOptions& options) {
+  config.Validate();
+  const auto context =
+      std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
+  const std::shared_ptr<const Dataset> training = OpenTrainingSet(config, *context);
+  const std::shared_ptr<const Dataset> validation = OpenValidationSet(config, *context);
+  RequireApart(config, training.get(), validation.get());
+  if (training && !validation && config.run.validation_samples > 0) RequireRendering();
+
+  TrainingData data;
+  data.structure = context->structure;
+  if (training) data.identity = training->header().Identity();
+  data.open = [&](std::uint64_t seed, std::uint64_t first_index) -> std::unique_ptr<SampleSource> {
+    const bool validates = seed == static_cast<std::uint64_t>(config.run.validation_seed);
+    if (const auto& dataset = validates ? validation : training) {
+      DatasetSource::Options source;
+      source.seed = seed;
+      source.first_sample = first_index;
+      source.batch_size = config.run.batch_size;
+      source.num_threads = config.run.loader_threads;
+      source.prefetch = config.run.prefetch;
+      return std::make_unique<DatasetSource>(dataset, source);
+    }
+    return std::make_unique<RenderedSource>(context, config.run, seed, first_index);
+  };
+  return TrainOn(data, config, options);
+}
+
+}  // namespace volalign
