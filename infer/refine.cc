@@ -44,10 +44,10 @@ using refine_internal::Priors;
 using refine_internal::SeamShare;
 using refine_internal::SensorCost;
 using refine_internal::SensorEvidence;
+using refine_internal::SensorParameters;
 using refine_internal::SideCost;
 
-// m, of the cost that decides about acceptance: distances to faces, and to edge lines.
-constexpr double kFaceScale = 0.01, kLineScale = 0.03;
+constexpr double kFaceScale = 0.01;  // m, of the cost that accepts a sensor without structure
 /// m: how far a real box's edges stray from where the structure has them, beyond what its faces do.
 /// On the three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
 /// cardboard bulges, and sensors fatten edges.
@@ -161,19 +161,19 @@ class JointProblem {
       SolveFine();
     }
     if (options_.choose_estimates) KeepWhatTheCaptureTells();
-    std::vector<double> before(sensors_.size());
+    CollectUnseen();
+    std::vector<HeldOut> before(sensors_.size());
     // A sensor that goes back may have pulled its neighbours: they are solved again around it.
     for (std::size_t round = 0; round < sensors_.size(); ++round) {
       bool changed = false;
       for (std::size_t i = 0; i < sensors_.size(); ++i) {
         if (fixed_[i]) continue;
-        State back = state_;
-        back.poses[i] = PoseBlock(sensors_[i].initial);
-        back.offsets[i] = 0;
-        back.nuisances[i] = {};
-        before[i] = HeldOutCost(i, back, kFaceScale, kLineScale);
-        if (HeldOutCost(i, state_, kFaceScale, kLineScale) < before[i]) continue;
-        state_ = back;
+        before[i] = ComputeHeldOut(i, sensors_[i].initial);
+        const HeldOut after = ComputeHeldOut(i, state_.poses[i].ToPose());
+        if (after.misfit < before[i].misfit || after.distance < before[i].distance) continue;
+        state_.poses[i] = PoseBlock(sensors_[i].initial);
+        state_.offsets[i] = 0;
+        state_.nuisances[i] = {};
         fixed_[i] = 1;
         changed = true;
       }
@@ -195,8 +195,8 @@ class JointProblem {
       if (sensor.depth_scale_estimated) sensor.depth_scale = 1 + state_.nuisances[i][kScale];
       sensor.sigma_depth_offset = posterior.Sigma(OffsetColumn(i));
       sensor.sigma_depth_scale = posterior.Sigma(NuisanceColumn(i) + kScale);
-      sensor.held_out_before = before[i];
-      sensor.held_out_after = HeldOutCost(i, state_, kFaceScale, kLineScale);
+      sensor.held_out_before = before[i].misfit;
+      sensor.held_out_after = ComputeHeldOut(i, sensor.structure_from_sensor).misfit;
       const auto first = static_cast<Eigen::Index>(6 * i);
       const Matrix6d block = posterior.covariance.block<6, 6>(first, first);
       sensor.covariance = (block + block.transpose()) / 2;
@@ -439,10 +439,11 @@ class JointProblem {
     std::atomic<std::size_t> next{0};
     const auto work = [&] {
       for (std::size_t i = next++; i < sensors_.size(); i = next++) {
-          if (!Holds(i)) continue;
-        CollectEvidence(i, true, &unseen_[i]);
-        CollectEvidence(i, false, &evidence_[i]);
-        Distrust(i);
+        if (!Holds(i)) continue;
+        const std::vector<Pose> here = {state_.poses[i].ToPose()};
+        CollectEvidence(i, true, here, &unseen_[i]);
+        CollectEvidence(i, false, here, &evidence_[i]);
+        Distrust(i, &evidence_[i]);
         FitNoise(model_, Parameters(i), priors_, &evidence_[i]);
       }
     };
@@ -454,16 +455,33 @@ class JointProblem {
     for (std::thread& helper : helpers) helper.join();
   }
 
-  void CollectEvidence(std::size_t i, bool held_out, SensorEvidence* out) const {
+  /// What decides between a sensor's refined and its initial pose: held-out points that lie on the
+  /// structure from either.
+  void CollectUnseen() {
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (!Holds(i)) continue;
+      const Pose pose = state_.poses[i].ToPose();
+      CollectEvidence(i, true, {pose, sensors_[i].initial}, &unseen_[i]);
+      Distrust(i, &unseen_[i]);
+      unseen_[i].noise = evidence_[i].noise;
+      refine_internal::SetCovariance(model_, pose, &unseen_[i]);
+    }
+  }
+
+  /// Of the points that lie on the structure from any of `poses`.
+  void CollectEvidence(std::size_t i, bool held_out, const std::vector<Pose>& poses,
+                       SensorEvidence* out) const {
     const Stage stage = StageOf(options_.outer_iterations);
-    const Pose pose = state_.poses[i].ToPose();
+    const Pose& pose = poses.front();
     SensorEvidence& evidence = *out;
     evidence.noise.line = BoxesAreFree() ? 0 : kHeldEdge;
     evidence.faces.clear();
     evidence.edges.clear();
     std::map<std::pair<int, int>, std::vector<const SidePoint*>> blocks;
     for (const SidePoint& point : sensors_[i].view->side_points) {
-      if (point.held_out == held_out && OnItsSide(i, point, pose, stage))
+      if (point.held_out == held_out &&
+          std::any_of(poses.begin(), poses.end(),
+                      [&](const Pose& p) { return OnItsSide(i, point, p, stage); }))
         blocks[{point.label, point.block}].push_back(&point);
     }
     for (const auto& [key, points] : blocks) {
@@ -499,7 +517,12 @@ class JointProblem {
     std::map<std::array<int, 3>, std::vector<const EdgePoint*>> lines;
     for (const EdgePoint& edge : sensors_[i].view->edge_points) {
       EdgeLine line;
-      if (edge.held_out != held_out || !OnItsEdge(i, edge, pose, stage.side_gate, &line)) continue;
+      if (edge.held_out != held_out ||
+          std::none_of(poses.begin(), poses.end(), [&](const Pose& p) {
+            return OnItsEdge(i, edge, p, stage.side_gate, &line);
+          })) {
+        continue;
+      }
       lines[{edge.label, line.edge, edge.block}].push_back(&edge);
     }
     for (const auto& [key, points] : lines) {
@@ -526,17 +549,17 @@ class JointProblem {
     return std::all_of(free_.boxes.begin(), free_.boxes.end(), [](char f) { return f != 0; });
   }
 
-  refine_internal::SensorParameters Parameters(std::size_t i) const {
+  SensorParameters Parameters(std::size_t i) const {
     return {state_.poses[i].values, &state_.offsets[i], state_.nuisances[i].data(),
             state_.build.data()};
   }
 
   /// Observations that lie much farther off than a sensor's others, after a robust fit of this
   /// sensor alone, say little.
-  void Distrust(std::size_t i) {
-    SensorEvidence& evidence = evidence_[i];
+  void Distrust(std::size_t i, SensorEvidence* of) const {
+    SensorEvidence& evidence = *of;
     const std::size_t faces = evidence.faces.size();
-    Eigen::VectorXd sizes = RobustResiduals(i).cwiseAbs();
+    Eigen::VectorXd sizes = RobustResiduals(i, evidence).cwiseAbs();
     for (std::size_t e = 0; e < evidence.edges.size(); ++e)
       sizes[static_cast<Eigen::Index>(faces + e)] /= evidence.edges[e].pixel;
     const auto distrust = [&](std::size_t first, std::size_t count, double least_spread,
@@ -560,8 +583,7 @@ class JointProblem {
 
   /// Residuals of a sensor's observations, m, after least squares of its own parameters, reweighted
   /// by Cauchy's function.
-  Eigen::VectorXd RobustResiduals(std::size_t i) const {
-    const SensorEvidence& evidence = evidence_[i];
+  Eigen::VectorXd RobustResiduals(std::size_t i, const SensorEvidence& evidence) const {
     Eigen::VectorXd r;
     Eigen::MatrixXd ambient;
     refine_internal::Residuals(model_, evidence, Parameters(i), &r, &ambient);
@@ -602,6 +624,7 @@ class JointProblem {
   void AddFineOverlap(std::size_t a, std::size_t b, ceres::Problem* problem) {
     const Stage stage = StageOf(options_.outer_iterations);
     const bool held = Holds(a) && Holds(b);
+    if (held && (fixed_[a] || fixed_[b])) return;
     const Pose pose = state_.poses[a].ToPose();
     struct Weighted {
       const CloudPoint *from, *to;
@@ -1009,47 +1032,64 @@ class JointProblem {
     }
   }
 
-  /// Mean robust cost of the points that no solution has seen.
-  double HeldOutCost(std::size_t i, const State& state, double face_scale,
-                     double line_scale) const {
-    const Pose pose = state.poses[i].ToPose();
-    const auto corrected = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
-      return Corrected(state, i, p);
-    };
+  /// How a pose explains the points that no solution has seen, whatever the sensor's own depth
+  /// errors are. Distances alone would favour poses that follow the sensor's warp, the misfit alone
+  /// trusts the noise model.
+  struct HeldOut {
+    double misfit = 0;    ///< mean square in standard deviations, as errors are correlated
+    double distance = 0;  ///< m, mean absolute distance, depth errors as estimated taken out
+  };
+
+  HeldOut ComputeHeldOut(std::size_t i, const Pose& pose) const {
+    if (!Holds(i)) {
+      const double cost = HeldOutOverlap(i, pose);
+      return {cost, cost};
+    }
+    const SensorEvidence& evidence = unseen_[i];
+    if (evidence.faces.empty()) return {};
+    const PoseBlock block(pose);
+    constexpr std::array<double, kNuisances> kNone = {};
+    const double no_offset = 0;
+    Eigen::VectorXd r;
+    Eigen::MatrixXd jacobian;
+    refine_internal::Residuals(model_, evidence,
+                               {block.values, &no_offset, kNone.data(), state_.build.data()}, &r,
+                               &jacobian);
+    Eigen::Matrix<double, 1 + kNuisances, 1> sigmas;
+    sigmas << priors_.offset, priors_.scale, evidence.noise.multipath, priors_.edge_shift;
+    const Eigen::MatrixXd shared = jacobian.middleCols<1 + kNuisances>(7) * sigmas.asDiagonal();
+    const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
+    const auto edges = static_cast<Eigen::Index>(evidence.edges.size());
+    Eigen::MatrixXd covariance = shared * shared.transpose();
+    covariance.topLeftCorner(faces, faces) += evidence.face_root * evidence.face_root.transpose();
+    covariance.bottomRightCorner(edges, edges) +=
+        evidence.edge_root * evidence.edge_root.transpose();
+    HeldOut result;
+    result.misfit = r.dot(covariance.llt().solve(r)) / static_cast<double>(r.size());
+    SensorParameters estimated = Parameters(i);
+    estimated.pose = block.values;
+    refine_internal::Residuals(model_, evidence, estimated, &r, nullptr);
+    result.distance = r.cwiseAbs().mean();
+    return result;
+  }
+
+  /// Mean robust cost of held-out points against what other sensors see.
+  double HeldOutOverlap(std::size_t i, const Pose& pose) const {
     double sum = 0;
     int count = 0;
-    if (Holds(i)) {
-      for (const SidePoint& point : sensors_[i].view->side_points) {
-        if (!point.held_out) continue;
-        const Eigen::Vector3d p = pose * corrected(point.p);
-        sum += RobustCost((built_.SideOfLabel(point.label).ClosestPoint(p) - p).norm(),
-                          face_scale);
+    for (std::size_t other = 0; other < sensors_.size(); ++other) {
+      if (other == i) continue;
+      const Pose other_from_this = state_.poses[other].ToPose().inverse() * pose;
+      for (const int j : overlap_points_[i]) {
+        const CloudPoint& from = sensors_[i].view->cloud[static_cast<std::size_t>(j)];
+        if (!from.held_out) continue;
+        const Eigen::Vector3d p = other_from_this * Corrected(i, from.p);
+        const int nearest = sensors_[other].view->Nearest(p, 0.1);
+        if (nearest < 0) continue;
+        const CloudPoint& to = sensors_[other].view->cloud[static_cast<std::size_t>(nearest)];
+        if ((other_from_this.linear() * from.normal).dot(to.normal) < 0.7) continue;
+        sum += RobustCost(to.normal.dot(p - Corrected(other, to.p)), kFaceScale);
         ++count;
-      }
-      for (const EdgePoint& edge : sensors_[i].view->edge_points) {
-        if (!edge.held_out) continue;
-        const Eigen::Vector3d p = pose * corrected(edge.p);
-        EdgeLine line;
-        const bool found = NearestEdge(built_.SideOfLabel(edge.label), p,
-                                       pose.linear() * edge.outward, 0.1, &line);
-        sum += RobustCost(found ? line.direction.dot(p) - line.offset : 0.1, line_scale);
-        ++count;
-      }
-    } else {
-      for (std::size_t other = 0; other < sensors_.size(); ++other) {
-        if (other == i) continue;
-        const Pose other_from_this = state.poses[other].ToPose().inverse() * pose;
-        for (const int j : overlap_points_[i]) {
-          const CloudPoint& from = sensors_[i].view->cloud[static_cast<std::size_t>(j)];
-          if (!from.held_out) continue;
-          const Eigen::Vector3d p = other_from_this * corrected(from.p);
-          const int nearest = sensors_[other].view->Nearest(p, 0.1);
-          if (nearest < 0) continue;
-          const CloudPoint& to = sensors_[other].view->cloud[static_cast<std::size_t>(nearest)];
-          if ((other_from_this.linear() * from.normal).dot(to.normal) < 0.7) continue;
-          sum += RobustCost(to.normal.dot(p - Corrected(state, other, to.p)), face_scale);
-          ++count;
-        }
       }
     }
     return count > 0 ? sum / count : 0;
