@@ -20,6 +20,7 @@ namespace volalign {
 
 namespace {
 
+constexpr double kRelabelDistance = 0.04;  // m: real boxes stray by centimetres
 constexpr double kInlierDistance = 0.03;  // design section 9
 constexpr double kRmsDistance = 0.1;
 
@@ -400,6 +401,9 @@ class Calibration {
     if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
       return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
+    *work.refine_view =
+        RefineView(work.view, LabelsFromPose(work.view, structure_, work.start, kRelabelDistance),
+                   structure_, view_options);
   }
 
   static constexpr char kLookHint[] =
