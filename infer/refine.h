@@ -20,7 +20,7 @@ EstimateSet ParseEstimate(const std::string& text);
 
 struct RefineOptions {
   std::string estimate = "auto";
-  double box_sigma_m = 0.005;
+  double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
   double depth_scale_sigma_percent = 0.3;

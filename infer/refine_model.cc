@@ -17,7 +17,7 @@ namespace {
 constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
 constexpr double kEdgeLength = 0.4;      // rad, correlation of silhouette errors along an edge
 constexpr double kEdgeCommon = 0.3;       // px, of the correlated part
-constexpr double kLineTolerance = 0.002;  // m, an edge of a box is not a straight line
+constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
 /// A depth error moves a side that is seen at grazing incidence little, but there errors across the
 /// ray, of a pixel or less, count instead.
 constexpr double kLeastGain = 0.2;
