@@ -65,6 +65,10 @@ constexpr double kCommonEdgeShift = 0.3;
 /// the parameters of the noise, labels that leak, box edges that are not straight. Fitted on 64
 /// rendered sensors; docs/calibration.md has the coverage on others.
 constexpr double kWiden = 1.15;
+/// Overlap off the structure, in the last stage: gate in m; share of its distance from the optical
+/// axis by which a point is off for the intrinsics' errors, which the structure, in the middle of
+/// the frame, hardly shows.
+constexpr double kFineOverlapGate = 0.06, kIntrinsicsError = 0.002;
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -622,7 +626,8 @@ class JointProblem {
   /// Points that two sensors see, and that the structure does not hold already. Errors within a
   /// correlation length are one error.
   void AddFineOverlap(std::size_t a, std::size_t b, ceres::Problem* problem) {
-    const Stage stage = StageOf(options_.outer_iterations);
+    Stage stage = StageOf(options_.outer_iterations);
+    stage.overlap_gate = kFineOverlapGate;
     const bool held = Holds(a) && Holds(b);
     if (held && (fixed_[a] || fixed_[b])) return;
     const Pose pose = state_.poses[a].ToPose();
@@ -631,28 +636,32 @@ class JointProblem {
       double sigma;
     };
     std::vector<Weighted> kept;
+    std::vector<double> sizes;
     std::set<std::pair<int, int>> cells;
     const double cell = std::max(evidence_[a].noise.warp_length, evidence_[b].noise.warp_length);
-    const auto warp = [&](std::size_t i, double z) {
-      return std::max(evidence_[i].noise.warp, 1e-3) * z * z / 4;
+    const auto spread = [&](std::size_t i, const Eigen::Vector3d& p) {
+      return std::hypot(std::max(evidence_[i].noise.warp, 1e-3) * p.z() * p.z() / 4,
+                        kIntrinsicsError * p.head<2>().norm());
     };
     for (const Match& match : FindMatches(a, b, stage.overlap_gate, stage.min_cosine)) {
       const CloudPoint& from = sensors_[a].view->cloud[static_cast<std::size_t>(match.from)];
       const CloudPoint& to = sensors_[b].view->cloud[static_cast<std::size_t>(match.to)];
       if (from.held_out) continue;
-      const double sigma = std::hypot(warp(a, from.p.z()), warp(b, to.p.z()));
+      const double sigma = std::hypot(spread(a, from.p), spread(b, to.p));
       if (held) {
         if (sigma > stage.overlap_gate / 2) continue;
         if (DistanceToSurface(built_, pose * Corrected(a, from.p)).distance < kOffStructure)
           continue;
       }
       kept.push_back({&from, &to, sigma});
+      sizes.push_back(std::abs(match.residual) / sigma);
       cells.insert({static_cast<int>(std::floor(from.p.x() / from.p.z() / cell)),
                     static_cast<int>(std::floor(from.p.y() / from.p.z() / cell))});
     }
     if (kept.size() < 20) return;
+    const double excess = std::max(1.0, 1.4826 * MedianOf(sizes));
     const double share =
-        std::sqrt(static_cast<double>(cells.size()) / static_cast<double>(kept.size()));
+        std::sqrt(static_cast<double>(cells.size()) / static_cast<double>(kept.size())) / excess;
     for (const Weighted& match : kept) {
       problem->AddResidualBlock(
           new OverlapCost(match.from->p, match.to->p, match.to->normal, share / match.sigma),
