@@ -518,7 +518,7 @@ class JointProblem {
       evidence.faces.push_back(face);
     }
 
-    std::map<std::array<int, 3>, std::vector<const EdgePoint*>> lines;
+    std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;
     for (const EdgePoint& edge : sensors_[i].view->edge_points) {
       EdgeLine line;
       if (edge.held_out != held_out ||
@@ -527,12 +527,13 @@ class JointProblem {
           })) {
         continue;
       }
-      lines[{edge.label, line.edge, edge.block}].push_back(&edge);
+      lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
     }
     for (const auto& [key, points] : lines) {
       EdgeObservation edge;
       edge.label = key[0];
       edge.edge = key[1];
+      edge.axis = key[3];
       edge.p.setZero();
       double pixels = 0;
       for (const EdgePoint* point : points) {
@@ -597,7 +598,7 @@ class JointProblem {
     j << ambient.leftCols<7>() * plus, ambient.rightCols(ambient.cols() - 7);
     Eigen::VectorXd prior(j.cols());
     prior << Eigen::VectorXd::Constant(6, 1), Least(priors_.offset), Least(priors_.scale), 0.02,
-        Least(priors_.edge_shift), Eigen::VectorXd::Zero(model_.size());
+        Least(priors_.edge_shift), Least(priors_.edge_shift), Eigen::VectorXd::Zero(model_.size());
     const std::vector<double> build = BuildSigmas();
     for (std::size_t k = 0; k < build.size(); ++k)
       prior[6 + 1 + kNuisances + static_cast<Eigen::Index>(k)] = build[k];
@@ -692,6 +693,7 @@ class JointProblem {
       problem->AddResidualBlock(new PriorCost({Least(priors_.offset)}), nullptr, offset);
       problem->AddResidualBlock(new PriorCost({Least(priors_.scale),
                                                Least(evidence_[i].noise.multipath),
+                                               Least(priors_.edge_shift),
                                                Least(priors_.edge_shift)}),
                                 nullptr, nuisance);
       if (Holds(i) && !evidence_[i].faces.empty()) {
@@ -824,9 +826,11 @@ class JointProblem {
     // What silhouettes are shifted by in all sensors alike looks like another size.
     Eigen::VectorXd common = Eigen::VectorXd::Zero(h.rows());
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      const Eigen::Index column = NuisanceColumn(i) + kEdgeShift;
-      common += h.col(column);
-      common[column] -= 1 / Square(Least(priors_.edge_shift));
+      for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
+        const Eigen::Index column = NuisanceColumn(i) + shift;
+        common += h.col(column);
+        common[column] -= 1 / Square(Least(priors_.edge_shift));
+      }
     }
     const Eigen::VectorXd moved = kCommonEdgeShift * root.solve(Pick(common, x, {0}));
     covariance += moved * moved.transpose();
@@ -846,7 +850,8 @@ class JointProblem {
       variances[OffsetColumn(i)] = Square(Least(priors_.offset));
       variances[NuisanceColumn(i) + kScale] = Square(Least(priors_.scale));
       variances[NuisanceColumn(i) + kMultipath] = Square(Least(evidence_[i].noise.multipath));
-      variances[NuisanceColumn(i) + kEdgeShift] = Square(Least(priors_.edge_shift));
+      for (const int shift : {kEdgeShift, kEdgeShift + 1})
+        variances[NuisanceColumn(i) + shift] = Square(Least(priors_.edge_shift));
     }
     const std::vector<double> build = BuildSigmas();
     for (std::size_t k = 0; k < build.size(); ++k)
@@ -1065,7 +1070,8 @@ class JointProblem {
                                {block.values, &no_offset, kNone.data(), state_.build.data()}, &r,
                                &jacobian);
     Eigen::Matrix<double, 1 + kNuisances, 1> sigmas;
-    sigmas << priors_.offset, priors_.scale, evidence.noise.multipath, priors_.edge_shift;
+    sigmas << priors_.offset, priors_.scale, evidence.noise.multipath, priors_.edge_shift,
+        priors_.edge_shift;
     const Eigen::MatrixXd shared = jacobian.middleCols<1 + kNuisances>(7) * sigmas.asDiagonal();
     const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
     const auto edges = static_cast<Eigen::Index>(evidence.edges.size());

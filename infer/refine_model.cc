@@ -15,8 +15,8 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
-constexpr double kEdgeLength = 0.4;      // rad, correlation of silhouette errors along an edge
-constexpr double kEdgeCommon = 0.3;       // px, of the correlated part
+constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
+constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
 constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
 /// A depth error moves a side that is seen at grazing incidence little, but there errors across the
 /// ray, of a pixel or less, count instead.
@@ -268,7 +268,7 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
     const double nv = plane.normal.dot(v), dv = line.normal.dot(v);
     const double slope = dv / nv;
     (*residuals)[i] = distance(line, at) - slope * behind -
-                      parameters.nuisance[kEdgeShift] * edge.pixel;
+                      parameters.nuisance[kEdgeShift + edge.axis] * edge.pixel;
     if (!jacobian) continue;
     jacobian->row(i) =
         differentiate(line, edge.p, at) - slope * differentiate(plane, edge.p, at);
@@ -279,7 +279,7 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
         behind *
         (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
         (nv * nv);
-    (*jacobian)(i, kNuisanceColumn + kEdgeShift) = -edge.pixel;
+    (*jacobian)(i, kNuisanceColumn + kEdgeShift + edge.axis) = -edge.pixel;
   }
 }
 
@@ -320,7 +320,7 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
   sigmas[0] = priors.offset;
   sigmas[1 + kScale] = priors.scale;
   sigmas[1 + kMultipath] = 0;
-  sigmas[1 + kEdgeShift] = priors.edge_shift;
+  sigmas[1 + kEdgeShift] = sigmas[2 + kEdgeShift] = priors.edge_shift;
   sigmas[1 + kNuisances] = priors.size;
   for (Eigen::Index i = 2 + kNuisances; i < sigmas.size(); ++i)
     sigmas[i] = (i - 2 - kNuisances) % 3 == 2 ? priors.yaw : priors.box;
@@ -358,7 +358,7 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
           [&](double sigma) {
             // What sensors do (facts/sensors.md): 3-6 mm for time of flight, 8-20 mm for stereo. Free
             // of it, a warp can explain a tilt.
-            const double unusual = std::log(sigma / 0.004) / 0.6;
+            const double unusual = std::log(sigma / 0.005) / 0.8;
             return RestrictedCost(
                        sigma * sigma * correlation + rest + sigma_m * sigma_m * multipath, r, j) +
                    0.5 * unusual * unusual;

@@ -27,6 +27,7 @@ struct EdgeObservation {
   Eigen::Vector3d p;
   int label = 0;
   int edge = 0;         ///< 0 ... 3: +u, -u, +v, -v of the side
+  int axis = 0;         ///< see EdgePoint
   double pixel = 0;     ///< m across the edge, in the side's plane, that one pixel covers
   double variance = 0;  ///< px^2, independent of the other observations'
 };
@@ -73,9 +74,10 @@ class BuildModel {
   double floor_;
 };
 
-/// A sensor's parameter blocks in the order of SensorCost: pose (7), depth offset (1), nuisance (3:
-/// depth scale - 1, multipath in m, outward shift of silhouettes in px), build.
-inline constexpr int kNuisances = 3;
+/// A sensor's parameter blocks in the order of SensorCost: pose (7), depth offset (1), nuisance (4:
+/// depth scale - 1, multipath in m, outward shift in px of silhouettes along image rows and along
+/// columns: a stereo matcher widens them along its baseline), build.
+inline constexpr int kNuisances = 4;
 inline constexpr int kScale = 0, kMultipath = 1, kEdgeShift = 2;
 struct SensorParameters {
   const double* pose;

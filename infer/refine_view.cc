@@ -89,6 +89,7 @@ struct Silhouette {
     edge->sigma = across.norm() / std::sqrt(12.0);
     edge->pixel = across.norm() / (gap + 1);
     edge->label = label;
+    edge->axis = dv != 0;
     edge->block = RefineView::BlockOf(u, v, view.width());
     edge->held_out = HeldOut(u, v);
     return true;

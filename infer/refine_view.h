@@ -30,6 +30,7 @@ struct EdgePoint {
                      ///< sides of it
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
+  int axis = 0;   ///< 0: found along an image row, 1: along a column
   int block = 0;  ///< image block, see RefineView
   bool held_out = false;
 };
