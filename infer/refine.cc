@@ -61,10 +61,6 @@ constexpr double kMinResidualSigma = 5e-4;  // m: below it the depth's own resol
 constexpr double kObservable = 0.7;
 /// px, standard deviation of the shift of silhouettes that all sensors have in common.
 constexpr double kCommonEdgeShift = 0.3;
-/// Factor on every posterior standard deviation, for what the noise model leaves out: the spread of
-/// the parameters of the noise, labels that leak, box edges that are not straight. Fitted on 64
-/// rendered sensors; docs/calibration.md has the coverage on others.
-constexpr double kWiden = 1.15;
 /// Overlap off the structure, in the last stage: gate in m; share of its distance from the optical
 /// axis by which a point is off for the intrinsics' errors, which the structure, in the middle of
 /// the frame, hardly shows.
@@ -200,7 +196,8 @@ class JointProblem {
       sensor.sigma_depth_offset = posterior.Sigma(OffsetColumn(i));
       sensor.sigma_depth_scale = posterior.Sigma(NuisanceColumn(i) + kScale);
       sensor.held_out_before = before[i].misfit;
-      sensor.held_out_after = ComputeHeldOut(i, sensor.structure_from_sensor).misfit;
+      sensor.held_out_after =
+          fixed_[i] ? before[i].misfit : ComputeHeldOut(i, sensor.structure_from_sensor).misfit;
       const auto first = static_cast<Eigen::Index>(6 * i);
       const Matrix6d block = posterior.covariance.block<6, 6>(first, first);
       sensor.covariance = (block + block.transpose()) / 2;
@@ -211,7 +208,7 @@ class JointProblem {
     for (std::size_t b = 0; b < structure_.boxes().size(); ++b) {
       const int box = static_cast<int>(b);
       RefinedBox out;
-      out.estimated = free_.boxes[b];
+      out.estimated = free_.boxes[b] && Sees(box);
       out.x = state_.build[static_cast<std::size_t>(BuildModel::X(box))];
       out.z = state_.build[static_cast<std::size_t>(BuildModel::Z(box))];
       out.yaw = state_.build[static_cast<std::size_t>(BuildModel::Yaw(box))];
@@ -220,7 +217,9 @@ class JointProblem {
       out.sigma_yaw = sigmas[3 * box + 2];
       result.boxes.push_back(out);
     }
-    result.size_estimated = free_.size;
+    result.size_estimated =
+        free_.size && std::any_of(result.sensors.begin(), result.sensors.end(),
+                                  [](const RefinedSensor& sensor) { return sensor.accepted; });
     result.size_scale = 1 + state_.build[0];
     result.sigma_size_scale = posterior.Sigma(BuildColumn());
     result.built = built_;
@@ -834,7 +833,6 @@ class JointProblem {
     }
     const Eigen::VectorXd moved = kCommonEdgeShift * root.solve(Pick(common, x, {0}));
     covariance += moved * moved.transpose();
-    covariance *= Square(kWiden);
     for (std::size_t i = 0; i < x.size(); ++i) {
       for (std::size_t j = 0; j < x.size(); ++j)
         posterior.covariance(x[i], x[j]) =
@@ -879,6 +877,17 @@ class JointProblem {
     const Eigen::Matrix3d inner = gauge.transpose() * weighted;
     return Eigen::MatrixXd::Identity(3 * boxes, 3 * boxes) -
            gauge * inner.inverse() * weighted.transpose();
+  }
+
+  /// Does a sensor that was refined?
+  bool Sees(int box) const {
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+      if (fixed_[i]) continue;
+      for (const FaceObservation& face : evidence_[i].faces) {
+        if (structure_.SideOfLabel(face.label).box == box) return true;
+      }
+    }
+    return false;
   }
 
   Eigen::VectorXd BoxSigmas(const Posterior& posterior) const {
