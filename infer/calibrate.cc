@@ -12,6 +12,7 @@
 
 #include "core/error.h"
 #include "core/visibility.h"
+#include "infer/aliases.h"
 #include "infer/intrinsics_check.h"
 #include "infer/parallel_for.h"
 #include "infer/sensor_view.h"
@@ -59,6 +60,7 @@ struct Work {
   std::optional<BetterIntrinsics> better_intrinsics;
   double start_offset = 0;  // of the depth, m
   bool placed = false;
+  std::string other_pose;  // that explains the view about as well: how the structure stands there
 };
 
 class Calibration {
@@ -69,6 +71,7 @@ class Calibration {
         structure_(structure),
         segmenter_(segmenter),
         options_(options),
+        aliases_(FindAliases(structure)),
         work_(frames.size()) {
     result_.sensors.resize(frames.size());
     std::set<std::string> names;
@@ -176,13 +179,13 @@ class Calibration {
     int turns = 0;
     SegmentationResult segmentation;
     InitialPose initial;
-    int floor = 0;  // FloorEvidence::balance at the pose
+    double floor_margin = 0;  // FloorMargin at the pose
     double score() const { return initial.found ? initial.agreement.score() : 0; }
-    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down it would
-    /// not (infer/agreement.h, FindFloor).
+    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down, or a box
+    /// further, it would not.
     bool decided() const {
       constexpr double kDecided = 0.6;
-      return initial.found && floor > 0 && score() >= kDecided;
+      return initial.found && floor_margin >= kClearFloorMargin && score() >= kDecided;
     }
   };
 
@@ -204,7 +207,8 @@ class Calibration {
       const SensorView& view = work_[trial.sensor].view;
       trial.initial = EstimateInitialPose(view, trial.segmentation, structure_, options_.initial);
       if (trial.initial.found) {
-        trial.floor = FindFloor(view, structure_, trial.initial.structure_from_sensor).balance();
+        trial.floor_margin =
+            FloorMargin(view, structure_, aliases_, trial.initial.structure_from_sensor);
       }
     });
     watch->Lap("initial_pose");
@@ -261,28 +265,56 @@ class Calibration {
     TakeBest(&trials);
   }
 
-  /// Turns that explain a view about as well as the best one compete by how the structure stands on
-  /// the floor.
+  /// Takes each sensor's best pose over all turns and aliases, with the labels that suit it.
   void TakeBest(std::vector<Trial>* trials) {
-    std::vector<double> best(frames_.size(), 0);
-    for (const Trial& trial : *trials)
-      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
-    constexpr double kRival = 0.5;
-    std::vector<const Trial*> chosen(frames_.size(), nullptr);
-    for (const Trial& trial : *trials) {
-      const std::size_t i = trial.sensor;
-      if (trial.score() < kRival * best[i]) continue;
-      if (!chosen[i] || trial.floor > chosen[i]->floor ||
-          (trial.floor == chosen[i]->floor && trial.score() > chosen[i]->score())) {
-        chosen[i] = &trial;
+    ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
+      std::vector<Trial*> own;
+      std::vector<PoseTrial> poses;
+      for (Trial& trial : *trials) {
+        if (trial.sensor != i) continue;
+        own.push_back(&trial);
+        poses.push_back({trial.turns, &trial.segmentation, &trial.initial});
       }
-    }
-    for (Trial& trial : *trials) {
-      if (chosen[trial.sensor] != &trial) continue;
-      result_.sensors[trial.sensor].quarter_turns = trial.turns;
-      result_.sensors[trial.sensor].segmentation = std::move(trial.segmentation);
-      work_[trial.sensor].initial = std::move(trial.initial);
-    }
+      if (own.empty()) return;
+      const SensorView& view = work_[i].view;
+      const double min_confidence = options_.initial.evidence.min_confidence;
+      const PoseChoice choice = ChoosePose(view, structure_, aliases_, poses,
+                                           frames_[i].quarter_turns != kAutoTurns, min_confidence);
+      const auto most =
+          std::max_element(own.begin(), own.end(),
+                           [](const Trial* a, const Trial* b) { return a->score() < b->score(); });
+      Trial& trial = choice.found ? *own[choice.best.trial] : **most;
+      SensorResult& sensor = result_.sensors[i];
+      sensor.quarter_turns = trial.turns;
+      sensor.segmentation = std::move(trial.segmentation);
+      work_[i].initial = std::move(trial.initial);
+      if (choice.best.alias >= 0) {
+        const StructureAlias& alias = aliases_[static_cast<std::size_t>(choice.best.alias)];
+        if (!alias.keeps_up()) sensor.quarter_turns = (trial.turns + 2) % 4;
+        sensor.segmentation = Relabelled(std::move(sensor.segmentation), alias);
+        work_[i].initial =
+            EstimateInitialPose(view, sensor.segmentation, structure_, options_.initial,
+                                &choice.best.structure_from_sensor);
+      }
+      constexpr double kGoodLabels = 0.85, kGoodShape = 0.85;
+      if (choice.found && !choice.ambiguous && choice.best.label_score < kGoodLabels &&
+          choice.best.overlap >= kGoodShape) {
+        const Pose pose = work_[i].initial.found ? work_[i].initial.structure_from_sensor
+                                                 : choice.best.structure_from_sensor;
+        std::vector<const SegmentationResult*> others;
+        for (const Trial* other : own) {
+          if (other != &trial) others.push_back(&other->segmentation);
+        }
+        ReconcileLabels(view, structure_, aliases_, pose, others, min_confidence,
+                        &sensor.segmentation);
+        work_[i].initial =
+            EstimateInitialPose(view, sensor.segmentation, structure_, options_.initial, &pose);
+      }
+      if (choice.ambiguous) {
+        work_[i].other_pose =
+            DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+      }
+    });
   }
 
   /// Is the stack built as described? Asked of the sensors that are sure of several sides.
@@ -618,6 +650,12 @@ class Calibration {
       sensor.code = "intrinsics_suspect";
       sensor.reason = IntrinsicsReason(i);
       sensor.hint = kIntrinsicsHint;
+    } else if (!work_[i].other_pose.empty()) {
+      sensor.code = "ambiguous";
+      sensor.reason = fmt::format(
+          "its view fits the structure about as well {}, and shows no floor that would tell",
+          work_[i].other_pose);
+      sensor.hint = "let it see the floor under the structure, or give its quarter_turns";
     } else if (sensor.inlier_share < limits.weak_inlier_share) {
       sensor.code = "few_inliers";
       sensor.reason =
@@ -670,6 +708,7 @@ class Calibration {
   const Structure& structure_;
   Segmenter& segmenter_;
   const CalibrateOptions& options_;
+  std::vector<StructureAlias> aliases_;
   std::vector<Work> work_;
   CalibrationResult result_;
 };
