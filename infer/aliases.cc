@@ -173,27 +173,42 @@ double FloorMargin(const SensorView& view, const Structure& structure,
 
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
-                      const std::vector<PoseTrial>& trials, bool known_up, double min_confidence) {
+                      const std::vector<PoseTrial>& trials, bool known_up,
+                      const InitialPoseOptions& options) {
   constexpr double kRivalScore = 0.5;     // of the best score: labels worth a hypothesis
   constexpr double kOverlapMargin = 0.1;  // shape decides from here on
   constexpr double kScoreMargin = 0.2;    // labels decide from here on,
   constexpr double kUprightScore = 0.85;  // about up and down only with such a score
+  const double min_confidence = options.evidence.min_confidence;
   PoseChoice choice;
   double best_score = 0;
   for (const PoseTrial& trial : trials) {
     if (trial.initial->found) best_score = std::max(best_score, trial.initial->agreement.score());
   }
 
-  const int stride = std::max(
-      1, static_cast<int>(std::floor(std::sqrt(static_cast<double>(view.depth.size()) / 10000))));
-  const SensorView small = Decimate(view, stride);
-  std::vector<SegmentationResult> labels;
+  const auto stride = [&](double pixels) {
+    return std::max(1, static_cast<int>(
+                           std::floor(std::sqrt(static_cast<double>(view.depth.size()) / pixels))));
+  };
+  const int coarse = stride(10000), fine = stride(50000);
+  const SensorView coarse_view = Decimate(view, coarse), fine_view = Decimate(view, fine);
+  std::vector<SegmentationResult> coarse_labels, fine_labels;
   for (const PoseTrial& trial : trials) {
-    labels.push_back({DecimateImage(trial.segmentation->labels, stride),
-                      DecimateImage(trial.segmentation->confidence, stride)});
+    const SegmentationResult& full = *trial.segmentation;
+    coarse_labels.push_back(
+        {DecimateImage(full.labels, coarse), DecimateImage(full.confidence, coarse)});
+    fine_labels.push_back({DecimateImage(full.labels, fine), DecimateImage(full.confidence, fine)});
   }
-  const auto score = [&](const SegmentationResult& segmentation, const Pose& pose) {
-    return CompareWithView(small, segmentation, structure, pose, min_confidence, kOnSide).score();
+  const auto alias_of = [&](const PoseEvidence& pose) {
+    return pose.alias < 0 ? nullptr : &aliases[static_cast<std::size_t>(pose.alias)];
+  };
+  const auto measure_overlap = [&](PoseEvidence* pose) {
+    pose->overlap = MeasureOverlap(coarse_view, coarse_labels[pose->trial], structure,
+                                   pose->structure_from_sensor, min_confidence)
+                        .ratio();
+  };
+  const auto score = [&](const SegmentationResult& labels, const Pose& pose) {
+    return CompareWithView(coarse_view, labels, structure, pose, min_confidence, kOnSide).score();
   };
 
   std::vector<PoseEvidence> poses;
@@ -201,51 +216,66 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
     const InitialPose& initial = *trials[t].initial;
     if (!initial.found || initial.agreement.score() < kRivalScore * best_score) continue;
     for (int a = -1; a < static_cast<int>(aliases.size()); ++a) {
-      const StructureAlias* alias = a < 0 ? nullptr : &aliases[static_cast<std::size_t>(a)];
-      if (alias && known_up && !alias->keeps_up()) continue;
       PoseEvidence pose;
       pose.trial = t;
       pose.alias = a;
-      pose.structure_from_sensor = alias ? Pose(alias->motion * initial.structure_from_sensor)
-                                         : initial.structure_from_sensor;
-      pose.overlap =
-          MeasureOverlap(small, labels[t], structure, pose.structure_from_sensor, min_confidence)
-              .ratio();
+      pose.structure_from_sensor = initial.structure_from_sensor;
+      if (const StructureAlias* alias = alias_of(pose)) {
+        if (known_up && !alias->keeps_up()) continue;
+        pose.structure_from_sensor = alias->motion * initial.structure_from_sensor;
+      }
+      measure_overlap(&pose);
       poses.push_back(pose);
     }
   }
-  double best_overlap = 0;
-  for (const PoseEvidence& pose : poses) best_overlap = std::max(best_overlap, pose.overlap);
-  poses.erase(std::remove_if(poses.begin(), poses.end(),
-                             [&](const PoseEvidence& pose) {
-                               return pose.overlap < best_overlap - kOverlapMargin;
-                             }),
-              poses.end());
+  if (poses.empty()) return choice;
+  const auto drop_misfits = [&](double margin) {
+    double best = 0;
+    for (const PoseEvidence& pose : poses) best = std::max(best, pose.overlap);
+    const auto misfit = [&](const PoseEvidence& pose) { return pose.overlap < best - margin; };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), misfit), poses.end());
+  };
+  drop_misfits(2 * kOverlapMargin);
+
+  // A mixture of labels leaves few sides to a pose, and it may be tilted by degrees. With the
+  // labels that it implies it is made anew before it is judged.
+  for (PoseEvidence& pose : poses) {
+    SegmentationResult labels = fine_labels[pose.trial];
+    if (const StructureAlias* alias = alias_of(pose))
+      labels = Relabelled(std::move(labels), *alias);
+    std::vector<const SegmentationResult*> others;
+    for (std::size_t t = 0; t < trials.size(); ++t) {
+      if (t != pose.trial) others.push_back(&fine_labels[t]);
+    }
+    ReconcileLabels(fine_view, structure, aliases, pose.structure_from_sensor, others,
+                    min_confidence, &labels);
+    const InitialPose better =
+        EstimateInitialPose(fine_view, labels, structure, options, &pose.structure_from_sensor);
+    if (better.found) pose.structure_from_sensor = better.structure_from_sensor;
+    measure_overlap(&pose);
+  }
+  drop_misfits(kOverlapMargin);
   for (PoseEvidence& pose : poses) {
     pose.floor = FloorShare(view, structure, pose.structure_from_sensor);
-    for (const SegmentationResult& segmentation : labels) {
-      pose.network_score =
-          std::max(pose.network_score, score(segmentation, pose.structure_from_sensor));
+    for (const SegmentationResult& labels : coarse_labels) {
+      pose.network_score = std::max(pose.network_score, score(labels, pose.structure_from_sensor));
     }
+    const StructureAlias* alias = alias_of(pose);
     pose.label_score =
-        pose.alias < 0
-            ? score(labels[pose.trial], pose.structure_from_sensor)
-            : score(Relabelled(labels[pose.trial], aliases[static_cast<std::size_t>(pose.alias)]),
-                    pose.structure_from_sensor);
+        score(alias ? Relabelled(coarse_labels[pose.trial], *alias) : coarse_labels[pose.trial],
+              pose.structure_from_sensor);
   }
-  if (poses.empty()) return choice;
 
   double best_floor = -2;
   for (const PoseEvidence& pose : poses) best_floor = std::max(best_floor, pose.floor);
   const auto stands = [&](const PoseEvidence& pose) {
     return pose.floor > best_floor - kClearFloorMargin;
   };
-  choice.found = true;
-  bool first = true;
   for (const PoseEvidence& pose : poses) {
-    if (!stands(pose) || (!first && pose.network_score <= choice.best.network_score)) continue;
+    if (!stands(pose) || (choice.found && pose.network_score <= choice.best.network_score))
+      continue;
     choice.best = pose;
-    first = false;
+    choice.found = true;
   }
   const Pose chosen = choice.best.structure_from_sensor;
   for (const PoseEvidence& pose : poses) {

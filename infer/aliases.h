@@ -60,7 +60,8 @@ struct PoseChoice {
 /// network takes for upright are out.
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
-                      const std::vector<PoseTrial>& trials, bool known_up, double min_confidence);
+                      const std::vector<PoseTrial>& trials, bool known_up,
+                      const InitialPoseOptions& options);
 
 /// By how much the floor speaks for a pose rather than for any alias of it that turns it over or
 /// moves it: the least difference of FloorEvidence::balance as a share of the pixels looked at; 1

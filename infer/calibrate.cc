@@ -265,6 +265,9 @@ class Calibration {
     TakeBest(&trials);
   }
 
+  /// Agreement::score from which on labels are as good as they get.
+  static constexpr double kGoodLabels = 0.85;
+
   /// Takes each sensor's best pose over all turns and aliases, with the labels that suit it.
   void TakeBest(std::vector<Trial>* trials) {
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
@@ -277,42 +280,43 @@ class Calibration {
       }
       if (own.empty()) return;
       const SensorView& view = work_[i].view;
-      const double min_confidence = options_.initial.evidence.min_confidence;
-      const PoseChoice choice = ChoosePose(view, structure_, aliases_, poses,
-                                           frames_[i].quarter_turns != kAutoTurns, min_confidence);
-      const auto most =
-          std::max_element(own.begin(), own.end(),
-                           [](const Trial* a, const Trial* b) { return a->score() < b->score(); });
-      Trial& trial = choice.found ? *own[choice.best.trial] : **most;
+      const InitialPoseOptions& options = options_.initial;
+      PoseChoice choice;
+      const auto settled = std::count_if(own.begin(), own.end(), [](const Trial* t) {
+        return t->decided() && t->score() >= kGoodLabels;
+      });
+      if (options.method == "robust" && settled != 1) {
+        choice = ChoosePose(view, structure_, aliases_, poses,
+                            frames_[i].quarter_turns != kAutoTurns, options);
+      }
+      const auto better = [](const Trial* a, const Trial* b) {
+        return std::make_pair(a->decided(), a->score()) < std::make_pair(b->decided(), b->score());
+      };
+      Trial& trial = choice.found ? *own[choice.best.trial]
+                                  : **std::max_element(own.begin(), own.end(), better);
       SensorResult& sensor = result_.sensors[i];
       sensor.quarter_turns = trial.turns;
-      sensor.segmentation = std::move(trial.segmentation);
+      sensor.segmentation = trial.segmentation;
       work_[i].initial = std::move(trial.initial);
+      if (!choice.found) return;
       if (choice.best.alias >= 0) {
         const StructureAlias& alias = aliases_[static_cast<std::size_t>(choice.best.alias)];
         if (!alias.keeps_up()) sensor.quarter_turns = (trial.turns + 2) % 4;
         sensor.segmentation = Relabelled(std::move(sensor.segmentation), alias);
-        work_[i].initial =
-            EstimateInitialPose(view, sensor.segmentation, structure_, options_.initial,
-                                &choice.best.structure_from_sensor);
       }
-      constexpr double kGoodLabels = 0.85, kGoodShape = 0.85;
-      if (choice.found && !choice.ambiguous && choice.best.label_score < kGoodLabels &&
-          choice.best.overlap >= kGoodShape) {
-        const Pose pose = work_[i].initial.found ? work_[i].initial.structure_from_sensor
-                                                 : choice.best.structure_from_sensor;
+      const Pose& pose = choice.best.structure_from_sensor;
+      constexpr double kGoodShape = 0.85;
+      if (choice.best.label_score < kGoodLabels && choice.best.overlap >= kGoodShape) {
         std::vector<const SegmentationResult*> others;
         for (const Trial* other : own) {
           if (other != &trial) others.push_back(&other->segmentation);
         }
-        ReconcileLabels(view, structure_, aliases_, pose, others, min_confidence,
+        ReconcileLabels(view, structure_, aliases_, pose, others, options.evidence.min_confidence,
                         &sensor.segmentation);
-        work_[i].initial =
-            EstimateInitialPose(view, sensor.segmentation, structure_, options_.initial, &pose);
       }
+      work_[i].initial = EstimateInitialPose(view, sensor.segmentation, structure_, options, &pose);
       if (choice.ambiguous) {
-        work_[i].other_pose =
-            DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+        work_[i].other_pose = DescribeMotion(pose, choice.rival.structure_from_sensor);
       }
     });
   }
