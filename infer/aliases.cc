@@ -177,8 +177,7 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const InitialPoseOptions& options) {
   constexpr double kRivalScore = 0.5;     // of the best score: labels worth a hypothesis
   constexpr double kOverlapMargin = 0.1;  // shape decides from here on
-  constexpr double kScoreMargin = 0.2;    // labels decide from here on,
-  constexpr double kUprightScore = 0.85;  // about up and down only with such a score
+  constexpr double kScoreMargin = 0.2;    // labels decide from here on, but not about up and down
   const double min_confidence = options.evidence.min_confidence;
   PoseChoice choice;
   double best_score = 0;
@@ -282,8 +281,7 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
     if (!SamePose(pose.structure_from_sensor, chosen)) {
       if (!stands(pose)) continue;
       const bool over = (pose.structure_from_sensor * chosen.inverse()).linear()(1, 1) < 0.5;
-      const bool worse = choice.best.network_score - pose.network_score >= kScoreMargin &&
-                         (!over || choice.best.network_score >= kUprightScore);
+      const bool worse = !over && choice.best.network_score - pose.network_score >= kScoreMargin;
       if (worse || (choice.ambiguous && choice.rival.network_score >= pose.network_score)) continue;
       choice.ambiguous = true;
       choice.rival = pose;

@@ -53,10 +53,11 @@ struct PoseChoice {
   PoseEvidence rival;
 };
 
-/// Chooses among the trials' poses and their aliases. The shape of what was seen decides first,
-/// whatever box it was taken for; then the floor; then, where no floor does, the network's labels,
-/// which tell one step of a spiral from the next, but up from down only where they fit clearly
-/// better one way. `known_up`: the trials' orientation is given, and poses that turn over what the
+/// Chooses among the trials' poses and their aliases, each made anew with the labels that it
+/// implies. The shape of what was seen decides first, whatever box it was taken for; then the
+/// floor; then, where no floor does, the network's labels, which tell one step of a spiral from the
+/// next but not up from down: a network that is shown a part of the structure upside down labels it
+/// about as well. `known_up`: the trials' orientation is given, and poses that turn over what the
 /// network takes for upright are out.
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
