@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <tuple>
 
 #include "core/error.h"
 #include "core/visibility.h"
@@ -216,8 +217,7 @@ class Calibration {
 
   /// Labels and initial pose of every sensor. `auto` takes the network's own orientation where that
   /// decides, then, sensors of a rig being mounted alike, the turn of the first sensor that it did
-  /// not, and tries all four only where neither does: the turn whose labels agree best with a pose
-  /// that stands on the floor.
+  /// not, and tries all four only where neither does.
   void Segment(Stopwatch* watch) {
     std::vector<Trial> trials;
     const auto add = [&](std::size_t i, int turns) {
@@ -268,7 +268,8 @@ class Calibration {
   /// Agreement::score from which on labels are as good as they get.
   static constexpr double kGoodLabels = 0.85;
 
-  /// Takes each sensor's best pose over all turns and aliases, with the labels that suit it.
+  /// Takes each sensor's best pose over all turns and aliases, with the labels that suit it. The
+  /// paper's estimator gets the turn that fits and stands on the floor best, and nothing else.
   void TakeBest(std::vector<Trial>* trials) {
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
       std::vector<Trial*> own;
@@ -282,18 +283,22 @@ class Calibration {
       const SensorView& view = work_[i].view;
       const InitialPoseOptions& options = options_.initial;
       PoseChoice choice;
-      const auto settled = std::count_if(own.begin(), own.end(), [](const Trial* t) {
-        return t->decided() && t->score() >= kGoodLabels;
-      });
-      if (options.method == "robust" && settled != 1) {
+      const auto settled = [](const Trial* t) { return t->decided() && t->score() >= kGoodLabels; };
+      if (options.method == "robust" && std::count_if(own.begin(), own.end(), settled) != 1) {
         choice = ChoosePose(view, structure_, aliases_, poses,
                             frames_[i].quarter_turns != kAutoTurns, options);
       }
-      const auto better = [](const Trial* a, const Trial* b) {
-        return std::make_pair(a->decided(), a->score()) < std::make_pair(b->decided(), b->score());
+      double best_score = 0;
+      for (const Trial* t : own) best_score = std::max(best_score, t->score());
+      const auto rank = [&](const Trial* t) {
+        constexpr double kRival = 0.5;
+        const bool rival = t->score() >= kRival * best_score;
+        return std::make_tuple(settled(t), rival, t->floor_margin, t->score());
       };
-      Trial& trial = choice.found ? *own[choice.best.trial]
-                                  : **std::max_element(own.begin(), own.end(), better);
+      const auto best =
+          std::max_element(own.begin(), own.end(),
+                           [&](const Trial* a, const Trial* b) { return rank(a) < rank(b); });
+      Trial& trial = choice.found ? *own[choice.best.trial] : **best;
       SensorResult& sensor = result_.sensors[i];
       sensor.quarter_turns = trial.turns;
       sensor.segmentation = trial.segmentation;
@@ -659,7 +664,9 @@ class Calibration {
       sensor.reason = fmt::format(
           "its view fits the structure about as well {}, and shows no floor that would tell",
           work_[i].other_pose);
-      sensor.hint = "let it see the floor under the structure, or give its quarter_turns";
+      sensor.hint = frames_[i].quarter_turns == kAutoTurns
+                        ? "let it see the floor under the structure, or give its quarter_turns"
+                        : "let it see the floor under the structure";
     } else if (sensor.inlier_share < limits.weak_inlier_share) {
       sensor.code = "few_inliers";
       sensor.reason =
