@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "infer/agreement.h"
 #include "infer/assembly.h"
@@ -189,7 +190,7 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
     return std::max(1, static_cast<int>(
                            std::floor(std::sqrt(static_cast<double>(view.depth.size()) / pixels))));
   };
-  const int coarse = stride(10000), fine = stride(50000);
+  const int coarse = stride(10000), fine = stride(14000);
   const SensorView coarse_view = Decimate(view, coarse), fine_view = Decimate(view, fine);
   std::vector<SegmentationResult> coarse_labels, fine_labels;
   for (const PoseTrial& trial : trials) {
@@ -237,20 +238,30 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
   drop_misfits(2 * kOverlapMargin);
 
   // A mixture of labels leaves few sides to a pose, and it may be tilted by degrees. With the
-  // labels that it implies it is made anew before it is judged.
+  // labels that it implies it is made anew before it is judged, once for all that are about alike.
+  std::stable_sort(poses.begin(), poses.end(), [](const PoseEvidence& a, const PoseEvidence& b) {
+    return a.overlap > b.overlap;
+  });
+  std::vector<std::pair<Pose, Pose>> made;
   for (PoseEvidence& pose : poses) {
-    SegmentationResult labels = fine_labels[pose.trial];
-    if (const StructureAlias* alias = alias_of(pose))
-      labels = Relabelled(std::move(labels), *alias);
-    std::vector<const SegmentationResult*> others;
-    for (std::size_t t = 0; t < trials.size(); ++t) {
-      if (t != pose.trial) others.push_back(&fine_labels[t]);
+    const Pose before = pose.structure_from_sensor;
+    const auto alike = std::find_if(made.begin(), made.end(),
+                                    [&](const auto& pair) { return SamePose(pair.first, before); });
+    if (alike != made.end()) {
+      pose.structure_from_sensor = alike->second;
+    } else {
+      SegmentationResult labels = fine_labels[pose.trial];
+      if (const StructureAlias* alias = alias_of(pose))
+        labels = Relabelled(std::move(labels), *alias);
+      std::vector<const SegmentationResult*> others;
+      for (std::size_t t = 0; t < trials.size(); ++t) {
+        if (t != pose.trial) others.push_back(&fine_labels[t]);
+      }
+      ReconcileLabels(fine_view, structure, aliases, before, others, min_confidence, &labels);
+      const InitialPose anew = EstimateInitialPose(fine_view, labels, structure, options, &before);
+      if (anew.found) pose.structure_from_sensor = anew.structure_from_sensor;
+      made.emplace_back(before, pose.structure_from_sensor);
     }
-    ReconcileLabels(fine_view, structure, aliases, pose.structure_from_sensor, others,
-                    min_confidence, &labels);
-    const InitialPose better =
-        EstimateInitialPose(fine_view, labels, structure, options, &pose.structure_from_sensor);
-    if (better.found) pose.structure_from_sensor = better.structure_from_sensor;
     measure_overlap(&pose);
   }
   drop_misfits(kOverlapMargin);

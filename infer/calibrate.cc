@@ -263,6 +263,7 @@ class Calibration {
     }
     Try(&trials, begin, watch);
     TakeBest(&trials);
+    watch->Lap("initial_pose");
   }
 
   /// Agreement::score from which on labels are as good as they get.
@@ -298,20 +299,27 @@ class Calibration {
       const auto best =
           std::max_element(own.begin(), own.end(),
                            [&](const Trial* a, const Trial* b) { return rank(a) < rank(b); });
-      Trial& trial = choice.found ? *own[choice.best.trial] : **best;
+      // What is no structure can be made to look like one by taking its sides for others.
+      constexpr double kGoodShape = 0.9, kSomeLabels = 0.4;
+      const bool trusted = choice.found && choice.best.overlap >= kGoodShape &&
+                           choice.best.label_score >= kSomeLabels;
+      Trial& trial = trusted ? *own[choice.best.trial] : **best;
       SensorResult& sensor = result_.sensors[i];
       sensor.quarter_turns = trial.turns;
       sensor.segmentation = trial.segmentation;
       work_[i].initial = std::move(trial.initial);
-      if (!choice.found) return;
+      if (choice.ambiguous) {
+        work_[i].other_pose =
+            DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+      }
+      if (!trusted) return;
       if (choice.best.alias >= 0) {
         const StructureAlias& alias = aliases_[static_cast<std::size_t>(choice.best.alias)];
         if (!alias.keeps_up()) sensor.quarter_turns = (trial.turns + 2) % 4;
         sensor.segmentation = Relabelled(std::move(sensor.segmentation), alias);
       }
       const Pose& pose = choice.best.structure_from_sensor;
-      constexpr double kGoodShape = 0.85;
-      if (choice.best.label_score < kGoodLabels && choice.best.overlap >= kGoodShape) {
+      if (choice.best.label_score < kGoodLabels) {
         std::vector<const SegmentationResult*> others;
         for (const Trial* other : own) {
           if (other != &trial) others.push_back(&other->segmentation);
@@ -320,9 +328,6 @@ class Calibration {
                         &sensor.segmentation);
       }
       work_[i].initial = EstimateInitialPose(view, sensor.segmentation, structure_, options, &pose);
-      if (choice.ambiguous) {
-        work_[i].other_pose = DescribeMotion(pose, choice.rival.structure_from_sensor);
-      }
     });
   }
 
