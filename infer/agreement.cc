@@ -87,6 +87,7 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
   for (int v = kStride / 2; v < view.height(); v += kStride) {
     for (int u = kStride / 2; u < view.width(); u += kStride) {
       if (!(view.depth(u, v) > 0)) continue;
+      ++evidence.pixels;
       const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
       const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
       const double height = p.y() - floor;

@@ -49,8 +49,9 @@ SegmentationResult LabelsFromPose(const SensorView& view, const Structure& struc
 /// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so labels and
 /// depths alone do not tell up from down; what lies around it does.
 struct FloorEvidence {
-  int on_floor = 0;  ///< pixels on the plane that the structure stands on, off the structure
-  int below = 0;     ///< pixels clearly under that plane, where no true pose has any
+  int pixels = 0;    ///< looked at: one in four of those with depth
+  int on_floor = 0;  ///< of those: on the plane that the structure stands on, off the structure
+  int below = 0;     ///< of those: clearly under that plane, where no true pose has any
   int balance() const { return on_floor - 2 * below; }
 };
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,

@@ -100,7 +100,8 @@ struct SensorResult {
   SensorStatus status = SensorStatus::kFailed;
   /// Failed: no_depth, wrong_units, duplicate_depth, no_structure, degenerate_sides,
   /// intrinsics_suspect, inconsistent, and the Arrangement's codes. Weak: duplicate_depth,
-  /// same_pose, intrinsics_suspect, few_inliers, large_residual, labels_disagree, uncertain.
+  /// same_pose, intrinsics_suspect, ambiguous, few_inliers, large_residual, labels_disagree,
+  /// uncertain.
   std::string code;
   std::string reason;  ///< a sentence
   std::string hint;    ///< what to do about it
