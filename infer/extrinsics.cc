@@ -167,9 +167,11 @@ Extrinsics::Sensor ParseSensor(const std::string& name, const JsonObject& object
     sensor.label_iou = object.Number("label_iou");
     sensor.explained_share = object.Number("explained_share");
     sensor.depth_offset_m = object.Number("depth_offset_m");
-    sensor.depth_gain = object.Number("depth_gain");
-    sensor.sigma_depth_offset_m = object.Number("sigma_depth_offset_m");
-    sensor.sigma_depth_gain = object.Number("sigma_depth_gain");
+    if (object.Has("depth_gain")) {  // the first files had none of these
+      sensor.depth_gain = object.Number("depth_gain");
+      sensor.sigma_depth_offset_m = object.Number("sigma_depth_offset_m");
+      sensor.sigma_depth_gain = object.Number("sigma_depth_gain");
+    }
     if (object.Has("unconstrained")) sensor.unconstrained = object.Texts("unconstrained");
     const std::vector<std::vector<double>> rows = object.Matrix("covariance");
     bool square = rows.size() == 6;
@@ -356,7 +358,8 @@ Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
   for (const std::string& sensor : sensors.Keys()) {
     extrinsics.sensors.push_back(ParseSensor(sensor, sensors.Child(sensor)));
   }
-  for (const JsonObject& from : root.Children("boxes")) {
+  const auto boxes = root.Has("boxes") ? root.Children("boxes") : std::vector<JsonObject>();
+  for (const JsonObject& from : boxes) {
     Extrinsics::Box box;
     box.name = from.Text("name");
     box.estimated = from.Bool("estimated");
@@ -368,11 +371,13 @@ Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
     from.RejectOthers();
     extrinsics.boxes.push_back(box);
   }
-  const JsonObject size = root.Child("size");
-  extrinsics.size_estimated = size.Bool("estimated");
-  extrinsics.size_scale = size.Number("scale");
-  extrinsics.sigma_size_scale = size.Number("sigma");
-  size.RejectOthers();
+  if (root.Has("size")) {
+    const JsonObject size = root.Child("size");
+    extrinsics.size_estimated = size.Bool("estimated");
+    extrinsics.size_scale = size.Number("scale");
+    extrinsics.sigma_size_scale = size.Number("sigma");
+    size.RejectOthers();
+  }
   for (const JsonObject& pair : root.Children("pairs")) {
     extrinsics.pairs.push_back(
         {pair.Text("a"), pair.Text("b"), pair.Number("overlap"), pair.Number("rms_m")});
