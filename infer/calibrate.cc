@@ -23,7 +23,7 @@ namespace volalign {
 namespace {
 
 constexpr double kRelabelDistance = 0.04;  // m: real boxes stray by centimetres
-constexpr double kInlierDistance = 0.03;  // design section 9
+constexpr double kInlierDistance = 0.03;   // design section 9
 constexpr double kRmsDistance = 0.1;
 
 class Stopwatch {
@@ -643,7 +643,8 @@ class Calibration {
       if (DistanceToSurface(result_.built, captured[j]).distance < kRmsDistance)
         near.push_back(captured[j]);
     }
-    if (!near.empty()) result_.metrics = CompareSets(near, SampleExposedSurface(result_.built, 0.005));
+    if (!near.empty())
+      result_.metrics = CompareSets(near, SampleExposedSurface(result_.built, 0.005));
   }
 
   /// Residuals, errors and status of a placed sensor.

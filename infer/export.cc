@@ -56,9 +56,8 @@ std::vector<ExportPoint> AlignedPoints(const SensorFrame& frame, const SensorRes
                                        const Structure& structure, double max_radius) {
   std::vector<ExportPoint> points;
   if (!result.structure_from_sensor) return points;
-  const SensorView view =
-      Corrected(MakeSensorView(frame.depth, frame.intrinsics), result.depth_scale,
-                result.depth_offset_m);
+  const SensorView view = Corrected(MakeSensorView(frame.depth, frame.intrinsics),
+                                    result.depth_scale, result.depth_offset_m);
   constexpr Rgb kBackground{150, 150, 150};
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
@@ -204,7 +203,8 @@ std::string FormatReport(const CalibrationResult& result) {
     const RefinedBox& box = result.boxes[b];
     if (!box.estimated) continue;
     text += fmt::format(
-        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg (sigma {:.1f}, "
+        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg (sigma "
+        "{:.1f}, "
         "{:.1f} mm, {:.2f} deg)\n",
         result.built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
         1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);

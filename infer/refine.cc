@@ -61,6 +61,8 @@ constexpr double kMinResidualSigma = 5e-4;  // m: below it the depth's own resol
 constexpr double kObservable = 0.7;
 /// px, standard deviation of the shift of silhouettes that all sensors have in common.
 constexpr double kCommonEdgeShift = 0.3;
+/// m: how far labels let a view slide along sides that nothing else stops, standard deviation.
+constexpr double kSlide = 0.05;
 /// Overlap off the structure, in the last stage: gate in m; share of its distance from the optical
 /// axis by which a point is off for the intrinsics' errors, which the structure, in the middle of
 /// the frame, hardly shows.
@@ -187,8 +189,7 @@ class JointProblem {
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
       RefinedSensor sensor;
       sensor.accepted = !fixed_[i];
-      sensor.structure_from_sensor =
-          fixed_[i] ? sensors_[i].initial : state_.poses[i].ToPose();
+      sensor.structure_from_sensor = fixed_[i] ? sensors_[i].initial : state_.poses[i].ToPose();
       sensor.depth_offset_estimated = free_.offset[i] && !fixed_[i];
       sensor.depth_scale_estimated = free_.scale[i] && !fixed_[i];
       if (sensor.depth_offset_estimated) sensor.depth_offset = state_.offsets[i];
@@ -373,7 +374,8 @@ class JointProblem {
       const CloudPoint& to = sensors_[b].view->cloud[static_cast<std::size_t>(match.to)];
       if (from.held_out) continue;
       problem->AddResidualBlock(new OverlapCost(from.p, to.p, to.normal, weight), loss_.get(),
-                                state_.poses[a].values, state_.poses[b].values, &state_.offsets[a], &state_.offsets[b]);
+                                state_.poses[a].values, state_.poses[b].values, &state_.offsets[a],
+                                &state_.offsets[b]);
     }
     if (Holds(a) && Holds(b)) return;
     // Where the structure does not hold a sensor, its silhouettes do: a convex edge also lies on
@@ -392,7 +394,8 @@ class JointProblem {
       problem->AddResidualBlock(
           new OverlapCost(edge.p, to.p, to.normal,
                           weight * sigma / std::hypot(sigma, edge.sigma, kEdgeTolerance)),
-          loss_.get(), state_.poses[a].values, state_.poses[b].values, &state_.offsets[a], &state_.offsets[b]);
+          loss_.get(), state_.poses[a].values, state_.poses[b].values, &state_.offsets[a],
+          &state_.offsets[b]);
     }
   }
 
@@ -482,9 +485,9 @@ class JointProblem {
     evidence.edges.clear();
     std::map<std::pair<int, int>, std::vector<const SidePoint*>> blocks;
     for (const SidePoint& point : sensors_[i].view->side_points) {
-      if (point.held_out == held_out &&
-          std::any_of(poses.begin(), poses.end(),
-                      [&](const Pose& p) { return OnItsSide(i, point, p, stage); }))
+      if (point.held_out == held_out && std::any_of(poses.begin(), poses.end(), [&](const Pose& p) {
+            return OnItsSide(i, point, p, stage);
+          }))
         blocks[{point.label, point.block}].push_back(&point);
     }
     for (const auto& [key, points] : blocks) {
@@ -512,16 +515,15 @@ class JointProblem {
       face.p /= count;
       // Neighbours' errors are correlated over a pixel or two, hence twice.
       face.variance = 2 * squares / count / count;
-      face.multipath = SeamShare(structure_, structure_.SideOfLabel(face.label),
-                                 pose * Corrected(i, face.p));
+      face.multipath =
+          SeamShare(structure_, structure_.SideOfLabel(face.label), pose * Corrected(i, face.p));
       evidence.faces.push_back(face);
     }
 
     std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;
     for (const EdgePoint& edge : sensors_[i].view->edge_points) {
       EdgeLine line;
-      if (edge.held_out != held_out ||
-          std::none_of(poses.begin(), poses.end(), [&](const Pose& p) {
+      if (edge.held_out != held_out || std::none_of(poses.begin(), poses.end(), [&](const Pose& p) {
             return OnItsEdge(i, edge, p, stage.side_gate, &line);
           })) {
         continue;
@@ -582,7 +584,8 @@ class JointProblem {
 
   /// Robust standard deviation of a part of `sizes`.
   static double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count) {
-    return 1.4826 * MedianOf(std::vector<double>(sizes.data() + first, sizes.data() + first + count));
+    return 1.4826 *
+           MedianOf(std::vector<double>(sizes.data() + first, sizes.data() + first + count));
   }
 
   /// Residuals of a sensor's observations, m, after least squares of its own parameters, reweighted
@@ -682,7 +685,8 @@ class JointProblem {
       problem->AddParameterBlock(pose, 7, &manifold_);
       problem->AddParameterBlock(offset, 1);
       problem->AddParameterBlock(nuisance, kNuisances);
-      problem->AddResidualBlock(new PosePriorCost(state_.poses[i].ToPose(), 1, 1), nullptr, pose);
+      problem->AddResidualBlock(
+          new PosePriorCost(state_.poses[i].ToPose(), Holds(i) ? kSlide : 1, 1), nullptr, pose);
       if (fixed_[i] && !everything) {
         problem->SetParameterBlockConstant(pose);
         problem->SetParameterBlockConstant(offset);
@@ -690,11 +694,10 @@ class JointProblem {
         continue;
       }
       problem->AddResidualBlock(new PriorCost({Least(priors_.offset)}), nullptr, offset);
-      problem->AddResidualBlock(new PriorCost({Least(priors_.scale),
-                                               Least(evidence_[i].noise.multipath),
-                                               Least(priors_.edge_shift),
-                                               Least(priors_.edge_shift)}),
-                                nullptr, nuisance);
+      problem->AddResidualBlock(
+          new PriorCost({Least(priors_.scale), Least(evidence_[i].noise.multipath),
+                         Least(priors_.edge_shift), Least(priors_.edge_shift)}),
+          nullptr, nuisance);
       if (Holds(i) && !evidence_[i].faces.empty()) {
         problem->AddResidualBlock(new SensorCost(model_, evidence_[i]), nullptr, pose, offset,
                                   nuisance, build);
@@ -765,8 +768,7 @@ class JointProblem {
     ceres::Problem::EvaluateOptions evaluation;
     for (PoseBlock& pose : state_.poses) evaluation.parameter_blocks.push_back(pose.values);
     for (double& offset : state_.offsets) evaluation.parameter_blocks.push_back(&offset);
-    for (auto& nuisance : state_.nuisances)
-      evaluation.parameter_blocks.push_back(nuisance.data());
+    for (auto& nuisance : state_.nuisances) evaluation.parameter_blocks.push_back(nuisance.data());
     evaluation.parameter_blocks.push_back(state_.build.data());
     evaluation.num_threads = options_.threads;
     ceres::CRSMatrix jacobian;
@@ -919,8 +921,7 @@ class JointProblem {
       const auto k = static_cast<Eigen::Index>(3 * b);
       for (Eigen::Index j = k; j < k + 2; ++j) {
         // A single box is nothing but gauge.
-        const bool clear =
-            prior[j] > 1e-12 && Square(sigmas[j]) < Square(kObservable) * prior[j];
+        const bool clear = prior[j] > 1e-12 && Square(sigmas[j]) < Square(kObservable) * prior[j];
         kept.boxes[b] = kept.boxes[b] && clear;
       }
     }
@@ -1150,9 +1151,9 @@ class JointProblem {
   Priors priors_;
   State state_;
   Free free_;
-  Structure built_;            // as state_.build has it
-  std::vector<double> sigma_;  // m, per sensor
-  std::vector<char> fixed_;    // sensors that went back to their initial poses
+  Structure built_;                                // as state_.build has it
+  std::vector<double> sigma_;                      // m, per sensor
+  std::vector<char> fixed_;                        // sensors that went back to their initial poses
   std::vector<SensorEvidence> evidence_, unseen_;  // of the points that are solved for; held out
   std::vector<std::unique_ptr<ceres::Manifold>> subsets_;
   std::vector<std::vector<int>> overlap_points_;
@@ -1204,8 +1205,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
       axis.cwiseAbs().maxCoeff(&main);
       if (axis[main] < 0) axis = -axis;
       constexpr double kAligned = 0.94;  // cos 20 deg
-      std::string name =
-          main == 1 ? "the vertical" : main == 0 ? "structure x" : "structure z";
+      std::string name = main == 1 ? "the vertical" : main == 0 ? "structure x" : "structure z";
       if (axis[main] < kAligned)
         name = fmt::format("structure ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
       names.push_back(rotation ? fmt::format("about {} ({:.1f} deg)", name, sigma * 180 / M_PI)

@@ -21,8 +21,8 @@ constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straig
 /// A depth error moves a side that is seen at grazing incidence little, but there errors across the
 /// ray, of a pixel or less, count instead.
 constexpr double kLeastGain = 0.2;
-constexpr double kLateral = 0.0003;  // rad, under a tenth of a pixel
-constexpr double kLeastSigma = 3e-4;      // m: 1 mm steps
+constexpr double kLateral = 0.0003;   // rad, under a tenth of a pixel
+constexpr double kLeastSigma = 3e-4;  // m: 1 mm steps
 
 Eigen::Vector3d Along(const Side& side, int edge) {
   return (edge % 2 ? -1.0 : 1.0) * (edge < 2 ? side.axis_u : side.axis_v);
@@ -73,8 +73,8 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
   Eigen::VectorXd variances(static_cast<Eigen::Index>(evidence.faces.size()));
   for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
     const FaceObservation& face = evidence.faces[i];
-    const double cosine = model.structure().SideOfLabel(face.label).normal.dot(
-                              pose.linear() * face.p.normalized());
+    const double cosine =
+        model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
     const double lateral = kLateral * face.p.z();
     variances[static_cast<Eigen::Index>(i)] =
         face.variance + (1 - cosine * cosine) * lateral * lateral + kLeastSigma * kLeastSigma;
@@ -94,8 +94,7 @@ Eigen::MatrixXd EdgeCovariance(const SensorEvidence& evidence) {
       if (a.label != b.label || a.edge != b.edge) continue;
       const double correlation = Correlation((Bearing(a.p) - Bearing(b.p)).norm(), kEdgeLength);
       covariance(i, j) = covariance(j, i) =
-          a.pixel * b.pixel * kEdgeCommon * kEdgeCommon * correlation +
-          tolerance * tolerance;
+          a.pixel * b.pixel * kEdgeCommon * kEdgeCommon * correlation + tolerance * tolerance;
     }
     covariance(i, i) += a.pixel * a.pixel * a.variance;
   }
@@ -150,8 +149,7 @@ Pose BuildModel::Offset(const double* build, int box) const {
       structure_->boxes()[static_cast<std::size_t>(box)].structure_from_box.translation();
   const Eigen::Vector3d shift(build[X(box)], build[0] * (centre.y() - floor_), build[Z(box)]);
   Pose offset = Pose::Identity();
-  offset.linear() =
-      Eigen::AngleAxisd(build[Yaw(box)], Eigen::Vector3d::UnitY()).toRotationMatrix();
+  offset.linear() = Eigen::AngleAxisd(build[Yaw(box)], Eigen::Vector3d::UnitY()).toRotationMatrix();
   offset.translation() = centre - offset.linear() * centre + shift;
   return offset;
 }
@@ -177,8 +175,7 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
     const double reach = side.normal.dot(box.structure_from_box.translation()) +
                          (box_from_structure * side.normal).cwiseAbs().dot(half);
     if (reach < plane + kRise) continue;
-    const Eigen::Vector3d d =
-        box_from_structure * (q - box.structure_from_box.translation());
+    const Eigen::Vector3d d = box_from_structure * (q - box.structure_from_box.translation());
     nearest = std::min(nearest, (d.cwiseAbs() - half).cwiseMax(0.0).norm());
   }
   return 1 - nearest / kMultipathReach;
@@ -216,8 +213,7 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
         Eigen::AngleAxisd(parameters.build[BuildModel::Yaw(side.box)], Eigen::Vector3d::UnitY()) *
         direction;
     plane.centre = plane.nominal_centre +
-                   Eigen::Vector3d(parameters.build[BuildModel::X(side.box)],
-                                   growth * plane.height,
+                   Eigen::Vector3d(parameters.build[BuildModel::X(side.box)], growth * plane.height,
                                    parameters.build[BuildModel::Z(side.box)]);
     return plane;
   };
@@ -270,8 +266,7 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
     (*residuals)[i] = distance(line, at) - slope * behind -
                       parameters.nuisance[kEdgeShift + edge.axis] * edge.pixel;
     if (!jacobian) continue;
-    jacobian->row(i) =
-        differentiate(line, edge.p, at) - slope * differentiate(plane, edge.p, at);
+    jacobian->row(i) = differentiate(line, edge.p, at) - slope * differentiate(plane, edge.p, at);
     const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
     jacobian->row(i).head<4>() -=
         behind * turn.transpose() * RotatedPointJacobian(parameters.pose, ray);
@@ -356,8 +351,8 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
       const double cost = MinimiseOverLog(
           3e-4, 0.02, 8,
           [&](double sigma) {
-            // What sensors do (facts/sensors.md): 3-6 mm for time of flight, 8-20 mm for stereo. Free
-            // of it, a warp can explain a tilt.
+            // What sensors do (facts/sensors.md): 3-6 mm for time of flight, 8-20 mm for stereo.
+            // Free of it, a warp can explain a tilt.
             const double unusual = std::log(sigma / 0.005) / 0.8;
             return RestrictedCost(
                        sigma * sigma * correlation + rest + sigma_m * sigma_m * multipath, r, j) +

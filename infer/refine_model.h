@@ -36,10 +36,10 @@ inline constexpr double kMultipathReach = 0.3;  // m, facts/sensors.md section 1
 
 /// Errors that a sensor's observations share, beyond its constant depth error.
 struct NoiseModel {
-  double warp = 0.003;           ///< m at 2 m, standard deviation of the smooth depth error
-  double warp_length = 0.15;     ///< rad: its correlation falls to 1/e or so
-  double multipath = 0.02;       ///< m, standard deviation of the depth error in a concave seam
-  double edge = 1;               ///< scale of the silhouettes' standard deviations
+  double warp = 0.003;        ///< m at 2 m, standard deviation of the smooth depth error
+  double warp_length = 0.15;  ///< rad: its correlation falls to 1/e or so
+  double multipath = 0.02;    ///< m, standard deviation of the depth error in a concave seam
+  double edge = 1;            ///< scale of the silhouettes' standard deviations
   double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
 };
 

@@ -99,11 +99,13 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
 
 TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
   CalibrationResult result = *result_;
-  SensorResult& left = result.sensors[0];
-  ASSERT_EQ(left.name, "left");
+  SensorResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const SensorResult& sensor) { return sensor.name == "left"; });
   left.depth_scale = 1.004;
   left.depth_offset_m = -0.003;
   left.covariance(2, 2) = 0.25 * 0.25;
+  for (RefinedBox& box : result.boxes) box = {};
   result.boxes[1] = {true, 0.004, -0.002, 0.01, 1e-3, 2e-3, 3e-3};
   Pose moved = Pose::Identity();
   moved.translation() = Eigen::Vector3d(0.004, 0, -0.002);
@@ -125,8 +127,12 @@ TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
   EXPECT_FALSE(read.boxes[0].estimated);
   EXPECT_TRUE(read.size_estimated);
   EXPECT_DOUBLE_EQ(read.size_scale, 0.99);
-  EXPECT_DOUBLE_EQ(read.sensors[0].depth_gain, 1.004);
-  EXPECT_EQ(read.sensors[0].unconstrained, std::vector<std::string>{"along structure z (0.25 m)"});
+  const Extrinsics::Sensor& back =
+      *std::find_if(read.sensors.begin(), read.sensors.end(),
+                    [](const Extrinsics::Sensor& sensor) { return sensor.name == "left"; });
+  EXPECT_DOUBLE_EQ(back.depth_gain, 1.004);
+  EXPECT_DOUBLE_EQ(back.depth_offset_m, -0.003);
+  EXPECT_EQ(back.unconstrained, std::vector<std::string>{"along structure z (0.25 m)"});
   const std::string report = FormatReport(result);
   EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
             std::string::npos);

@@ -182,8 +182,7 @@ TEST(RefineModel, NoiseIsFoundFromResiduals) {
       for (Eigen::Index i = 0; i < n; ++i) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
         const Eigen::Vector3d ray = face.p / face.p.z();
-        const double along =
-            structure.SideOfLabel(face.label).normal.dot(pose.linear() * ray);
+        const double along = structure.SideOfLabel(face.label).normal.dot(pose.linear() * ray);
         face.p += ray * (distance[i] / along);
       }
       const Point at(model, pose);
@@ -220,9 +219,8 @@ TEST(RefineModel, CostIsWhitenedByTheCovariance) {
   const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
   const Eigen::MatrixXd face = evidence.face_root * evidence.face_root.transpose(),
                         lines = evidence.edge_root * evidence.edge_root.transpose();
-  const double squares =
-      residuals.head(faces).dot(face.inverse() * residuals.head(faces)) +
-      residuals.tail(2).dot(lines.inverse() * residuals.tail(2));
+  const double squares = residuals.head(faces).dot(face.inverse() * residuals.head(faces)) +
+                         residuals.tail(2).dot(lines.inverse() * residuals.tail(2));
   EXPECT_NEAR(whitened.squaredNorm(), squares, 1e-6 * squares);
 }
 

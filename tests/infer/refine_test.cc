@@ -101,13 +101,18 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
     sensors.push_back({&views[i], start, start, true});
   }
+  RefineOptions poses_alone;
+  poses_alone.estimate = "none";
   const RefineResult result = Refine(rig.structure, sensors, {});
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const PoseError error =
-        ComparePoses(result.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth);
-    EXPECT_TRUE(result.sensors[i].accepted);
-    EXPECT_FALSE(!(error.translation_m < 1e-3)) << i << ": " << error.translation_m;
-    EXPECT_FALSE(!(error.rotation_deg < 0.05)) << i << ": " << error.rotation_deg;
+  for (const RefineResult& of : {result, Refine(rig.structure, sensors, poses_alone)}) {
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const PoseError error =
+          ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth);
+      EXPECT_TRUE(of.sensors[i].accepted);
+      // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
+      EXPECT_FALSE(!(error.translation_m < 1.5e-3)) << i << ": " << error.translation_m;
+      EXPECT_FALSE(!(error.rotation_deg < 0.05)) << i << ": " << error.rotation_deg;
+    }
   }
   // Neighbours on the ring see the same sides.
   int neighbours = 0;
@@ -262,12 +267,12 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   const auto worst = [&](const RefineResult& of) {
     double most = 0;
     for (std::size_t i = 0; i < views.size(); ++i)
-      most = std::max(most, ComparePoses(of.sensors[i].structure_from_sensor,
-                                         *rig.frames[i].ground_truth)
-                                .translation_m);
+      most = std::max(most,
+                      ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
+                          .translation_m);
     return most;
   };
-  EXPECT_LT(worst(result), 3e-3);
+  EXPECT_LT(worst(result), 4e-3);
 
   RefineOptions nothing;
   nothing.estimate = "none";
@@ -317,8 +322,9 @@ TEST(UnconstrainedDirections, AreNamed) {
   EXPECT_TRUE(UnconstrainedDirections(covariance).empty());
   covariance(0, 0) = 0.12 * 0.12;
   covariance(4, 4) = std::pow(4.1 * M_PI / 180, 2);
-  EXPECT_EQ(UnconstrainedDirections(covariance),
-            (std::vector<std::string>{"along structure x (0.12 m)", "about the vertical (4.1 deg)"}));
+  EXPECT_EQ(
+      UnconstrainedDirections(covariance),
+      (std::vector<std::string>{"along structure x (0.12 m)", "about the vertical (4.1 deg)"}));
   const Eigen::Vector3d oblique = Eigen::Vector3d(1, 0, 1).normalized();
   covariance = Matrix6d::Identity() * 1e-6;
   covariance.topLeftCorner<3, 3>() += 0.25 * oblique * oblique.transpose();
@@ -355,7 +361,8 @@ TEST(Refine, CovarianceCoversSmoothDepthErrors) {
   // takes pixels for independent measurements covers a quarter of what it should.
   Rig rig{PaperStructure(), {}, {}};
   constexpr int kFrames = 40;
-  for (int i = 0; i < kFrames; ++i) rig.Add("S" + std::to_string(i), RingPose(9.0 * i), {true, 3.5});
+  for (int i = 0; i < kFrames; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(9.0 * i), {true, 3.5});
   int in68 = 0, in95 = 0;
   for (int i = 0; i < kFrames; ++i) {
     const auto index = static_cast<std::size_t>(i);
