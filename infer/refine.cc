@@ -61,8 +61,6 @@ constexpr double kMinResidualSigma = 5e-4;  // m: below it the depth's own resol
 constexpr double kObservable = 0.7;
 /// px, standard deviation of the shift of silhouettes that all sensors have in common.
 constexpr double kCommonEdgeShift = 0.3;
-/// m: how far labels let a view slide along sides that nothing else stops, standard deviation.
-constexpr double kSlide = 0.05;
 /// Overlap off the structure, in the last stage: gate in m; share of its distance from the optical
 /// axis by which a point is off for the intrinsics' errors, which the structure, in the middle of
 /// the frame, hardly shows.
@@ -685,8 +683,7 @@ class JointProblem {
       problem->AddParameterBlock(pose, 7, &manifold_);
       problem->AddParameterBlock(offset, 1);
       problem->AddParameterBlock(nuisance, kNuisances);
-      problem->AddResidualBlock(
-          new PosePriorCost(state_.poses[i].ToPose(), Holds(i) ? kSlide : 1, 1), nullptr, pose);
+      problem->AddResidualBlock(new PosePriorCost(state_.poses[i].ToPose(), 1, 1), nullptr, pose);
       if (fixed_[i] && !everything) {
         problem->SetParameterBlockConstant(pose);
         problem->SetParameterBlockConstant(offset);
