@@ -18,7 +18,7 @@ namespace volalign {
 
 Command AddCalibrateCommand(CLI::App& program) {
   struct Options {
-    std::string capture, model, output, config, structure, initial;
+    std::string capture, model, output, config, structure, initial, estimate;
     std::vector<std::string> assignments;
   };
   auto options = std::make_shared<Options>();
@@ -33,6 +33,9 @@ Command AddCalibrateCommand(CLI::App& program) {
   app->add_option("--initial", options->initial,
                   "initial pose: robust (default) or paper (the paper's estimator)")
       ->check(CLI::IsMember({"robust", "paper"}));
+  app->add_option("--estimate", options->estimate,
+                  "beside the poses: auto (the default), none, or a list of boxes, size, "
+                  "depth_scale, depth_offset; refine.estimate of the config");
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
@@ -41,6 +44,7 @@ Command AddCalibrateCommand(CLI::App& program) {
                 options->config.empty() ? ConfigSource() : ConfigSource::FromFile(options->config);
             for (const std::string& assignment : options->assignments) source.Set(assignment);
             if (!options->initial.empty()) source.Set("initial.method=" + options->initial);
+            if (!options->estimate.empty()) source.Set("refine.estimate=" + options->estimate);
             const auto config = ReadConfig<CalibrateOptions>(source);
 
             const auto start = std::chrono::steady_clock::now();

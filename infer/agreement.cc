@@ -56,6 +56,27 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
   return agreement;
 }
 
+SegmentationResult LabelsFromPose(const SensorView& view, const Structure& structure,
+                                  const Pose& structure_from_sensor, double tolerance_m) {
+  SegmentationResult result;
+  result.labels = CastView(structure, view.rays, structure_from_sensor).labels;
+  result.confidence = Image<float>(view.width(), view.height(), 0.0f);
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      std::uint8_t& label = result.labels(u, v);
+      if (label == 0) continue;
+      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+      if (view.depth(u, v) > 0 &&
+          (structure.SideOfLabel(label).ClosestPoint(p) - p).norm() <= tolerance_m) {
+        result.confidence(u, v) = 1;
+      } else {
+        label = 0;
+      }
+    }
+  }
+  return result;
+}
+
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
                         const Pose& structure_from_sensor) {
   // Depth errors grow with distance, and a pose that is off by a degree tilts a far floor.
@@ -66,6 +87,7 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
   for (int v = kStride / 2; v < view.height(); v += kStride) {
     for (int u = kStride / 2; u < view.width(); u += kStride) {
       if (!(view.depth(u, v) > 0)) continue;
+      ++evidence.pixels;
       const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
       const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
       const double height = p.y() - floor;

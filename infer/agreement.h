@@ -39,12 +39,19 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
                           const Structure& structure, const Pose& structure_from_sensor,
                           double min_confidence, double tolerance_m);
 
+/// Labels as a pose sees them: of each pixel whose measured point lies within `tolerance_m` of the
+/// side that it would show, with confidence 1; 0 elsewhere. From a pose that is right to a pixel or
+/// two they are complete and end where surfaces do, which a network's are not and do not.
+SegmentationResult LabelsFromPose(const SensorView& view, const Structure& structure,
+                                  const Pose& structure_from_sensor, double tolerance_m);
+
 /// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
 /// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so labels and
 /// depths alone do not tell up from down; what lies around it does.
 struct FloorEvidence {
-  int on_floor = 0;  ///< pixels on the plane that the structure stands on, off the structure
-  int below = 0;     ///< pixels clearly under that plane, where no true pose has any
+  int pixels = 0;    ///< looked at: one in four of those with depth
+  int on_floor = 0;  ///< of those: on the plane that the structure stands on, off the structure
+  int below = 0;     ///< of those: clearly under that plane, where no true pose has any
   int balance() const { return on_floor - 2 * below; }
 };
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,

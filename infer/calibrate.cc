@@ -9,9 +9,11 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <tuple>
 
 #include "core/error.h"
 #include "core/visibility.h"
+#include "infer/aliases.h"
 #include "infer/intrinsics_check.h"
 #include "infer/parallel_for.h"
 #include "infer/sensor_view.h"
@@ -20,7 +22,8 @@ namespace volalign {
 
 namespace {
 
-constexpr double kInlierDistance = 0.03;  // design section 9
+constexpr double kRelabelDistance = 0.04;  // m: real boxes stray by centimetres
+constexpr double kInlierDistance = 0.03;   // design section 9
 constexpr double kRmsDistance = 0.1;
 
 class Stopwatch {
@@ -57,8 +60,8 @@ struct Work {
   bool rejected = false;          // failed before its pose was looked at
   std::string same_depth_as;      // another sensor with the same depth map
   std::optional<BetterIntrinsics> better_intrinsics;
-  double start_offset = 0;  // of the depth, m
   bool placed = false;
+  std::string other_pose;  // that explains the view about as well: how the structure stands there
 };
 
 class Calibration {
@@ -69,6 +72,7 @@ class Calibration {
         structure_(structure),
         segmenter_(segmenter),
         options_(options),
+        aliases_(FindAliases(structure)),
         work_(frames.size()) {
     result_.sensors.resize(frames.size());
     std::set<std::string> names;
@@ -176,13 +180,13 @@ class Calibration {
     int turns = 0;
     SegmentationResult segmentation;
     InitialPose initial;
-    int floor = 0;  // FloorEvidence::balance at the pose
+    double floor_margin = 0;  // FloorMargin at the pose
     double score() const { return initial.found ? initial.agreement.score() : 0; }
-    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down it would
-    /// not (infer/agreement.h, FindFloor).
+    /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down, or a box
+    /// further, it would not.
     bool decided() const {
       constexpr double kDecided = 0.6;
-      return initial.found && floor > 0 && score() >= kDecided;
+      return initial.found && floor_margin >= kClearFloorMargin && score() >= kDecided;
     }
   };
 
@@ -204,7 +208,8 @@ class Calibration {
       const SensorView& view = work_[trial.sensor].view;
       trial.initial = EstimateInitialPose(view, trial.segmentation, structure_, options_.initial);
       if (trial.initial.found) {
-        trial.floor = FindFloor(view, structure_, trial.initial.structure_from_sensor).balance();
+        trial.floor_margin =
+            FloorMargin(view, structure_, aliases_, trial.initial.structure_from_sensor);
       }
     });
     watch->Lap("initial_pose");
@@ -212,8 +217,7 @@ class Calibration {
 
   /// Labels and initial pose of every sensor. `auto` takes the network's own orientation where that
   /// decides, then, sensors of a rig being mounted alike, the turn of the first sensor that it did
-  /// not, and tries all four only where neither does: the turn whose labels agree best with a pose
-  /// that stands on the floor.
+  /// not, and tries all four only where neither does.
   void Segment(Stopwatch* watch) {
     std::vector<Trial> trials;
     const auto add = [&](std::size_t i, int turns) {
@@ -259,30 +263,72 @@ class Calibration {
     }
     Try(&trials, begin, watch);
     TakeBest(&trials);
+    watch->Lap("initial_pose");
   }
 
-  /// Turns that explain a view about as well as the best one compete by how the structure stands on
-  /// the floor.
+  /// Agreement::score from which on labels are as good as they get.
+  static constexpr double kGoodLabels = 0.85;
+
+  /// Takes each sensor's best pose over all turns and aliases, with the labels that suit it. The
+  /// paper's estimator gets the turn that fits and stands on the floor best, and nothing else.
   void TakeBest(std::vector<Trial>* trials) {
-    std::vector<double> best(frames_.size(), 0);
-    for (const Trial& trial : *trials)
-      best[trial.sensor] = std::max(best[trial.sensor], trial.score());
-    constexpr double kRival = 0.5;
-    std::vector<const Trial*> chosen(frames_.size(), nullptr);
-    for (const Trial& trial : *trials) {
-      const std::size_t i = trial.sensor;
-      if (trial.score() < kRival * best[i]) continue;
-      if (!chosen[i] || trial.floor > chosen[i]->floor ||
-          (trial.floor == chosen[i]->floor && trial.score() > chosen[i]->score())) {
-        chosen[i] = &trial;
+    ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) {
+      std::vector<Trial*> own;
+      std::vector<PoseTrial> poses;
+      for (Trial& trial : *trials) {
+        if (trial.sensor != i) continue;
+        own.push_back(&trial);
+        poses.push_back({trial.turns, &trial.segmentation, &trial.initial});
       }
-    }
-    for (Trial& trial : *trials) {
-      if (chosen[trial.sensor] != &trial) continue;
-      result_.sensors[trial.sensor].quarter_turns = trial.turns;
-      result_.sensors[trial.sensor].segmentation = std::move(trial.segmentation);
-      work_[trial.sensor].initial = std::move(trial.initial);
-    }
+      if (own.empty()) return;
+      const SensorView& view = work_[i].view;
+      const InitialPoseOptions& options = options_.initial;
+      PoseChoice choice;
+      const auto settled = [](const Trial* t) { return t->decided() && t->score() >= kGoodLabels; };
+      if (options.method == "robust" && std::count_if(own.begin(), own.end(), settled) != 1) {
+        choice = ChoosePose(view, structure_, aliases_, poses,
+                            frames_[i].quarter_turns != kAutoTurns, options);
+      }
+      double best_score = 0;
+      for (const Trial* t : own) best_score = std::max(best_score, t->score());
+      const auto rank = [&](const Trial* t) {
+        constexpr double kRival = 0.5;
+        const bool rival = t->score() >= kRival * best_score;
+        return std::make_tuple(settled(t), rival, t->floor_margin, t->score());
+      };
+      const auto best =
+          std::max_element(own.begin(), own.end(),
+                           [&](const Trial* a, const Trial* b) { return rank(a) < rank(b); });
+      // What is no structure can be made to look like one by taking its sides for others.
+      constexpr double kGoodShape = 0.9, kSomeLabels = 0.4;
+      const bool trusted = choice.found && choice.best.overlap >= kGoodShape &&
+                           choice.best.label_score >= kSomeLabels;
+      Trial& trial = trusted ? *own[choice.best.trial] : **best;
+      SensorResult& sensor = result_.sensors[i];
+      sensor.quarter_turns = trial.turns;
+      sensor.segmentation = trial.segmentation;
+      work_[i].initial = std::move(trial.initial);
+      if (choice.ambiguous) {
+        work_[i].other_pose =
+            DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+      }
+      if (!trusted) return;
+      if (choice.best.alias >= 0) {
+        const StructureAlias& alias = aliases_[static_cast<std::size_t>(choice.best.alias)];
+        if (!alias.keeps_up()) sensor.quarter_turns = (trial.turns + 2) % 4;
+        sensor.segmentation = Relabelled(std::move(sensor.segmentation), alias);
+      }
+      const Pose& pose = choice.best.structure_from_sensor;
+      if (choice.best.label_score < kGoodLabels) {
+        std::vector<const SegmentationResult*> others;
+        for (const Trial* other : own) {
+          if (other != &trial) others.push_back(&other->segmentation);
+        }
+        ReconcileLabels(view, structure_, aliases_, pose, others, options.evidence.min_confidence,
+                        &sensor.segmentation);
+      }
+      work_[i].initial = EstimateInitialPose(view, sensor.segmentation, structure_, options, &pose);
+    });
   }
 
   /// Is the stack built as described? Asked of the sensors that are sure of several sides.
@@ -313,8 +359,7 @@ class Calibration {
   RefineSensor Refinable(std::size_t i) const {
     const auto& without = options_.refine.without_structure;
     return {work_[i].refine_view.get(), work_[i].initial.from_keypoints, work_[i].start,
-            std::find(without.begin(), without.end(), frames_[i].name) == without.end(),
-            work_[i].start_offset};
+            std::find(without.begin(), without.end(), frames_[i].name) == without.end()};
   }
 
   /// Refines a sensor alone and decides, by what its view then explains, whether it sees the
@@ -362,14 +407,13 @@ class Calibration {
       RefineOptions refine = options_.refine;
       refine.max_overlap_points = 0;
       refine.threads = 1;
+      refine.choose_estimates = false;
       const RefinedSensor refined = Refine(structure_, {alone}, refine).sensors.front();
       work.start = refined.structure_from_sensor;
-      work.start_offset = refined.depth_offset;
       alone_sigma_m = std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff());
     }
-    const SensorView corrected = WithOffset(work.view, work.start_offset);
     const Agreement agreement =
-        CompareWithView(corrected, sensor.segmentation, structure_, work.start,
+        CompareWithView(work.view, sensor.segmentation, structure_, work.start,
                         options_.initial.evidence.min_confidence, kInlierDistance);
     sensor.miou = agreement.miou;
     sensor.label_iou = agreement.score();
@@ -403,6 +447,9 @@ class Calibration {
     if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
       return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
+    *work.refine_view =
+        RefineView(work.view, LabelsFromPose(work.view, structure_, work.start, kRelabelDistance),
+                   structure_, view_options);
   }
 
   static constexpr char kLookHint[] =
@@ -549,6 +596,11 @@ class Calibration {
       index.push_back(i);
     }
     const RefineResult refined = Refine(structure_, sensors, options_.refine);
+    result_.built = refined.built;
+    result_.boxes = refined.boxes;
+    result_.size_estimated = refined.size_estimated;
+    result_.size_scale = refined.size_scale;
+    result_.sigma_size_scale = refined.sigma_size_scale;
     for (std::size_t j = 0; j < index.size(); ++j) {
       SensorResult& sensor = result_.sensors[index[j]];
       sensor.initial = work_[index[j]].initial.structure_from_sensor;
@@ -557,6 +609,9 @@ class Calibration {
           sensor.refinement_accepted ? refined.sensors[j].structure_from_sensor : sensor.initial;
       sensor.covariance = refined.sensors[j].covariance;
       sensor.depth_offset_m = refined.sensors[j].depth_offset;
+      sensor.depth_scale = refined.sensors[j].depth_scale;
+      sensor.sigma_depth_offset_m = refined.sensors[j].sigma_depth_offset;
+      sensor.sigma_depth_scale = refined.sensors[j].sigma_depth_scale;
     }
     for (const RefinedPair& pair : refined.pairs) {
       result_.pairs.push_back({frames_[index[static_cast<std::size_t>(pair.a)]].name,
@@ -573,7 +628,7 @@ class Calibration {
     for (std::size_t i = 0; i < frames_.size(); ++i) {
       if (!work_[i].placed) continue;
       const SensorResult& sensor = result_.sensors[i];
-      const SensorView view = WithOffset(work_[i].view, sensor.depth_offset_m);
+      const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
       for (int v = 0; v < view.height(); ++v) {
         for (int u = 0; u < view.width(); ++u) {
           if (sensor.segmentation.labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
@@ -585,18 +640,19 @@ class Calibration {
     const std::size_t step = captured.size() / kMost + 1;
     std::vector<Eigen::Vector3d> near;
     for (std::size_t j = 0; j < captured.size(); j += step) {
-      if (DistanceToSurface(structure_, captured[j]).distance < kRmsDistance)
+      if (DistanceToSurface(result_.built, captured[j]).distance < kRmsDistance)
         near.push_back(captured[j]);
     }
-    if (!near.empty()) result_.metrics = CompareSets(near, SampleExposedSurface(structure_, 0.005));
+    if (!near.empty())
+      result_.metrics = CompareSets(near, SampleExposedSurface(result_.built, 0.005));
   }
 
   /// Residuals, errors and status of a placed sensor.
   void Judge(std::size_t i) {
     SensorResult& sensor = result_.sensors[i];
-    const SensorView view = WithOffset(work_[i].view, sensor.depth_offset_m);
+    const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
     const Pose& pose = *sensor.structure_from_sensor;
-    const SurfaceFit fit = FitToSurface(view, sensor.segmentation.labels, structure_, pose);
+    const SurfaceFit fit = FitToSurface(view, sensor.segmentation.labels, result_.built, pose);
     sensor.points = fit.points;
     sensor.rms_to_structure_m = fit.rms_m;
     sensor.inlier_share = fit.inlier_share;
@@ -618,6 +674,14 @@ class Calibration {
       sensor.code = "intrinsics_suspect";
       sensor.reason = IntrinsicsReason(i);
       sensor.hint = kIntrinsicsHint;
+    } else if (!work_[i].other_pose.empty()) {
+      sensor.code = "ambiguous";
+      sensor.reason = fmt::format(
+          "its view fits the structure about as well {}, and shows no floor that would tell",
+          work_[i].other_pose);
+      sensor.hint = frames_[i].quarter_turns == kAutoTurns
+                        ? "let it see the floor under the structure, or give its quarter_turns"
+                        : "let it see the floor under the structure";
     } else if (sensor.inlier_share < limits.weak_inlier_share) {
       sensor.code = "few_inliers";
       sensor.reason =
@@ -670,6 +734,7 @@ class Calibration {
   const Structure& structure_;
   Segmenter& segmenter_;
   const CalibrateOptions& options_;
+  std::vector<StructureAlias> aliases_;
   std::vector<Work> work_;
   CalibrationResult result_;
 };
@@ -730,6 +795,7 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options) {
   ValidateConfig(options);
+  ParseEstimate(options.refine.estimate);
   for (const std::string& name : options.refine.without_structure) {
     if (std::none_of(frames.begin(), frames.end(),
                      [&](const SensorFrame& f) { return f.name == name; })) {

@@ -100,7 +100,8 @@ struct SensorResult {
   SensorStatus status = SensorStatus::kFailed;
   /// Failed: no_depth, wrong_units, duplicate_depth, no_structure, degenerate_sides,
   /// intrinsics_suspect, inconsistent, and the Arrangement's codes. Weak: duplicate_depth,
-  /// same_pose, intrinsics_suspect, few_inliers, large_residual, labels_disagree, uncertain.
+  /// same_pose, intrinsics_suspect, ambiguous, few_inliers, large_residual, labels_disagree,
+  /// uncertain.
   std::string code;
   std::string reason;  ///< a sentence
   std::string hint;    ///< what to do about it
@@ -117,8 +118,10 @@ struct SensorResult {
   double label_iou = 0;        ///< Agreement::score
   double explained_share = 0;  ///< of the pixels that would show the structure, on it
   Matrix6d covariance = Matrix6d::Zero();
-  double depth_offset_m =
-      0;  ///< estimated: true depth = measured depth + it; residuals are corrected by it
+  /// True depth = measured depth * depth_scale + depth_offset_m; 1 and 0 where the capture does not
+  /// tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
+  double depth_offset_m = 0, depth_scale = 1;
+  double sigma_depth_offset_m = 0, sigma_depth_scale = 0;
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;
@@ -142,6 +145,12 @@ struct CalibrationResult {
   std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
   std::optional<AssemblyReport> assembly;  ///< absent when no sensor sees four sides for sure
   std::vector<std::pair<std::string, double>> timings_s;
+  /// The structure with its boxes where the capture shows them and the size that it shows, which
+  /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
+  Structure built;
+  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
 
   /// The worst of the sensors' statuses.
   SensorStatus verdict() const;

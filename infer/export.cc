@@ -56,8 +56,8 @@ std::vector<ExportPoint> AlignedPoints(const SensorFrame& frame, const SensorRes
                                        const Structure& structure, double max_radius) {
   std::vector<ExportPoint> points;
   if (!result.structure_from_sensor) return points;
-  const SensorView view =
-      WithOffset(MakeSensorView(frame.depth, frame.intrinsics), result.depth_offset_m);
+  const SensorView view = Corrected(MakeSensorView(frame.depth, frame.intrinsics),
+                                    result.depth_scale, result.depth_offset_m);
   constexpr Rgb kBackground{150, 150, 150};
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
@@ -194,6 +194,25 @@ std::string FormatReport(const CalibrationResult& result) {
     text += fmt::format("{} is {} ({}): {}; {}\n", sensor.name, ToString(sensor.status),
                         sensor.code, sensor.reason, sensor.hint);
   }
+  for (const SensorResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    for (const std::string& direction : UnconstrainedDirections(sensor.covariance))
+      text += fmt::format("{} is hardly constrained {}\n", sensor.name, direction);
+  }
+  for (std::size_t b = 0; b < result.boxes.size(); ++b) {
+    const RefinedBox& box = result.boxes[b];
+    if (!box.estimated) continue;
+    text += fmt::format(
+        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg (sigma "
+        "{:.1f}, "
+        "{:.1f} mm, {:.2f} deg)\n",
+        result.built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
+        1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
+  }
+  if (result.size_estimated) {
+    text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
+                        100 * result.size_scale, 100 * result.sigma_size_scale);
+  }
   text += OverlapTable(result);
   if (result.metrics) {
     text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
@@ -222,6 +241,7 @@ void WriteCalibration(const std::filesystem::path& folder, const CalibrationResu
       most = count;
     }
   }
+  const Structure& built = result.built.boxes().empty() ? structure : result.built;
   std::vector<RgbImage> overview;
   std::vector<ExportPoint> merged;
   for (std::size_t i = 0; i < result.sensors.size(); ++i) {
@@ -231,10 +251,10 @@ void WriteCalibration(const std::filesystem::path& folder, const CalibrationResu
     WritePng(folder / "confidence" / png, ConfidenceImage(sensor.segmentation.confidence));
     const int turns =
         sensor.structure_from_sensor ? UprightTurns(*sensor.structure_from_sensor) : usual;
-    overview.push_back(SensorPicture(frames.at(i), sensor, structure, turns));
+    overview.push_back(SensorPicture(frames.at(i), sensor, built, turns));
     WritePng(folder / "pictures" / png, overview.back());
     if (!sensor.structure_from_sensor) continue;
-    const std::vector<ExportPoint> points = AlignedPoints(frames.at(i), sensor, structure);
+    const std::vector<ExportPoint> points = AlignedPoints(frames.at(i), sensor, built);
     WritePly(folder / "clouds" / (sensor.name + ".ply"), points);
     merged.insert(merged.end(), points.begin(), points.end());
   }

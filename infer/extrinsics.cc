@@ -58,6 +58,10 @@ Json SensorJson(const Extrinsics::Sensor& sensor) {
     put("label_iou", sensor.label_iou);
     put("explained_share", sensor.explained_share);
     put("depth_offset_m", sensor.depth_offset_m);
+    put("depth_gain", sensor.depth_gain);
+    put("sigma_depth_offset_m", sensor.sigma_depth_offset_m);
+    put("sigma_depth_gain", sensor.sigma_depth_gain);
+    if (!sensor.unconstrained.empty()) json["unconstrained"] = sensor.unconstrained;
     Json covariance = Json::array();
     for (int i = 0; i < 6; ++i) {
       Json row = Json::array();
@@ -163,6 +167,12 @@ Extrinsics::Sensor ParseSensor(const std::string& name, const JsonObject& object
     sensor.label_iou = object.Number("label_iou");
     sensor.explained_share = object.Number("explained_share");
     sensor.depth_offset_m = object.Number("depth_offset_m");
+    if (object.Has("depth_gain")) {  // the first files had none of these
+      sensor.depth_gain = object.Number("depth_gain");
+      sensor.sigma_depth_offset_m = object.Number("sigma_depth_offset_m");
+      sensor.sigma_depth_gain = object.Number("sigma_depth_gain");
+    }
+    if (object.Has("unconstrained")) sensor.unconstrained = object.Texts("unconstrained");
     const std::vector<std::vector<double>> rows = object.Matrix("covariance");
     bool square = rows.size() == 6;
     for (const auto& row : rows) square = square && row.size() == 6;
@@ -234,6 +244,10 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sen
       sensor.label_iou = from.label_iou;
       sensor.explained_share = from.explained_share;
       sensor.depth_offset_m = from.depth_offset_m;
+      sensor.depth_gain = from.depth_scale;
+      sensor.sigma_depth_offset_m = from.sigma_depth_offset_m;
+      sensor.sigma_depth_gain = from.sigma_depth_scale;
+      sensor.unconstrained = UnconstrainedDirections(from.covariance);
       sensor.covariance = from.covariance;
       sensor.sigma_translation_m = from.sigma_translation_m();
       sensor.sigma_rotation_deg = from.sigma_rotation_deg();
@@ -247,6 +261,22 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sen
     sensor.serial = frame.serial;
     out.sensors.push_back(std::move(sensor));
   }
+  for (std::size_t b = 0; b < result.boxes.size(); ++b) {
+    const RefinedBox& from = result.boxes[b];
+    Extrinsics::Box box;
+    box.name = structure.boxes().at(b).name;
+    box.estimated = from.estimated;
+    box.translation_m = result.built.boxes().at(b).structure_from_box.translation() -
+                        structure.boxes().at(b).structure_from_box.translation();
+    box.yaw_deg = from.yaw * 180 / M_PI;
+    box.sigma_x_m = from.sigma_x;
+    box.sigma_z_m = from.sigma_z;
+    box.sigma_yaw_deg = from.sigma_yaw * 180 / M_PI;
+    out.boxes.push_back(box);
+  }
+  out.size_estimated = result.size_estimated;
+  out.size_scale = result.size_scale;
+  out.sigma_size_scale = result.sigma_size_scale;
   out.pairs = result.pairs;
   out.metrics = result.metrics;
   out.timings_s = result.timings_s;
@@ -267,6 +297,19 @@ void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrin
   json["sensors"] = Json::object();
   for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
     json["sensors"][sensor.name] = SensorJson(sensor);
+  json["boxes"] = Json::array();
+  for (const Extrinsics::Box& box : extrinsics.boxes) {
+    json["boxes"].push_back({{"name", box.name},
+                             {"estimated", box.estimated},
+                             {"translation_m", Vector(box.translation_m, box.name)},
+                             {"yaw_deg", Finite(box.yaw_deg, box.name)},
+                             {"sigma_x_m", Finite(box.sigma_x_m, box.name)},
+                             {"sigma_z_m", Finite(box.sigma_z_m, box.name)},
+                             {"sigma_yaw_deg", Finite(box.sigma_yaw_deg, box.name)}});
+  }
+  json["size"] = {{"estimated", extrinsics.size_estimated},
+                  {"scale", Finite(extrinsics.size_scale, "size scale")},
+                  {"sigma", Finite(extrinsics.sigma_size_scale, "size sigma")}};
   json["pairs"] = Json::array();
   for (const PairResult& pair : extrinsics.pairs) {
     json["pairs"].push_back({{"a", pair.a},
@@ -314,6 +357,26 @@ Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
   const JsonObject sensors = root.Child("sensors");
   for (const std::string& sensor : sensors.Keys()) {
     extrinsics.sensors.push_back(ParseSensor(sensor, sensors.Child(sensor)));
+  }
+  const auto boxes = root.Has("boxes") ? root.Children("boxes") : std::vector<JsonObject>();
+  for (const JsonObject& from : boxes) {
+    Extrinsics::Box box;
+    box.name = from.Text("name");
+    box.estimated = from.Bool("estimated");
+    box.translation_m = ParseVector(from, "translation_m");
+    box.yaw_deg = from.Number("yaw_deg");
+    box.sigma_x_m = from.Number("sigma_x_m");
+    box.sigma_z_m = from.Number("sigma_z_m");
+    box.sigma_yaw_deg = from.Number("sigma_yaw_deg");
+    from.RejectOthers();
+    extrinsics.boxes.push_back(box);
+  }
+  if (root.Has("size")) {
+    const JsonObject size = root.Child("size");
+    extrinsics.size_estimated = size.Bool("estimated");
+    extrinsics.size_scale = size.Number("scale");
+    extrinsics.sigma_size_scale = size.Number("sigma");
+    size.RejectOthers();
   }
   for (const JsonObject& pair : root.Children("pairs")) {
     extrinsics.pairs.push_back(

@@ -29,7 +29,10 @@ struct Extrinsics {
     int points = 0;
     double rms_to_structure_m = 0, initial_rms_to_structure_m = 0, inlier_share = 0;
     double miou = 0, label_iou = 0, explained_share = 0;
-    double depth_offset_m = 0;  ///< to be added to the sensor's depths
+    /// True depth = measured depth (m) * depth_gain + depth_offset_m.
+    double depth_offset_m = 0, depth_gain = 1;
+    double sigma_depth_offset_m = 0, sigma_depth_gain = 0;
+    std::vector<std::string> unconstrained;  ///< UnconstrainedDirections of the covariance
     Matrix6d covariance = Matrix6d::Zero();
     Eigen::Vector3d sigma_translation_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d sigma_rotation_deg = Eigen::Vector3d::Zero();
@@ -57,6 +60,17 @@ struct Extrinsics {
   std::string model_file, model_sha256;
   std::string verdict;
   std::vector<Sensor> sensors;
+  /// A box as it was found: displacement of its centre, m, and turn about the vertical through it.
+  struct Box {
+    std::string name;
+    bool estimated = false;
+    Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+    double yaw_deg = 0;
+    double sigma_x_m = 0, sigma_z_m = 0, sigma_yaw_deg = 0;
+  };
+  std::vector<Box> boxes;
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
   std::optional<Assembly> assembly;
   std::vector<PairResult> pairs;
   std::optional<SetDistances> metrics;

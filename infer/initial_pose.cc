@@ -53,15 +53,20 @@ class PoseSearch {
     segmentation_.confidence = DecimateImage(segmentation.confidence, stride);
   }
 
-  InitialPose Run() {
+  InitialPose Run(const Pose* near) {
     InitialPose best;
     PatchSet chosen;
-    for (const Candidate& candidate : Candidates()) {
+    std::vector<Candidate> candidates = Candidates(near);
+    if (near) {
+      candidates.push_back({*near, Agreeing(*near, {}, options_.max_keypoint_error_m), 0});
+    }
+    for (const Candidate& candidate : candidates) {
       Pose pose = candidate.pose;
       PatchSet members = candidate.members;
       for (int i = 0; i < options_.visibility_iterations; ++i) {
         if (!CorrectForVisibility(view_, i, &pose, &members)) break;
       }
+      if (near && !Near(pose, *near)) continue;
       const Agreement agreement = CompareWithView(view_, segmentation_, structure_, pose,
                                                   options_.evidence.min_confidence, kTolerance);
       if (best.found && !(agreement.score() > best.agreement.score())) continue;
@@ -183,7 +188,13 @@ class PoseSearch {
     (*candidates)[members] = candidate;
   }
 
-  std::vector<Candidate> Candidates() const {
+  static bool Near(const Pose& a, const Pose& b) {
+    constexpr double kDistance = 0.2, kAngleDeg = 15;
+    const PoseError gap = ComparePoses(a, b);
+    return gap.translation_m < kDistance && gap.rotation_deg < kAngleDeg;
+  }
+
+  std::vector<Candidate> Candidates(const Pose* near) const {
     std::map<PatchSet, Candidate, PatchSetLess> unique;
     const std::size_t n = evidence_.size();
     PatchSet all;
@@ -204,7 +215,9 @@ class PoseSearch {
       }
     }
     std::vector<Candidate> candidates;
-    for (const auto& [members, candidate] : unique) candidates.push_back(candidate);
+    for (const auto& [members, candidate] : unique) {
+      if (!near || Near(candidate.pose, *near)) candidates.push_back(candidate);
+    }
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const Candidate& a, const Candidate& b) { return a.area > b.area; });
     constexpr std::size_t kTested = 8;
@@ -385,9 +398,10 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
 }  // namespace
 
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
-                                const Structure& structure, const InitialPoseOptions& options) {
+                                const Structure& structure, const InitialPoseOptions& options,
+                                const Pose* near) {
   if (options.method == "paper") return EstimatePaperPose(view, segmentation, structure, options);
-  return PoseSearch(view, segmentation, structure, options).Run();
+  return PoseSearch(view, segmentation, structure, options).Run(near);
 }
 
 bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, KeypointKind kind) {

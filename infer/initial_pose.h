@@ -71,9 +71,11 @@ struct InitialPose {
 /// patches that agree with it vote for it, and the best hypotheses compete by how well their view
 /// of the structure agrees with measured depths and labels (not by a number of pixels). Keypoints
 /// are corrected for visibility: the centroid of a half hidden side is compared with that of the
-/// part that the estimated pose shows.
+/// part that the estimated pose shows. With `near`, that pose competes too, and only what comes out
+/// within 20 cm and 15 deg of it.
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
-                                const Structure& structure, const InitialPoseOptions& options);
+                                const Structure& structure, const InitialPoseOptions& options,
+                                const Pose* near = nullptr);
 
 /// Do these sides fix six degrees of freedom? By their keypoints (second singular value of the
 /// centred set over 5 cm, design section 2) or, where those fail, by their planes: the

@@ -10,24 +10,61 @@
 
 namespace volalign {
 
+/// What may be estimated beside the poses (design section 9; `--estimate`).
+struct EstimateSet {
+  bool boxes = false, size = false, depth_scale = false, depth_offset = false;
+};
+/// "auto" (all), "none", or a list of boxes, size, depth_scale, depth_offset, separated by commas.
+/// Throws ConfigError for anything else.
+EstimateSet ParseEstimate(const std::string& text);
+
 struct RefineOptions {
-  int outer_iterations = 8;
+  std::string estimate = "auto";
+  double box_sigma_m = 0.004;
+  double box_sigma_deg = 0.5;
+  double size_sigma_percent = 1;
+  double depth_scale_sigma_percent = 0.3;
+  double depth_offset_sigma_m = 0.007;
+  double edge_shift_sigma_px = 0.7;
+  int outer_iterations = 5;
   int inner_iterations = 6;
+  int fine_iterations = 3;
   int max_side_points = 3000;
   int max_edge_points = 600;
   int max_overlap_points = 700;
   double overlap_weight = 2;
   double min_overlap = 0.05;
   double edge_weight = 30;
-  double depth_offset_sigma_m = 0.01;
   std::vector<std::string> without_structure;
   int threads = 2;
+  /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
+  /// or not, for callers that want a pose and its covariance alone.
+  bool choose_estimates = true;
 
   template <class Archive>
   void Describe(Archive& ar) {
+    ar("estimate", estimate,
+       "what is estimated beside the poses, where the capture tells: auto, none, or a list of "
+       "boxes, size, depth_scale, depth_offset (separated by commas)");
+    ar("box_sigma_m", box_sigma_m,
+       "prior standard deviation of a box's horizontal place along each axis, m", AtLeast(0));
+    ar("box_sigma_deg", box_sigma_deg,
+       "prior standard deviation of a box's turn about the vertical, deg", AtLeast(0));
+    ar("size_sigma_percent", size_sigma_percent,
+       "prior standard deviation of the size error that all boxes share, percent", AtLeast(0));
+    ar("depth_scale_sigma_percent", depth_scale_sigma_percent,
+       "prior standard deviation of a sensor's depth scale, percent", AtLeast(0));
+    ar("depth_offset_sigma_m", depth_offset_sigma_m,
+       "prior standard deviation, m, of a constant that a sensor's depth is off by (Azure Kinect: "
+       "up to 11 mm)",
+       AtLeast(0));
+    ar("edge_shift_sigma_px", edge_shift_sigma_px,
+       "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
     ar("outer_iterations", outer_iterations,
-       "associations, coarse to fine, each followed by a Ceres solution", AtLeast(1));
+       "coarse associations, each followed by a Ceres solution", AtLeast(1));
     ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
+    ar("fine_iterations", fine_iterations,
+       "associations of the last stage, which weighs errors as they are correlated", AtLeast(1));
     ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
     ar("max_edge_points", max_edge_points, "most silhouette points of a sensor", AtLeast(0));
     ar("max_overlap_points", max_overlap_points,
@@ -39,11 +76,6 @@ struct RefineOptions {
        "weight of silhouette residuals: errors of neighbouring points on a face are alike, so that "
        "thousands of "
        "them say less than their number",
-       AtLeast(0));
-    ar("depth_offset_sigma_m", depth_offset_sigma_m,
-       "standard deviation, m, of a constant that each sensor's depth is off by, which is "
-       "estimated with the pose "
-       "(Azure Kinect: up to 11 mm); 0 trusts the depth",
        AtLeast(0));
     ar("min_overlap", min_overlap,
        "least share of a sensor's points that another one sees, for the two to be a pair",
@@ -61,17 +93,31 @@ struct RefineSensor {
                                     ///< falls back to
   Pose start = Pose::Identity();    ///< where the solution begins
   bool use_structure_terms = true;
-  double start_offset = 0;  ///< m, of the depth
 };
 
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
-  double depth_offset = 0;  ///< m: true depth = measured depth + depth_offset
   bool accepted = false;  ///< false: the held-out residual did not improve, the initial pose stands
   double held_out_before = 0, held_out_after = 0;  ///< mean robust cost, dimensionless
   /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.
   Matrix6d covariance = Matrix6d::Zero();
   double residual_sigma = 0;  ///< m, robust standard deviation to the structure
+
+  /// True depth = measured depth * depth_scale + depth_offset. 1 and 0 where not estimated; the
+  /// sigmas are posterior ones in either case.
+  double depth_offset = 0, depth_scale = 1;  ///< m, 1
+  double sigma_depth_offset = 0, sigma_depth_scale = 0;
+  bool depth_offset_estimated = false, depth_scale_estimated = false;
+};
+
+/// A box's displacement: it stands at T * structure_from_box, T a turn about the vertical through
+/// its nominal centre and a horizontal shift.
+struct RefinedBox {
+  bool estimated = false;
+  double x = 0, z = 0;              ///< m
+  double yaw = 0;                   ///< rad
+  double sigma_x = 0, sigma_z = 0;  ///< posterior, relative to the mean of all boxes
+  double sigma_yaw = 0;
 };
 
 struct RefinedPair {
@@ -83,28 +129,40 @@ struct RefinedPair {
 struct RefineResult {
   std::vector<RefinedSensor> sensors;
   std::vector<RefinedPair> pairs;
+  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
+  Structure built;  ///< the structure with the estimated placement and size
 };
 
-/// One Ceres problem over all sensors. Residuals, whitened by each sensor's own robust spread and
-/// under Cauchy's loss:
-///  - labelled points to the finite rectangle of their side (an infinite plane would let a sensor
-///  that sees parallel sides
-///    slide);
-///  - silhouette points to the edge lines of their side, which hold the in-plane directions;
-///  - between sensors that see the same surfaces, symmetric point-to-plane distances, and
-///  silhouette points of one against
-///    the faces that only the other sees.
-/// Each sensor's constant depth error is a parameter with a prior: a plane cannot tell it from a
-/// step back, but silhouettes, the floor and other sensors can. Correspondences are renewed between
-/// solutions while distance and normal gates tighten. A sensor whose held-out cost does not fall
+/// Directions in which a pose with this covariance (structure frame, m and rad) is open: each
+/// eigenvector of its translation or rotation part with a standard deviation above 3 cm or 2 deg,
+/// as "along structure x (0.12 m)" or "about the vertical (4.1 deg)".
+std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
+
+/// One Ceres problem over all sensors, in two stages.
+///
+/// Coarse, from far off: labelled points to the finite rectangles of their sides (infinite planes
+/// would let a sensor that sees parallel sides slide), silhouettes to edge lines, and symmetric
+/// point-to-plane terms between sensors that see the same surfaces, under Cauchy's loss.
+/// Correspondences are renewed between solutions while distance and normal gates tighten.
+///
+/// Fine, as a statistical model (refine_model.h): the points of an image block on a side are one
+/// measurement of depth, silhouettes measure bearing alone. Depth errors are a smooth random field
+/// whose size and correlation length each sensor's residuals tell (restricted likelihood), plus a
+/// constant, a scale, and an error in concave seams; silhouettes may be shifted outwards. Together
+/// with each box's place and turn and the size of all boxes these are parameters with priors.
+/// Between sensors, what both see off the structure is compared. A sensor without structure terms
+/// is held by its overlap alone.
+///
+/// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
+/// points fit no better without its kind; else it keeps its nominal value. Gauge: the mean
+/// displacement of the estimated boxes is zero. A sensor whose held-out cost does not fall
 /// keeps its initial pose, and the others are solved again around it.
 ///
-/// Covariance: from the last solution's Ceres::Covariance H^-1 in the tangent space of
-/// LeftPoseManifold, H^-1 M H^-1 (sandwich: residuals that weigh more than they measure do not make
-/// it smaller), times the design effect: depth errors are smooth over tens of pixels, so n points
-/// in m image blocks say less than n independent ones; the variance of block means tells by how
-/// much (Kish, Survey Sampling, 1965). A prior of 1 m and 1 rad bounds directions that nothing
-/// constrains.
+/// Covariance: of the posterior, H^-1, widened by what is not estimated though uncertain. A prior of
+/// 1 m and 1 rad bounds directions that nothing constrains. Throws ConfigError for a bad
+/// options.estimate.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

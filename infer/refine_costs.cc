@@ -159,13 +159,14 @@ bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
   const double w0 = prior_.values[3];
   const Eigen::Vector3d turn = -pose[3] * u0 + w0 * u + u0.cross(u);
   Eigen::Map<Vector6d> r(residuals);
-  r.head<3>() = (Eigen::Vector3d(pose[4], pose[5], pose[6]) -
-                 Eigen::Vector3d(prior_.values[4], prior_.values[5], prior_.values[6])) /
-                sigma_translation_;
+  const Eigen::Quaterniond q(pose);
+  r.head<3>() =
+      (q.normalized() * origin_ + Eigen::Vector3d(pose[4], pose[5], pose[6])) / sigma_translation_;
   r.tail<3>() = 2 * turn / sigma_rotation_;
   if (jacobians && jacobians[0]) {
     Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobians[0]);
     j.setZero();
+    j.block<3, 4>(0, 0) = RotatedPointJacobian(pose, origin_) / sigma_translation_;
     j.block<3, 3>(0, 4) = Eigen::Matrix3d::Identity() / sigma_translation_;
     j.block<3, 3>(3, 0) = 2 / sigma_rotation_ * (w0 * Eigen::Matrix3d::Identity() + Cross(u0));
     j.block<3, 1>(3, 3) = -2 / sigma_rotation_ * u0;

@@ -110,33 +110,23 @@ class OverlapCost : public ceres::SizedCostFunction<1, 7, 7, 1, 1> {
   double weight_;
 };
 
-/// A loose prior on the pose: [(t - t0) / sigma_t; 2 vec(q q0^-1) / sigma_r]. It decides nothing
-/// but directions that no measurement constrains, whose variance it bounds.
+/// A loose prior on the pose: [(T p0 - T0 p0) / sigma_t; 2 vec(q q0^-1) / sigma_r], p0 the sensor's
+/// point that T0 takes to the structure's origin. It decides nothing but directions that no
+/// measurement constrains, whose variance it bounds.
 class PosePriorCost : public ceres::SizedCostFunction<6, 7> {
  public:
   PosePriorCost(const Pose& prior, double sigma_translation, double sigma_rotation)
-      : prior_(prior), sigma_translation_(sigma_translation), sigma_rotation_(sigma_rotation) {}
+      : prior_(prior),
+        origin_(prior.inverse().translation()),
+        sigma_translation_(sigma_translation),
+        sigma_rotation_(sigma_rotation) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
   PoseBlock prior_;
+  Eigen::Vector3d origin_;  // sensor frame
   double sigma_translation_, sigma_rotation_;
-};
-
-/// offset / sigma: the prior of a depth offset.
-class OffsetPriorCost : public ceres::SizedCostFunction<1, 1> {
- public:
-  explicit OffsetPriorCost(double sigma) : sigma_(sigma) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    residuals[0] = parameters[0][0] / sigma_;
-    if (jacobians && jacobians[0]) jacobians[0][0] = 1 / sigma_;
-    return true;
-  }
-
- private:
-  double sigma_;
 };
 
 }  // namespace volalign::refine_internal

@@ -87,7 +87,10 @@ struct Silhouette {
     edge->outward = across.normalized();
     edge->normal = normal;
     edge->sigma = across.norm() / std::sqrt(12.0);
+    edge->pixel = across.norm() / (gap + 1);
     edge->label = label;
+    edge->axis = dv != 0;
+    edge->block = RefineView::BlockOf(u, v, view.width());
     edge->held_out = HeldOut(u, v);
     return true;
   }
@@ -152,7 +155,6 @@ RefineView::RefineView(const SensorView& view, const SegmentationResult& segment
   for (const auto& pixels : by_label) sides += pixels.empty() ? 0 : 1;
   const std::size_t share =
       static_cast<std::size_t>(options.max_side_points) / std::max<std::size_t>(1, sides);
-  const int blocks_in_row = view.width() / kBlock + 1;
   for (std::size_t label = 1; label < classes; ++label) {
     std::vector<int>& pixels = by_label[label];
     // A stride that has a common divisor with the image's width would sample few columns.
@@ -169,7 +171,7 @@ RefineView::RefineView(const SensorView& view, const SegmentationResult& segment
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
-      point.block = v / kBlock * blocks_in_row + u / kBlock;
+      point.block = BlockOf(u, v, view.width());
       point.held_out = out;
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
       side_points.push_back(point);

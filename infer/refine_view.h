@@ -28,7 +28,10 @@ struct EdgePoint {
   Eigen::Vector3d normal;  ///< of the side, as measured
   double sigma = 0;  ///< m: standard deviation if the edge were anywhere between the pixels on both
                      ///< sides of it
+  double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
+  int axis = 0;   ///< 0: found along an image row, 1: along a column
+  int block = 0;  ///< image block, see RefineView
   bool held_out = false;
 };
 
@@ -44,6 +47,10 @@ struct CloudPoint {
 class RefineView {
  public:
   static constexpr int kBlock = 16;
+  /// Index of the block of a pixel.
+  static int BlockOf(int u, int v, int width) {
+    return v / kBlock * (width / kBlock + 1) + u / kBlock;
+  }
 
   struct Options {
     double min_confidence = 0.5;

@@ -35,9 +35,9 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
   return view;
 }
 
-SensorView WithOffset(SensorView view, double offset) {
+SensorView Corrected(SensorView view, double scale, double offset) {
   for (float& z : view.depth) {
-    if (z > 0) z = std::max(z + static_cast<float>(offset), 1e-3f);
+    if (z > 0) z = std::max(static_cast<float>(z * scale + offset), 1e-3f);
   }
   return view;
 }

@@ -30,8 +30,8 @@ struct SensorView {
 /// DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
 
-/// The view with `offset` m added to every measured depth.
-SensorView WithOffset(SensorView view, double offset);
+/// The view with every measured depth z replaced by z * scale + offset (m).
+SensorView Corrected(SensorView view, double scale, double offset);
 
 /// Every `stride`-th pixel of every `stride`-th row, from stride / 2 on.
 SensorView Decimate(const SensorView& view, int stride);

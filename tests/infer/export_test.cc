@@ -83,6 +83,10 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
     EXPECT_TRUE(sensor.covariance.isApprox(from.covariance, 1e-12));
     EXPECT_EQ(sensor.sides, from.sides);
     EXPECT_DOUBLE_EQ(sensor.rms_to_structure_m, from.rms_to_structure_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_offset_m, from.depth_offset_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_gain, from.depth_scale);
+    EXPECT_DOUBLE_EQ(sensor.sigma_depth_gain, from.sigma_depth_scale);
+    EXPECT_EQ(sensor.unconstrained, UnconstrainedDirections(from.covariance));
   }
   ASSERT_EQ(read.pairs.size(), 1u);
   EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
@@ -91,6 +95,65 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
   ASSERT_TRUE(read.assembly.has_value());
   EXPECT_EQ(read.assembly->code, "");
   EXPECT_DOUBLE_EQ(read.assembly->overlap, result_->assembly->overlap);
+}
+
+TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
+  CalibrationResult result = *result_;
+  SensorResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const SensorResult& sensor) { return sensor.name == "left"; });
+  left.depth_scale = 1.004;
+  left.depth_offset_m = -0.003;
+  left.covariance(2, 2) = 0.25 * 0.25;
+  for (RefinedBox& box : result.boxes) box = {};
+  result.boxes[1] = {true, 0.004, -0.002, 0.01, 1e-3, 2e-3, 3e-3};
+  Pose moved = Pose::Identity();
+  moved.translation() = Eigen::Vector3d(0.004, 0, -0.002);
+  std::vector<Pose> offsets(result.boxes.size(), Pose::Identity());
+  offsets[1] = moved;
+  result.built = rig_->structure.Displaced(offsets);
+  result.size_estimated = true;
+  result.size_scale = 0.99;
+  result.sigma_size_scale = 0.002;
+  WriteExtrinsics(*folder_ / "built.json",
+                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "built.json");
+  ASSERT_EQ(read.boxes.size(), rig_->structure.boxes().size());
+  EXPECT_TRUE(read.boxes[1].estimated);
+  EXPECT_EQ(read.boxes[1].name, rig_->structure.boxes()[1].name);
+  EXPECT_TRUE(read.boxes[1].translation_m.isApprox(moved.translation(), 1e-9));
+  EXPECT_DOUBLE_EQ(read.boxes[1].yaw_deg, 0.01 * 180 / M_PI);
+  EXPECT_DOUBLE_EQ(read.boxes[1].sigma_z_m, 2e-3);
+  EXPECT_FALSE(read.boxes[0].estimated);
+  EXPECT_TRUE(read.size_estimated);
+  EXPECT_DOUBLE_EQ(read.size_scale, 0.99);
+  const Extrinsics::Sensor& back =
+      *std::find_if(read.sensors.begin(), read.sensors.end(),
+                    [](const Extrinsics::Sensor& sensor) { return sensor.name == "left"; });
+  EXPECT_DOUBLE_EQ(back.depth_gain, 1.004);
+  EXPECT_DOUBLE_EQ(back.depth_offset_m, -0.003);
+  EXPECT_EQ(back.unconstrained, std::vector<std::string>{"along structure z (0.25 m)"});
+  const std::string report = FormatReport(result);
+  EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
+            std::string::npos);
+  EXPECT_NE(report.find("boxes are 99.00 % of their nominal size"), std::string::npos);
+  EXPECT_NE(report.find("left is hardly constrained along structure z (0.25 m)"),
+            std::string::npos);
+}
+
+TEST_F(ExportTest, FilesFromBeforeEstimatesAreRead) {
+  auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
+  json.erase("boxes");
+  json.erase("size");
+  for (auto& sensor : json["sensors"]) {
+    for (const char* key : {"depth_gain", "sigma_depth_offset_m", "sigma_depth_gain"})
+      sensor.erase(key);
+  }
+  WriteFileAtomically(*folder_ / "old.json", json.dump());
+  const Extrinsics read = ReadExtrinsics(*folder_ / "old.json");
+  EXPECT_TRUE(read.boxes.empty());
+  EXPECT_EQ(read.size_scale, 1);
+  EXPECT_EQ(read.sensors[0].depth_gain, 1);
 }
 
 TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
