@@ -150,7 +150,7 @@ class JointProblem {
   }
 
   RefineResult Run() {
-    for (int iteration = 0; iteration < options_.outer_iterations; ++iteration)
+    for (int iteration = 0; options_.coarse && iteration < options_.outer_iterations; ++iteration)
       SolveCoarse(StageOf(iteration));
     free_.boxes.assign(structure_.boxes().size(), wanted_.boxes && priors_.box > 0);
     free_.size = wanted_.size && priors_.size > 0;

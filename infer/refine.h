@@ -40,6 +40,8 @@ struct RefineOptions {
   /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
   /// or not, for callers that want a pose and its covariance alone.
   bool choose_estimates = true;
+  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
+  bool coarse = true;
 
   template <class Archive>
   void Describe(Archive& ar) {
