@@ -61,6 +61,7 @@ Command AddCalibrateCommand(CLI::App& program) {
             const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
             CalibrationResult result = Calibrate(capture.sensors, *structure, *segmenter, config);
+            result.timings_s.back().second += loading.count();
             result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
             WriteCalibration(options->output, result, capture.sensors, *structure,
                              {options->capture, segmenter->file(), segmenter->sha256()});

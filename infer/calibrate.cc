@@ -595,7 +595,10 @@ class Calibration {
       sensors.push_back(Refinable(i));
       index.push_back(i);
     }
-    const RefineResult refined = Refine(structure_, sensors, options_.refine);
+    RefineOptions refine = options_.refine;
+    refine.coarse = std::any_of(sensors.begin(), sensors.end(),
+                                [](const RefineSensor& s) { return !s.use_structure_terms; });
+    const RefineResult refined = Refine(structure_, sensors, refine);
     result_.built = refined.built;
     result_.boxes = refined.boxes;
     result_.size_estimated = refined.size_estimated;

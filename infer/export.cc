@@ -8,11 +8,13 @@
 #include <cstring>
 #include <iterator>
 #include <map>
+#include <thread>
 
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/picture.h"
 #include "core/visibility.h"
+#include "infer/parallel_for.h"
 #include "infer/sensor_view.h"
 
 namespace volalign {
@@ -203,9 +205,8 @@ std::string FormatReport(const CalibrationResult& result) {
     const RefinedBox& box = result.boxes[b];
     if (!box.estimated) continue;
     text += fmt::format(
-        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg (sigma "
-        "{:.1f}, "
-        "{:.1f} mm, {:.2f} deg)\n",
+        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
+        "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
         result.built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
         1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
   }
@@ -217,6 +218,12 @@ std::string FormatReport(const CalibrationResult& result) {
   if (result.metrics) {
     text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
                         1000 * result.metrics->d2);
+  }
+  if (!result.timings_s.empty()) {
+    text += "seconds:";
+    for (const auto& [stage, seconds] : result.timings_s)
+      text += fmt::format(" {} {:.2f}{}", stage, seconds,
+                          &stage == &result.timings_s.back().first ? "\n" : ",");
   }
   text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
                       result.sensors.size(), ToString(result.verdict()));
@@ -242,22 +249,25 @@ void WriteCalibration(const std::filesystem::path& folder, const CalibrationResu
     }
   }
   const Structure& built = result.built.boxes().empty() ? structure : result.built;
-  std::vector<RgbImage> overview;
-  std::vector<ExportPoint> merged;
-  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
+  std::vector<RgbImage> overview(result.sensors.size());
+  std::vector<std::vector<ExportPoint>> clouds(result.sensors.size());
+  const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  ParallelFor(result.sensors.size(), threads, [&](std::size_t i) {
     const SensorResult& sensor = result.sensors[i];
     const std::string png = sensor.name + ".png";
     WritePng(folder / "labels" / png, sensor.segmentation.labels);
     WritePng(folder / "confidence" / png, ConfidenceImage(sensor.segmentation.confidence));
     const int turns =
         sensor.structure_from_sensor ? UprightTurns(*sensor.structure_from_sensor) : usual;
-    overview.push_back(SensorPicture(frames.at(i), sensor, built, turns));
-    WritePng(folder / "pictures" / png, overview.back());
-    if (!sensor.structure_from_sensor) continue;
-    const std::vector<ExportPoint> points = AlignedPoints(frames.at(i), sensor, built);
-    WritePly(folder / "clouds" / (sensor.name + ".ply"), points);
-    merged.insert(merged.end(), points.begin(), points.end());
-  }
+    overview[i] = SensorPicture(frames.at(i), sensor, built, turns);
+    WritePng(folder / "pictures" / png, overview[i]);
+    if (!sensor.structure_from_sensor) return;
+    clouds[i] = AlignedPoints(frames.at(i), sensor, built);
+    WritePly(folder / "clouds" / (sensor.name + ".ply"), clouds[i]);
+  });
+  std::vector<ExportPoint> merged;
+  for (const std::vector<ExportPoint>& cloud : clouds)
+    merged.insert(merged.end(), cloud.begin(), cloud.end());
   WritePng(folder / "pictures" / "overview.png", Montage(overview, overview.size() > 3 ? 2 : 1));
   WritePly(folder / "clouds" / "merged.ply", merged);
   WriteExtrinsics(folder / "extrinsics.json", MakeExtrinsics(result, frames, structure, source));

@@ -150,7 +150,7 @@ class JointProblem {
   }
 
   RefineResult Run() {
-    for (int iteration = 0; iteration < options_.outer_iterations; ++iteration)
+    for (int iteration = 0; options_.coarse && iteration < options_.outer_iterations; ++iteration)
       SolveCoarse(StageOf(iteration));
     free_.boxes.assign(structure_.boxes().size(), wanted_.boxes && priors_.box > 0);
     free_.size = wanted_.size && priors_.size > 0;
@@ -163,6 +163,7 @@ class JointProblem {
     if (options_.choose_estimates) KeepWhatTheCaptureTells();
     CollectUnseen();
     std::vector<HeldOut> before(sensors_.size());
+    std::vector<Vector6d> refused(sensors_.size(), Vector6d::Zero());
     // A sensor that goes back may have pulled its neighbours: they are solved again around it.
     for (std::size_t round = 0; round < sensors_.size(); ++round) {
       bool changed = false;
@@ -171,6 +172,8 @@ class JointProblem {
         before[i] = ComputeHeldOut(i, sensors_[i].initial);
         const HeldOut after = ComputeHeldOut(i, state_.poses[i].ToPose());
         if (after.misfit < before[i].misfit || after.distance < before[i].distance) continue;
+        const Pose apart = state_.poses[i].ToPose() * sensors_[i].initial.inverse();
+        refused[i] << apart.translation(), RotationLog(apart.linear());
         state_.poses[i] = PoseBlock(sensors_[i].initial);
         state_.offsets[i] = 0;
         state_.nuisances[i] = {};
@@ -199,7 +202,7 @@ class JointProblem {
           fixed_[i] ? before[i].misfit : ComputeHeldOut(i, sensor.structure_from_sensor).misfit;
       const auto first = static_cast<Eigen::Index>(6 * i);
       const Matrix6d block = posterior.covariance.block<6, 6>(first, first);
-      sensor.covariance = (block + block.transpose()) / 2;
+      sensor.covariance = (block + block.transpose()) / 2 + refused[i] * refused[i].transpose();
       sensor.residual_sigma = sigma_[i];
       result.sensors.push_back(sensor);
     }

@@ -40,6 +40,8 @@ struct RefineOptions {
   /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
   /// or not, for callers that want a pose and its covariance alone.
   bool choose_estimates = true;
+  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
+  bool coarse = true;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -160,9 +162,9 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// displacement of the estimated boxes is zero. A sensor whose held-out cost does not fall
 /// keeps its initial pose, and the others are solved again around it.
 ///
-/// Covariance: of the posterior, H^-1, widened by what is not estimated though uncertain. A prior of
-/// 1 m and 1 rad bounds directions that nothing constrains. Throws ConfigError for a bad
-/// options.estimate.
+/// Covariance: of the posterior, H^-1, widened by what is not estimated though uncertain and, for a
+/// sensor that keeps its initial pose, by how far the refused one was from it. A prior of 1 m and
+/// 1 rad bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

@@ -213,6 +213,9 @@ TEST(Refine, NeverWorse) {
   EXPECT_FALSE(result.sensors[0].accepted);
   EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].initial, 1e-12));
   EXPECT_DOUBLE_EQ(result.sensors[0].held_out_after, result.sensors[0].held_out_before);
+  // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
+  EXPECT_GT((result.sensors[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
+  EXPECT_LT((result.sensors[1].covariance.topLeftCorner<3, 3>().trace()), 0.008 * 0.008);
   EXPECT_TRUE(result.sensors[1].accepted);
   EXPECT_LT(result.sensors[1].held_out_after, result.sensors[1].held_out_before);
   EXPECT_LT(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
