@@ -156,6 +156,7 @@ class JointProblem {
     free_.size = wanted_.size && priors_.size > 0;
     free_.scale.assign(sensors_.size(), wanted_.depth_scale && priors_.scale > 0);
     free_.offset.assign(sensors_.size(), wanted_.depth_offset && priors_.offset > 0);
+    asked_ = free_;
     for (int iteration = 0; iteration < options_.fine_iterations; ++iteration) {
       CollectEvidence();
       SolveFine();
@@ -748,17 +749,17 @@ class JointProblem {
   }
 
   /// Columns that are held at zero.
-  std::vector<char> Held() const {
+  std::vector<char> Held(const Free& free) const {
     std::vector<char> held(static_cast<std::size_t>(BuildColumn() + model_.size()), 0);
     const auto at = [&](Eigen::Index i) -> char& { return held[static_cast<std::size_t>(i)]; };
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
-      at(OffsetColumn(i)) = !free_.offset[i];
-      at(NuisanceColumn(i) + kScale) = !free_.scale[i];
+      at(OffsetColumn(i)) = !free.offset[i];
+      at(NuisanceColumn(i) + kScale) = !free.scale[i];
     }
-    at(BuildColumn()) = !free_.size;
-    for (int b = 0; b < static_cast<int>(free_.boxes.size()); ++b) {
+    at(BuildColumn()) = !free.size;
+    for (int b = 0; b < static_cast<int>(free.boxes.size()); ++b) {
       for (const int k : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)})
-        at(BuildColumn() + k) = !free_.boxes[static_cast<std::size_t>(b)];
+        at(BuildColumn() + k) = !free.boxes[static_cast<std::size_t>(b)];
     }
     return held;
   }
@@ -799,12 +800,12 @@ class JointProblem {
     return out;
   }
 
-  /// Covariance of the estimated parameters x while the others, c, are held at zero though their
-  /// priors P are wide (Schmidt's consider covariance): H_xx^-1 + S P S^T, S = H_xx^-1 H_xc; and so
-  /// for a shift of silhouettes that all sensors share.
+  /// Covariance of all that was asked for, x, estimated or found to be nominal, while the others,
+  /// c, are held at zero though their priors P are wide (Schmidt's consider covariance): H_xx^-1 +
+  /// S P S^T, S = H_xx^-1 H_xc; and so for a shift of silhouettes that all sensors share.
   Posterior ComputePosterior(const Eigen::MatrixXd& h) const {
     Posterior posterior;
-    const std::vector<char> is_held = Held();
+    const std::vector<char> is_held = Held(asked_);
     std::vector<Eigen::Index> x, c;
     for (std::size_t i = 0; i < is_held.size(); ++i)
       (is_held[i] ? c : x).push_back(static_cast<Eigen::Index>(i));
@@ -929,7 +930,7 @@ class JointProblem {
       kept.scale[i] = free_.scale[i] && observable(NuisanceColumn(i) + kScale, priors_.scale);
     // A scale that is held leaves the offset to stand for both at the structure's distance.
     free_.scale = kept.scale;
-    posterior.covariance = InverseWithout(information, Held());
+    posterior.covariance = InverseWithout(information, Held(free_));
     for (std::size_t i = 0; i < sensors_.size(); ++i)
       kept.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
     free_ = kept;
@@ -1150,7 +1151,7 @@ class JointProblem {
   const BuildModel model_;
   Priors priors_;
   State state_;
-  Free free_;
+  Free asked_, free_;                              // at first, and what is left of it
   Structure built_;                                // as state_.build has it
   std::vector<double> sigma_;                      // m, per sensor
   std::vector<char> fixed_;                        // sensors that went back to their initial poses

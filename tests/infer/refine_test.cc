@@ -114,6 +114,9 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
       EXPECT_FALSE(!(error.rotation_deg < 0.05)) << i << ": " << error.rotation_deg;
     }
   }
+  // Boxes that turn out to stand where they should leave no doubt about where that is.
+  for (const RefinedSensor& sensor : result.sensors)
+    EXPECT_LT(std::sqrt(sensor.covariance.diagonal().head<3>().maxCoeff()), 5e-3);
   // Neighbours on the ring see the same sides.
   int neighbours = 0;
   for (const RefinedPair& pair : result.pairs) {
