@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/ordered_prefetch.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -22,16 +23,13 @@ class SampleStream {
     int device = -1;  ///< EglContextOptions::device
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
-  ~SampleStream();
-  SampleStream(const SampleStream&) = delete;
-  SampleStream& operator=(const SampleStream&) = delete;
 
   /// The next context.batch_size samples. Rethrows a worker's exception.
   std::vector<Sample> Next();
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  int batch_size_ = 1;
+  std::unique_ptr<OrderedPrefetch<Sample>> samples_;
 };
 
 }  // namespace volalign

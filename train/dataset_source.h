@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/ordered_prefetch.h"
 #include "render/dataset.h"
 #include "train/batch.h"
 
@@ -26,14 +27,12 @@ class DatasetSource : public SampleSource {
   /// Throws ConfigError when the dataset has several image sizes and `batch_size` does not divide
   /// its own, or when it holds no whole batch; Error for bad options.
   DatasetSource(std::shared_ptr<const Dataset> dataset, const Options& options);
-  ~DatasetSource() override;
 
   /// Rethrows a reading thread's exception (Dataset::Read).
   std::vector<Sample> Next() override;
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  std::unique_ptr<OrderedPrefetch<std::vector<Sample>>> batches_;
 };
 
 /// Whole batches that a DatasetSource draws from in an epoch. Throws its ConfigErrors.

@@ -15,6 +15,7 @@ namespace volalign {
 namespace {
 
 using testing_infer::Certain;
+using testing_infer::Coarse;
 using testing_infer::Kinect;
 using testing_infer::PaperStructure;
 using testing_infer::Render;
@@ -134,12 +135,6 @@ TEST(MeasureOverlap, CountsPixels) {
   // something in front and something behind. On the right, a label without a structure.
   const Structure box = Structure::FromBoxes(
       "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 1, 2))});
-  Intrinsics k;
-  k.width = 20;
-  k.height = 10;
-  k.fx = k.fy = 40;
-  k.cx = 9.5;
-  k.cy = 4.5;
   DepthImage depth(20, 10, 3.0f);
   LabelImage labels(20, 10, 0);
   for (int v = 0; v < 10; ++v) {
@@ -150,7 +145,7 @@ TEST(MeasureOverlap, CountsPixels) {
     labels(15, v) = 1;
   }
   const DepthOverlap overlap =
-      MeasureOverlap(MakeSensorView(depth, k), Certain(labels), box, Pose::Identity(), 0.5);
+      MeasureOverlap(MakeSensorView(depth, Coarse()), Certain(labels), box, Pose::Identity(), 0.5);
   EXPECT_EQ(overlap.both, 70);
   EXPECT_EQ(overlap.either, 90);
 }

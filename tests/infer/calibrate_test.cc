@@ -17,6 +17,7 @@ namespace {
 
 using testing_infer::AddNoise;
 using testing_infer::Certain;
+using testing_infer::Coarse;
 using testing_infer::Kinect;
 using testing_infer::PaperStructure;
 using testing_infer::Rig;
@@ -502,12 +503,6 @@ TEST(FitToSurface, IsThePointwiseDefinition) {
   // one pixel far.
   const Structure cube = Structure::FromBoxes(
       "cube", {Box::FromMinMax("box", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(1, 1, 2))});
-  Intrinsics k;
-  k.width = 20;
-  k.height = 10;
-  k.fx = k.fy = 40;
-  k.cx = 9.5;
-  k.cy = 4.5;
   DepthImage depth(20, 10, 1.005f);
   LabelImage labels(20, 10, 3);
   for (int v = 0; v < 10; ++v) {
@@ -516,7 +511,8 @@ TEST(FitToSurface, IsThePointwiseDefinition) {
   depth(0, 0) = 0.5f;
   depth(1, 0) = 0;
   labels(2, 0) = 0;
-  const SurfaceFit fit = FitToSurface(MakeSensorView(depth, k), labels, cube, Pose::Identity());
+  const SurfaceFit fit =
+      FitToSurface(MakeSensorView(depth, Coarse()), labels, cube, Pose::Identity());
   EXPECT_EQ(fit.points, 198);
   EXPECT_NEAR(fit.inlier_share, 97.0 / 198, 1e-9);
   EXPECT_NEAR(fit.rms_m, std::sqrt((97 * 0.005 * 0.005 + 100 * 0.05 * 0.05) / 197), 1e-5);

@@ -16,17 +16,10 @@ namespace {
 using testing_infer::AddNoise;
 using testing_infer::Certain;
 using testing_infer::Kinect;
+using testing_infer::LabelOf;
 using testing_infer::PaperStructure;
 using testing_infer::Render;
 using testing_infer::RingPose;
-
-int LabelOf(const Structure& structure, const std::string& name) {
-  const std::vector<std::string> names = structure.SideNames();
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (names[i] == name) return static_cast<int>(i) + 1;
-  }
-  return 0;
-}
 
 std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
   std::vector<int> labels;

@@ -12,6 +12,7 @@ namespace {
 
 using testing_infer::Certain;
 using testing_infer::Kinect;
+using testing_infer::LabelOf;
 using testing_infer::PaperStructure;
 using testing_infer::Render;
 using testing_infer::RingPose;
@@ -21,14 +22,6 @@ const SideEvidence* Largest(const std::vector<SideEvidence>& evidence, int label
     if (patch.label == label) return &patch;
   }
   return nullptr;
-}
-
-int LabelOf(const Structure& structure, const std::string& name) {
-  const std::vector<std::string> names = structure.SideNames();
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (names[i] == name) return static_cast<int>(i) + 1;
-  }
-  return 0;
 }
 
 /// A single box seen at 45 deg: both faces are whole, so that centre, normal and area are known in

@@ -22,6 +22,15 @@ namespace volalign::testing_infer {
 
 inline Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
 
+/// 0 where no side has the name.
+inline int LabelOf(const Structure& structure, const std::string& name) {
+  const std::vector<std::string> names = structure.SideNames();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i] == name) return static_cast<int>(i) + 1;
+  }
+  return 0;
+}
+
 inline Intrinsics Kinect() {
   Intrinsics intrinsics;
   intrinsics.width = 320;
@@ -29,6 +38,17 @@ inline Intrinsics Kinect() {
   intrinsics.fx = intrinsics.fy = 252.2;
   intrinsics.cx = 163.9;
   intrinsics.cy = 168.2;
+  return intrinsics;
+}
+
+/// 20x10 pixels of 25 mm at 1 m, the axis between the middle ones: for pixels counted by hand.
+inline Intrinsics Coarse() {
+  Intrinsics intrinsics;
+  intrinsics.width = 20;
+  intrinsics.height = 10;
+  intrinsics.fx = intrinsics.fy = 40;
+  intrinsics.cx = 9.5;
+  intrinsics.cy = 4.5;
   return intrinsics;
 }
 
