@@ -187,7 +187,7 @@ class JointProblem {
 
     RefineResult result;
     CentreBoxes();
-    const Posterior posterior = ComputePosterior(Information());
+    const Posterior posterior = ComputePosterior(ComputeNormal());
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
       RefinedSensor sensor;
       sensor.accepted = !fixed_[i];
@@ -246,6 +246,10 @@ class JointProblem {
   struct Free {
     std::vector<char> boxes, scale, offset;
     bool size = false;
+  };
+  struct Normal {
+    Eigen::MatrixXd information;
+    Eigen::VectorXd gradient;
   };
   struct Posterior {
     Eigen::MatrixXd covariance;  // of all parameters, poses first
@@ -764,7 +768,8 @@ class JointProblem {
     return held;
   }
 
-  Eigen::MatrixXd Information() {
+  /// Of the last stage's cost with everything free: J^T J and J^T r, in tangent spaces.
+  Normal ComputeNormal() {
     const std::unique_ptr<ceres::Problem> problem = BuildFine(true);
     ceres::Problem::EvaluateOptions evaluation;
     for (PoseBlock& pose : state_.poses) evaluation.parameter_blocks.push_back(pose.values);
@@ -774,8 +779,12 @@ class JointProblem {
     evaluation.num_threads = options_.threads;
     ceres::CRSMatrix jacobian;
     const Eigen::Index size = BuildColumn() + model_.size();
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
-    problem->Evaluate(evaluation, nullptr, nullptr, nullptr, &jacobian);
+    Normal normal;
+    Eigen::MatrixXd& information = normal.information;
+    information = Eigen::MatrixXd::Zero(size, size);
+    std::vector<double> gradient;
+    problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian);
+    normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), size);
     for (int row = 0; row < jacobian.num_rows; ++row) {
       const auto begin = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row)]);
       const auto end = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row) + 1]);
@@ -786,44 +795,21 @@ class JointProblem {
               jacobian.values[i] * jacobian.values[j];
       }
     }
-    return information;
+    return normal;
   }
 
-  static Eigen::MatrixXd Pick(const Eigen::MatrixXd& m, const std::vector<Eigen::Index>& rows,
-                              const std::vector<Eigen::Index>& columns) {
-    Eigen::MatrixXd out(static_cast<Eigen::Index>(rows.size()),
-                        static_cast<Eigen::Index>(columns.size()));
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      for (std::size_t j = 0; j < columns.size(); ++j)
-        out(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = m(rows[i], columns[j]);
-    }
-    return out;
-  }
-
-  /// Covariance of all that was asked for, x, estimated or found to be nominal, while the others,
-  /// c, are held at zero though their priors P are wide (Schmidt's consider covariance): H_xx^-1 +
-  /// S P S^T, S = H_xx^-1 H_xc; and so for a shift of silhouettes that all sensors share.
-  Posterior ComputePosterior(const Eigen::MatrixXd& h) const {
+  /// Covariance with everything free; where something was not to be estimated, plus how far from
+  /// here a step with it would lead, as a square; and for a shift of silhouettes that all sensors
+  /// share.
+  Posterior ComputePosterior(const Normal& normal) const {
+    const Eigen::MatrixXd& h = normal.information;
+    const Eigen::LLT<Eigen::MatrixXd> root(h);
     Posterior posterior;
-    const std::vector<char> is_held = Held(asked_);
-    std::vector<Eigen::Index> x, c;
-    for (std::size_t i = 0; i < is_held.size(); ++i)
-      (is_held[i] ? c : x).push_back(static_cast<Eigen::Index>(i));
-    const Eigen::LLT<Eigen::MatrixXd> root(Pick(h, x, x));
-    const auto identity = [](const std::vector<Eigen::Index>& of) {
-      const auto n = static_cast<Eigen::Index>(of.size());
-      return Eigen::MatrixXd::Identity(n, n);
-    };
-    Eigen::MatrixXd covariance = root.solve(Eigen::MatrixXd(identity(x)));
-    posterior.covariance = Eigen::MatrixXd::Zero(h.rows(), h.cols());
-    if (!c.empty()) {
-      const Eigen::MatrixXd gain = root.solve(Pick(h, x, c));
-      Eigen::VectorXd variances(static_cast<Eigen::Index>(c.size()));
-      const Eigen::VectorXd all = PriorVariances();
-      for (std::size_t i = 0; i < c.size(); ++i)
-        variances[static_cast<Eigen::Index>(i)] = all[c[i]];
-      covariance += gain * variances.asDiagonal() * gain.transpose();
-      for (const Eigen::Index i : c) posterior.covariance(i, i) = all[i];
+    posterior.covariance = root.solve(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
+    const std::vector<char> held = Held(asked_);
+    if (std::any_of(held.begin(), held.end(), [](char f) { return f != 0; })) {
+      const Eigen::VectorXd step = root.solve(normal.gradient);
+      posterior.covariance += step * step.transpose();
     }
     // What silhouettes are shifted by in all sensors alike looks like another size.
     Eigen::VectorXd common = Eigen::VectorXd::Zero(h.rows());
@@ -834,13 +820,8 @@ class JointProblem {
         common[column] -= 1 / Square(Least(priors_.edge_shift));
       }
     }
-    const Eigen::VectorXd moved = kCommonEdgeShift * root.solve(Pick(common, x, {0}));
-    covariance += moved * moved.transpose();
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      for (std::size_t j = 0; j < x.size(); ++j)
-        posterior.covariance(x[i], x[j]) =
-            covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-    }
+    const Eigen::VectorXd moved = kCommonEdgeShift * root.solve(common);
+    posterior.covariance += moved * moved.transpose();
     return posterior;
   }
 
@@ -907,8 +888,8 @@ class JointProblem {
   /// held at their nominal values; the covariance knows that they are uncertain.
   void KeepWhatTheCaptureTells() {
     Free kept = free_;
-    const Eigen::MatrixXd information = Information();
-    Posterior posterior = ComputePosterior(information);
+    const Normal normal = ComputeNormal();
+    Posterior posterior = ComputePosterior(normal);
     const auto observable = [&](Eigen::Index column, double prior) {
       return posterior.Sigma(column) < kObservable * prior;
     };
@@ -930,7 +911,7 @@ class JointProblem {
       kept.scale[i] = free_.scale[i] && observable(NuisanceColumn(i) + kScale, priors_.scale);
     // A scale that is held leaves the offset to stand for both at the structure's distance.
     free_.scale = kept.scale;
-    posterior.covariance = InverseWithout(information, Held(free_));
+    posterior.covariance = InverseWithout(normal.information, Held(free_));
     for (std::size_t i = 0; i < sensors_.size(); ++i)
       kept.offset[i] = free_.offset[i] && observable(OffsetColumn(i), priors_.offset);
     free_ = kept;

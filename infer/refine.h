@@ -162,10 +162,10 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// displacement of the estimated boxes is zero. A sensor whose held-out cost does not fall
 /// keeps its initial pose, and the others are solved again around it.
 ///
-/// Covariance: of the posterior, H^-1, of all that options.estimate allows, widened by what it does
-/// not allow though uncertain and, for a sensor that keeps its initial pose, by how far the refused
-/// one was from it. A prior of 1 m and 1 rad bounds directions that nothing constrains. Throws
-/// ConfigError for a bad options.estimate.
+/// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
+/// out, widened by how far the poses would move if it did not, and for a sensor that keeps its
+/// initial pose by how far the refused one was from it. A prior of 1 m and 1 rad bounds directions
+/// that nothing constrains. Throws ConfigError for a bad options.estimate.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 
