@@ -7,18 +7,17 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <memory>
 #include <numeric>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "core/error.h"
 #include "core/visibility.h"
+#include "infer/parallel_for.h"
 #include "infer/refine_costs.h"
 #include "infer/refine_model.h"
 
@@ -192,10 +191,8 @@ class JointProblem {
       RefinedSensor sensor;
       sensor.accepted = !fixed_[i];
       sensor.structure_from_sensor = fixed_[i] ? sensors_[i].initial : state_.poses[i].ToPose();
-      sensor.depth_offset_estimated = free_.offset[i] && !fixed_[i];
-      sensor.depth_scale_estimated = free_.scale[i] && !fixed_[i];
-      if (sensor.depth_offset_estimated) sensor.depth_offset = state_.offsets[i];
-      if (sensor.depth_scale_estimated) sensor.depth_scale = 1 + state_.nuisances[i][kScale];
+      if (free_.offset[i] && !fixed_[i]) sensor.depth_offset = state_.offsets[i];
+      if (free_.scale[i] && !fixed_[i]) sensor.depth_scale = 1 + state_.nuisances[i][kScale];
       sensor.sigma_depth_offset = posterior.Sigma(OffsetColumn(i));
       sensor.sigma_depth_scale = posterior.Sigma(NuisanceColumn(i) + kScale);
       sensor.held_out_before = before[i].misfit;
@@ -204,7 +201,6 @@ class JointProblem {
       const auto first = static_cast<Eigen::Index>(6 * i);
       const Matrix6d block = posterior.covariance.block<6, 6>(first, first);
       sensor.covariance = (block + block.transpose()) / 2 + refused[i] * refused[i].transpose();
-      sensor.residual_sigma = sigma_[i];
       result.sensors.push_back(sensor);
     }
     const Eigen::VectorXd sigmas = BoxSigmas(posterior);
@@ -412,11 +408,10 @@ class JointProblem {
     return options;
   }
 
-  void Minimise(ceres::Problem* problem, ceres::LinearSolverType linear_solver,
-                int iterations) const {
+  void Minimise(ceres::Problem* problem) const {
     ceres::Solver::Options solver;
-    solver.linear_solver_type = linear_solver;
-    solver.max_num_iterations = iterations;
+    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    solver.max_num_iterations = options_.inner_iterations;
     solver.num_threads = options_.threads;
     solver.function_tolerance = 1e-7;
     solver.parameter_tolerance = 1e-9;
@@ -441,30 +436,21 @@ class JointProblem {
           AddOverlapTerms(a, b, stage, options_.overlap_weight, &problem);
       }
     }
-    Minimise(&problem, ceres::SPARSE_NORMAL_CHOLESKY, options_.inner_iterations);
+    Minimise(&problem);
     UpdateSigmas(stage);
   }
 
   /// Gathers points into observations, as they lie at the present state, with the noise model that
   /// explains them best.
   void CollectEvidence() {
-    std::atomic<std::size_t> next{0};
-    const auto work = [&] {
-      for (std::size_t i = next++; i < sensors_.size(); i = next++) {
-        if (!Holds(i)) continue;
-        const std::vector<Pose> here = {state_.poses[i].ToPose()};
-        CollectEvidence(i, true, here, &unseen_[i]);
-        CollectEvidence(i, false, here, &evidence_[i]);
-        Distrust(i, &evidence_[i]);
-        FitNoise(model_, Parameters(i), priors_, &evidence_[i]);
-      }
-    };
-    std::vector<std::thread> helpers;
-    const std::size_t threads =
-        std::min(sensors_.size(), static_cast<std::size_t>(options_.threads));
-    for (std::size_t t = 1; t < threads; ++t) helpers.emplace_back(work);
-    work();
-    for (std::thread& helper : helpers) helper.join();
+    ParallelFor(sensors_.size(), options_.threads, [this](std::size_t i) {
+      if (!Holds(i)) return;
+      const std::vector<Pose> here = {state_.poses[i].ToPose()};
+      CollectEvidence(i, true, here, &unseen_[i]);
+      CollectEvidence(i, false, here, &evidence_[i]);
+      Distrust(i, &evidence_[i]);
+      FitNoise(model_, Parameters(i), priors_, &evidence_[i]);
+    });
   }
 
   /// What decides between a sensor's refined and its initial pose: held-out points that lie on the
@@ -747,7 +733,7 @@ class JointProblem {
 
   void SolveFine() {
     const std::unique_ptr<ceres::Problem> problem = BuildFine(false);
-    Minimise(problem.get(), ceres::SPARSE_NORMAL_CHOLESKY, options_.inner_iterations);
+    Minimise(problem.get());
     built_ = model_.Built(state_.build.data());
     UpdateSigmas(StageOf(options_.outer_iterations));
   }

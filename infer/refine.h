@@ -99,17 +99,18 @@ struct RefineSensor {
 
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted = false;  ///< false: the held-out residual did not improve, the initial pose stands
-  double held_out_before = 0, held_out_after = 0;  ///< mean robust cost, dimensionless
+  bool accepted =
+      false;  ///< false: held-out points are explained no better, the initial pose stands
+  /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
+  /// a sensor without structure terms, mean robust cost against its neighbours.
+  double held_out_before = 0, held_out_after = 0;
   /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.
   Matrix6d covariance = Matrix6d::Zero();
-  double residual_sigma = 0;  ///< m, robust standard deviation to the structure
 
   /// True depth = measured depth * depth_scale + depth_offset. 1 and 0 where not estimated; the
   /// sigmas are posterior ones in either case.
   double depth_offset = 0, depth_scale = 1;  ///< m, 1
   double sigma_depth_offset = 0, sigma_depth_scale = 0;
-  bool depth_offset_estimated = false, depth_scale_estimated = false;
 };
 
 /// A box's displacement: it stands at T * structure_from_box, T a turn about the vertical through
@@ -159,8 +160,9 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 ///
 /// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
 /// points fit no better without its kind; else it keeps its nominal value. Gauge: the mean
-/// displacement of the estimated boxes is zero. A sensor whose held-out cost does not fall
-/// keeps its initial pose, and the others are solved again around it.
+/// displacement of the estimated boxes is zero. A sensor whose held-out points fit
+/// its refined pose no better, neither in standard deviations nor by plain distance, keeps its
+/// initial pose, and the others are solved again without it.
 ///
 /// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
 /// out, widened by how far the poses would move if it did not, and for a sensor that keeps its
