@@ -10,9 +10,9 @@
 
 #include "cli/commands.h"
 #include "core/structure_gltf.h"
-#include "infer/capture.h"
-#include "infer/export.h"
-#include "infer/segmenter.h"
+#include "infer/io/capture.h"
+#include "infer/io/export.h"
+#include "infer/view/segmenter.h"
 
 namespace volalign {
 
@@ -35,7 +35,7 @@ Command AddCalibrateCommand(CLI::App& program) {
       ->check(CLI::IsMember({"robust", "paper"}));
   app->add_option("--estimate", options->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
-                  "depth_scale, depth_offset; refine.estimate of the config");
+                  "depth_gain, depth_offset; refine.estimate of the config");
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();

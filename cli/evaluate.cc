@@ -1,4 +1,4 @@
-#include "infer/evaluate.h"
+#include "infer/evaluate/evaluate.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/file_util.h"
-#include "infer/segmenter.h"
+#include "infer/view/segmenter.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
 #include "render/rig.h"

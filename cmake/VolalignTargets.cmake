@@ -25,12 +25,11 @@ function(volalign_library name)
   target_link_libraries(volalign_${name} PUBLIC volalign_options ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
 endfunction()
 
-# volalign_test(MODULE/FILE [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/MODULE/FILE_test.cc as the test MODULE/FILE.
+# volalign_test(PATH [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/PATH_test.cc as the test PATH.
 function(volalign_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
   string(REPLACE "/" "_" target "${name}_test")
-  get_filename_component(file "${name}" NAME)
-  add_executable(${target} ${file}_test.cc ${ARG_SOURCES})
+  add_executable(${target} "${PROJECT_SOURCE_DIR}/tests/${name}_test.cc" ${ARG_SOURCES})
   target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} volalign_test_main)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)

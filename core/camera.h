@@ -45,7 +45,7 @@ struct RayTable {
 };
 
 /// Rays of an undistorted camera. Throws DataError if `intrinsics` has distortion: use
-/// ComputeRays of infer/camera_rays.h, which inverts it with OpenCV.
+/// ComputeRays of infer/view/camera_rays.h, which inverts it with OpenCV.
 RayTable PinholeRays(const Intrinsics& intrinsics);
 
 /// A named sensor model's pool of measured intrinsics at one resolution (facts/intrinsics.yaml).

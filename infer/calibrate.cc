@@ -12,11 +12,11 @@
 #include <tuple>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "core/visibility.h"
-#include "infer/aliases.h"
-#include "infer/intrinsics_check.h"
-#include "infer/parallel_for.h"
-#include "infer/sensor_view.h"
+#include "infer/checks/intrinsics_check.h"
+#include "infer/pose/aliases.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
@@ -96,7 +96,7 @@ class Calibration {
     InspectStack(&watch);
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) { Place(i); });
     for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (result_.sensors[i].code == "degenerate_sides") result_.sensors[i].hint = MoveHint(i);
+      if (result_.sensors[i].code == SensorCode::kDegenerateSides) result_.sensors[i].hint = MoveHint(i);
     }
     watch.Lap("placement");
     RefineTogether();
@@ -122,22 +122,22 @@ class Calibration {
       const DepthImage& depth = work_[i].view.depth;
       const double valid = ValidShare(i);
       if (valid < options_.verdict.min_valid_share) {
-        Fail(i, "no_depth", fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
+        Fail(i, SensorCode::kNoDepth, fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
              "check the depth file and the sensor's lens cap");
       } else if (const std::optional<std::string> problem = UnitProblem(depth)) {
-        Fail(i, "wrong_units", *problem, "correct depth_scale in the capture");
+        Fail(i, SensorCode::kWrongUnits, *problem, "correct depth_scale in the capture");
       } else {
         for (std::size_t j = 0; j < i; ++j) {
           if (work_[j].rejected || !(work_[j].view.depth == depth)) continue;
           work_[i].same_depth_as = frames_[j].name;
           work_[j].same_depth_as = frames_[i].name;
-          Fail(i, "duplicate_depth",
+          Fail(i, SensorCode::kDuplicateDepth,
                fmt::format("its depth map is that of {}, pixel for pixel", frames_[j].name),
                "check the sensors' depth files: one of them is given twice");
           break;
         }
       }
-      work_[i].rejected = !result_.sensors[i].code.empty();
+      work_[i].rejected = result_.sensors[i].code != SensorCode::kNone;
       if (work_[i].rejected) {
         result_.sensors[i].segmentation = {LabelImage(depth.width(), depth.height()),
                                            Image<float>(depth.width(), depth.height())};
@@ -345,7 +345,7 @@ class Calibration {
     watch->Lap("assembly");
   }
 
-  void Fail(std::size_t i, const char* code, std::string reason, std::string hint) {
+  void Fail(std::size_t i, SensorCode code, std::string reason, std::string hint) {
     SensorResult& sensor = result_.sensors[i];
     sensor.status = SensorStatus::kFailed;
     sensor.code = code;
@@ -371,7 +371,7 @@ class Calibration {
     if (result_.assembly && result_.assembly->altered() && SeesSides(i)) {
       const AssemblyReport& report = *result_.assembly;
       return Fail(
-          i, report.arrangement.code.c_str(),
+          i, report.arrangement.code,
           fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
                       "{:.0f} %",
                       report.arrangement.sentence, 100 * report.overlap,
@@ -388,9 +388,9 @@ class Calibration {
         area += patch.mean_confidence > 0.8 ? patch.area : 0;
       constexpr double kSideArea = 0.05;  // m^2: half of the smallest side
       if (area < kSideArea) {
-        return Fail(i, "no_structure", "no side of the structure was found", kLookHint);
+        return Fail(i, SensorCode::kNoStructure, "no side of the structure was found", kLookHint);
       }
-      return Fail(i, "degenerate_sides",
+      return Fail(i, SensorCode::kDegenerateSides,
                   fmt::format("{} found; that fixes no pose", Sides(work.initial.evidence.size())),
                   kLookHint);
     }
@@ -430,7 +430,7 @@ class Calibration {
         options_.initial.keypoints == "centre" ? KeypointKind::kCentre : KeypointKind::kExposed;
     if (!SidesFixPose(structure_, labels, kind)) {
       return Fail(
-          i, "degenerate_sides",
+          i, SensorCode::kDegenerateSides,
           fmt::format(
               "{} found; their keypoints lie on a line and their planes leave a direction free",
               Sides(labels.size())),
@@ -438,14 +438,14 @@ class Calibration {
     }
     if (agreement.score() < limits.min_label_iou) return FailVerification(i, agreement, seen);
     if (!(alone_sigma_m <= limits.max_sigma_translation_m)) {
-      return Fail(i, "degenerate_sides",
+      return Fail(i, SensorCode::kDegenerateSides,
                   fmt::format("{} found, which leave the sensor's position open to {:.2f} m",
                               Sides(labels.size()), alone_sigma_m),
                   kLookHint);
     }
     constexpr double kFarOff = 0.08;  // of the focal length: the pose is decimetres off
     if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
-      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
+      return Fail(i, SensorCode::kIntrinsicsSuspect, IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
     *work.refine_view =
         RefineView(work.view, LabelsFromPose(work.view, structure_, work.start, kRelabelDistance),
@@ -553,7 +553,7 @@ class Calibration {
 
   void FailVerification(std::size_t i, const Agreement& agreement, bool seen) {
     if (work_[i].better_intrinsics)
-      return Fail(i, "intrinsics_suspect", IntrinsicsReason(i), kIntrinsicsHint);
+      return Fail(i, SensorCode::kIntrinsicsSuspect, IntrinsicsReason(i), kIntrinsicsHint);
     const std::string facts = fmt::format(
         "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
         "structure's view is "
@@ -562,12 +562,12 @@ class Calibration {
         100 * agreement.see_through_share());
     if (SeesSides(i) && (seen || agreement.inlier_share() > 0.3)) {
       return Fail(
-          i, "inconsistent",
+          i, SensorCode::kInconsistent,
           "the sides that were found do not fit the structure together: " + facts,
           "check that the boxes are stacked as the structure file says, and the intrinsics and "
           "depth_scale");
     }
-    Fail(i, "no_structure", "what looks like sides is not the structure: " + facts,
+    Fail(i, SensorCode::kNoStructure, "what looks like sides is not the structure: " + facts,
          "turn the sensor so that it sees most of the structure, from 1.5 to 3.5 m");
   }
 
@@ -612,9 +612,9 @@ class Calibration {
           sensor.refinement_accepted ? refined.sensors[j].structure_from_sensor : sensor.initial;
       sensor.covariance = refined.sensors[j].covariance;
       sensor.depth_offset_m = refined.sensors[j].depth_offset;
-      sensor.depth_scale = refined.sensors[j].depth_scale;
+      sensor.depth_gain = refined.sensors[j].depth_gain;
       sensor.sigma_depth_offset_m = refined.sensors[j].sigma_depth_offset;
-      sensor.sigma_depth_scale = refined.sensors[j].sigma_depth_scale;
+      sensor.sigma_depth_gain = refined.sensors[j].sigma_depth_gain;
     }
     for (const RefinedPair& pair : refined.pairs) {
       result_.pairs.push_back({frames_[index[static_cast<std::size_t>(pair.a)]].name,
@@ -631,7 +631,7 @@ class Calibration {
     for (std::size_t i = 0; i < frames_.size(); ++i) {
       if (!work_[i].placed) continue;
       const SensorResult& sensor = result_.sensors[i];
-      const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
+      const SensorView view = Corrected(work_[i].view, sensor.depth_gain, sensor.depth_offset_m);
       for (int v = 0; v < view.height(); ++v) {
         for (int u = 0; u < view.width(); ++u) {
           if (sensor.segmentation.labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
@@ -653,7 +653,7 @@ class Calibration {
   /// Residuals, errors and status of a placed sensor.
   void Judge(std::size_t i) {
     SensorResult& sensor = result_.sensors[i];
-    const SensorView view = Corrected(work_[i].view, sensor.depth_scale, sensor.depth_offset_m);
+    const SensorView view = Corrected(work_[i].view, sensor.depth_gain, sensor.depth_offset_m);
     const Pose& pose = *sensor.structure_from_sensor;
     const SurfaceFit fit = FitToSurface(view, sensor.segmentation.labels, result_.built, pose);
     sensor.points = fit.points;
@@ -670,15 +670,15 @@ class Calibration {
     const double sigma_deg = sensor.sigma_rotation_deg().maxCoeff();
     sensor.status = SensorStatus::kWeak;
     if (!work_[i].same_depth_as.empty()) {
-      sensor.code = "duplicate_depth";
+      sensor.code = SensorCode::kDuplicateDepth;
       sensor.reason = fmt::format("{} has the same depth map", work_[i].same_depth_as);
       sensor.hint = "check which of the two it belongs to";
     } else if (work_[i].better_intrinsics) {
-      sensor.code = "intrinsics_suspect";
+      sensor.code = SensorCode::kIntrinsicsSuspect;
       sensor.reason = IntrinsicsReason(i);
       sensor.hint = kIntrinsicsHint;
     } else if (!work_[i].other_pose.empty()) {
-      sensor.code = "ambiguous";
+      sensor.code = SensorCode::kAmbiguous;
       sensor.reason = fmt::format(
           "its view fits the structure about as well {}, and shows no floor that would tell",
           work_[i].other_pose);
@@ -686,18 +686,18 @@ class Calibration {
                         ? "let it see the floor under the structure, or give its quarter_turns"
                         : "let it see the floor under the structure";
     } else if (sensor.inlier_share < limits.weak_inlier_share) {
-      sensor.code = "few_inliers";
+      sensor.code = SensorCode::kFewInliers;
       sensor.reason =
           fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
                       100 * sensor.inlier_share);
       sensor.hint = "look at pictures/ for what else was labelled, and clear it away";
     } else if (sensor.rms_to_structure_m > limits.weak_rms_m) {
-      sensor.code = "large_residual";
+      sensor.code = SensorCode::kLargeResidual;
       sensor.reason = fmt::format("points are {:.1f} mm RMS off the structure",
                                   1000 * sensor.rms_to_structure_m);
       sensor.hint = "check the boxes' dimensions and placement, the intrinsics and the depth_scale";
     } else if (sensor.label_iou < limits.weak_label_iou) {
-      sensor.code = "labels_disagree";
+      sensor.code = SensorCode::kLabelsDisagree;
       sensor.reason =
           fmt::format("labels as predicted and as seen from the pose overlap by {:.0f} %",
                       100 * sensor.label_iou);
@@ -705,7 +705,7 @@ class Calibration {
           "look at pictures/: something may hide the structure, or the sensor be too near or far";
     } else if (!(sigma_m <= limits.weak_sigma_translation_m) ||
                !(sigma_deg <= limits.weak_sigma_rotation_deg)) {
-      sensor.code = "uncertain";
+      sensor.code = SensorCode::kUncertain;
       sensor.reason = fmt::format("the pose is known to {:.1f} mm and {:.2f} deg only",
                                   1000 * sigma_m, sigma_deg);
       sensor.hint = "let it see more sides, or more of what its neighbours see";
@@ -725,7 +725,7 @@ class Calibration {
             ComparePoses(*sensor.structure_from_sensor, *result_.sensors[j].structure_from_sensor);
         if (gap.translation_m > kPlace || gap.rotation_deg > kDirectionDeg) continue;
         sensor.status = SensorStatus::kWeak;
-        sensor.code = "same_pose";
+        sensor.code = SensorCode::kSamePose;
         sensor.reason = fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
                                     frames_[j].name, 1000 * gap.translation_m, gap.rotation_deg);
         sensor.hint = "check the sensors' depth files: one sensor seems to be given twice";
@@ -743,18 +743,6 @@ class Calibration {
 };
 
 }  // namespace
-
-const char* ToString(SensorStatus status) {
-  switch (status) {
-    case SensorStatus::kOk:
-      return "ok";
-    case SensorStatus::kWeak:
-      return "weak";
-    case SensorStatus::kFailed:
-      break;
-  }
-  return "failed";
-}
 
 Eigen::Vector3d SensorResult::sigma_rotation_deg() const {
   return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;

@@ -9,12 +9,13 @@
 #include "core/metrics.h"
 #include "core/pose.h"
 #include "core/structure.h"
-#include "infer/agreement.h"
-#include "infer/assembly.h"
-#include "infer/capture.h"
-#include "infer/initial_pose.h"
-#include "infer/refine.h"
-#include "infer/segmenter.h"
+#include "infer/checks/assembly.h"
+#include "infer/checks/outcome.h"
+#include "infer/pose/agreement.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/refine/refine.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_frame.h"
 
 namespace volalign {
 
@@ -90,19 +91,12 @@ struct CalibrateOptions {
   }
 };
 
-enum class SensorStatus { kOk, kWeak, kFailed };
-const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
-
 /// One sensor's outcome (design section 9). Failed: code, reason and hint, no pose. Weak: a pose,
 /// and what to be wary of.
 struct SensorResult {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
-  /// Failed: no_depth, wrong_units, duplicate_depth, no_structure, degenerate_sides,
-  /// intrinsics_suspect, inconsistent, and the Arrangement's codes. Weak: duplicate_depth,
-  /// same_pose, intrinsics_suspect, ambiguous, few_inliers, large_residual, labels_disagree,
-  /// uncertain.
-  std::string code;
+  SensorCode code = SensorCode::kNone;
   std::string reason;  ///< a sentence
   std::string hint;    ///< what to do about it
 
@@ -118,10 +112,10 @@ struct SensorResult {
   double label_iou = 0;        ///< Agreement::score
   double explained_share = 0;  ///< of the pixels that would show the structure, on it
   Matrix6d covariance = Matrix6d::Zero();
-  /// True depth = measured depth * depth_scale + depth_offset_m; 1 and 0 where the capture does not
+  /// True depth = measured depth * depth_gain + depth_offset_m; 1 and 0 where the capture does not
   /// tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
-  double depth_offset_m = 0, depth_scale = 1;
-  double sigma_depth_offset_m = 0, sigma_depth_scale = 0;
+  double depth_offset_m = 0, depth_gain = 1;
+  double sigma_depth_offset_m = 0, sigma_depth_gain = 0;
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;

@@ -19,9 +19,9 @@
 #include "core/structure.h"
 #include "core/structure_gltf.h"
 #include "infer/calibrate.h"
-#include "infer/capture.h"
-#include "infer/export.h"
-#include "infer/segmenter.h"
+#include "infer/io/capture.h"
+#include "infer/io/export.h"
+#include "infer/view/segmenter.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
 #include "render/rig.h"
@@ -115,7 +115,7 @@ TEST_F(EndToEnd, ARoomWithoutTheStructureFails) {
     const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
     EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed) << "seed " << seed << "\n"
                                                                << FormatReport(result);
-    EXPECT_FALSE(result.sensors[0].code.empty());
+    EXPECT_NE(result.sensors[0].code, SensorCode::kNone);
     EXPECT_FALSE(result.sensors[0].reason.empty());
     EXPECT_FALSE(result.sensors[0].hint.empty());
   }
@@ -187,7 +187,7 @@ TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
   frames[1].intrinsics.fx *= 1.15;
   frames[1].intrinsics.fy *= 1.15;
   const CalibrationResult result = CalibrateFrames(frames);
-  EXPECT_EQ(result.sensors[1].code, "intrinsics_suspect") << FormatReport(result);
+  EXPECT_EQ(result.sensors[1].code, SensorCode::kIntrinsicsSuspect) << FormatReport(result);
   for (const std::size_t i : {0u, 2u}) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << FormatReport(result);
   }

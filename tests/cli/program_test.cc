@@ -14,7 +14,7 @@
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
-#include "infer/extrinsics.h"
+#include "infer/io/extrinsics.h"
 
 namespace volalign {
 namespace {

@@ -52,7 +52,7 @@ TEST(Calibrate, NoiseFreeRingOfEightIsExact) {
     EXPECT_GT(sensor.inlier_share, 0.999);
     EXPECT_GT(sensor.label_iou, 0.98);
     EXPECT_GE(sensor.sides.size(), 5u);
-    EXPECT_TRUE(sensor.code.empty());
+    EXPECT_EQ(sensor.code, SensorCode::kNone);
     EXPECT_GT(sensor.sigma_translation_m().minCoeff(), 0);
   }
   ASSERT_TRUE(result.metrics.has_value());
@@ -105,7 +105,7 @@ TEST(Calibrate, ASensorThatCannotBePlacedLeavesTheOthersAlone) {
   const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
   EXPECT_EQ(result.placed(), 2);
   EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
-  const std::vector<std::string> codes = {"", "no_depth", "degenerate_sides", "no_structure", ""};
+  const std::vector<std::string> codes = {"", SensorCode::kNoDepth, SensorCode::kDegenerateSides, SensorCode::kNoStructure, ""};
   for (std::size_t i = 0; i < 5; ++i) {
     const SensorResult& sensor = result.sensors[i];
     EXPECT_EQ(sensor.code, codes[i]) << sensor.name << ": " << sensor.reason;
@@ -168,7 +168,7 @@ TEST(Calibrate, DegenerateSetsOfSidesAreRecognised) {
     });
     StoredSegmenter segmenter = rig.PerfectSegmenter();
     const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
-    EXPECT_EQ(result.sensors[0].code, "degenerate_sides")
+    EXPECT_EQ(result.sensors[0].code, SensorCode::kDegenerateSides)
         << set[0] << ": " << result.sensors[0].reason;
     EXPECT_FALSE(result.metrics.has_value());
   }
@@ -191,7 +191,7 @@ TEST(Calibrate, AStackBuiltOtherwiseIsInconsistent) {
   StoredSegmenter segmenter = rig.PerfectSegmenter();
   const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed);
-  EXPECT_EQ(result.sensors[0].code, "inconsistent") << result.sensors[0].reason;
+  EXPECT_EQ(result.sensors[0].code, SensorCode::kInconsistent) << result.sensors[0].reason;
 }
 
 /// A room with boxes like the structure's, and a network that takes their faces for sides of the
@@ -258,9 +258,9 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
     EXPECT_EQ(sensor.status, SensorStatus::kFailed)
         << sensor.name << ": explained " << sensor.explained_share << ", label IoU "
         << sensor.label_iou << ", inliers " << sensor.inlier_share;
-    EXPECT_TRUE(sensor.code == "no_structure" || sensor.code == "inconsistent" ||
-                sensor.code == "degenerate_sides")
-        << sensor.code;
+    EXPECT_TRUE(sensor.code == SensorCode::kNoStructure || sensor.code == SensorCode::kInconsistent ||
+                sensor.code == SensorCode::kDegenerateSides)
+        << ToString(sensor.code);
   }
 }
 
@@ -351,7 +351,7 @@ TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
              side.name == "bottom/right";
     });
     const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
-    ExpectFailed(result.sensors[3], "degenerate_sides", {"sides"});
+    ExpectFailed(result.sensors[3], SensorCode::kDegenerateSides, {"sides"});
     const std::string& hint = result.sensors[3].hint;
     EXPECT_NE(hint.find(right ? "turn the sensor to the right" : "turn the sensor to the left"),
               std::string::npos)
@@ -371,7 +371,7 @@ TEST(FailureClasses, WrongUnits) {
       if (frame->name != "S1") return;
       for (float& z : frame->depth) z *= c.factor;
     });
-    ExpectFailed(result.sensors[1], "wrong_units", {c.text});
+    ExpectFailed(result.sensors[1], SensorCode::kWrongUnits, {c.text});
     EXPECT_EQ(result.placed(), 2);
   }
 }
@@ -383,7 +383,7 @@ TEST(FailureClasses, WrongFocalLength) {
       frame->intrinsics.fx *= factor;
       frame->intrinsics.fy *= factor;
     });
-    ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with fx = "});
+    ExpectFailed(result.sensors[1], SensorCode::kIntrinsicsSuspect, {"better with fx = "});
     const std::string& reason = result.sensors[1].reason;
     const double fx = std::stod(reason.substr(reason.find("fx = ") + 5));
     EXPECT_NEAR(fx, 252.2, 0.02 * 252.2) << reason;
@@ -405,7 +405,7 @@ TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
   const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame* frame) {
     if (frame->name == "S1") std::swap(frame->intrinsics.cx, frame->intrinsics.cy);
   });
-  ExpectFailed(result.sensors[1], "intrinsics_suspect", {"better with cx = 159.3, cy = 88.0"});
+  ExpectFailed(result.sensors[1], SensorCode::kIntrinsicsSuspect, {"better with cx = 159.3, cy = 88.0"});
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
 }
 
@@ -423,7 +423,7 @@ TEST(FailureClasses, EmptyDepth) {
   const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
     if (frame->name == "S1") std::fill(frame->depth.begin(), frame->depth.end(), 0.0f);
   });
-  ExpectFailed(result.sensors[1], "no_depth", {"0.0 %"});
+  ExpectFailed(result.sensors[1], SensorCode::kNoDepth, {"0.0 %"});
   EXPECT_EQ(result.placed(), 2);
 }
 
@@ -433,9 +433,9 @@ TEST(FailureClasses, ASensorTwice) {
   rig.frames[1].depth = rig.frames[0].depth;
   rig.labels[1] = rig.labels[0];
   CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
-  ExpectFailed(result.sensors[1], "duplicate_depth", {"S0"});
+  ExpectFailed(result.sensors[1], SensorCode::kDuplicateDepth, {"S0"});
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kWeak);
-  EXPECT_EQ(result.sensors[0].code, "duplicate_depth");
+  EXPECT_EQ(result.sensors[0].code, SensorCode::kDuplicateDepth);
   EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
 
   AddNoise(&rig.frames[1].depth, 0.001, 1);
@@ -443,7 +443,7 @@ TEST(FailureClasses, ASensorTwice) {
   for (int i = 0; i < 2; ++i) {
     const SensorResult& sensor = result.sensors[static_cast<std::size_t>(i)];
     EXPECT_EQ(sensor.status, SensorStatus::kWeak);
-    EXPECT_EQ(sensor.code, "same_pose");
+    EXPECT_EQ(sensor.code, SensorCode::kSamePose);
     EXPECT_NE(sensor.reason.find(i == 0 ? "S1" : "S0"), std::string::npos) << sensor.reason;
     EXPECT_TRUE(sensor.structure_from_sensor.has_value());
   }
@@ -463,7 +463,7 @@ TEST(FailureClasses, AMirroredStack) {
   ASSERT_TRUE(result.assembly.has_value());
   EXPECT_TRUE(result.assembly->altered());
   for (const SensorResult& sensor : result.sensors)
-    ExpectFailed(sensor, "assembly_mirrored", {"the stack is mirrored"});
+    ExpectFailed(sensor, SensorCode::kAssemblyMirrored, {"the stack is mirrored"});
   EXPECT_EQ(result.placed(), 0);
 }
 

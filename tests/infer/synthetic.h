@@ -14,9 +14,9 @@
 #include "core/random.h"
 #include "core/structure.h"
 #include "core/visibility.h"
-#include "infer/camera_rays.h"
-#include "infer/capture.h"
-#include "infer/segmenter.h"
+#include "infer/io/capture.h"
+#include "infer/view/camera_rays.h"
+#include "infer/view/segmenter.h"
 
 namespace volalign::testing_infer {
 

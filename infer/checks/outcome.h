@@ -1,0 +1,35 @@
+#pragma once
+
+namespace volalign {
+
+enum class SensorStatus { kOk, kWeak, kFailed };
+const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
+
+/// Why a sensor is failed or weak.
+enum class SensorCode {
+  kNone,  ///< of a sensor that is ok
+  // Failed: the sensor has no pose.
+  kNoDepth,
+  kWrongUnits,
+  kNoStructure,
+  kDegenerateSides,
+  kInconsistent,
+  kAssemblyMirrored,
+  kAssemblyTurned,
+  kAssemblySwapped,
+  kAssemblyMissing,
+  // Failed or weak.
+  kDuplicateDepth,
+  kIntrinsicsSuspect,
+  // Weak: the sensor has a pose that is to be used with care.
+  kSamePose,
+  kAmbiguous,
+  kFewInliers,
+  kLargeResidual,
+  kLabelsDisagree,
+  kUncertain
+};
+/// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
+const char* ToString(SensorCode code);
+
+}  // namespace volalign

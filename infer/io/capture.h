@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "infer/view/sensor_frame.h"
+
+namespace volalign {
+
+/// A capture.json (design section 9) with its images.
+struct Capture {
+  std::filesystem::path path;
+  std::vector<SensorFrame> sensors;
+  std::optional<std::filesystem::path>
+      structure;  ///< relative paths resolved against the JSON's folder
+};
+
+inline constexpr char kCaptureFormat[] = "volalign.capture/1";
+
+/// Reads capture.json and its depth files. A list of depth files is one still: each pixel becomes
+/// the (lower) median of its non-zero values, so that no value is invented between foreground and
+/// background. Throws IoError for a missing file, and DataError in one line naming file, sensor and
+/// way out for bad JSON, unknown or duplicate keys, null, duplicate sensor names, another format,
+/// bad images, or sizes that differ from the intrinsics'.
+Capture ReadCapture(const std::filesystem::path& path);
+
+}  // namespace volalign

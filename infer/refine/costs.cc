@@ -1,0 +1,177 @@
+#include "infer/refine/costs.h"
+
+#include <algorithm>
+
+namespace volalign::refine_internal {
+
+namespace {
+
+using Row7 = Eigen::Matrix<double, 1, 7>;
+
+/// Derivative of a . (R p + t).
+Row7 DotJacobian(const double* pose, const Eigen::Vector3d& p, const Eigen::Vector3d& a) {
+  Row7 row;
+  row.head<4>() = a.transpose() * RotatedPointJacobian(pose, p);
+  row.tail<3>() = a.transpose();
+  return row;
+}
+
+Eigen::Vector3d Shifted(const Eigen::Vector3d& p, double offset) {
+  return p * (1 + offset / p.z());
+}
+
+/// R v, without the translation.
+Eigen::Vector3d Rotate(const double* pose, const Eigen::Vector3d& v) {
+  const Eigen::Vector3d u(pose[0], pose[1], pose[2]);
+  const Eigen::Vector3d cross = 2 * u.cross(v);
+  return v + pose[3] * cross + u.cross(cross);
+}
+
+Eigen::Vector3d Transform(const double* pose, const Eigen::Vector3d& p) {
+  return Rotate(pose, p) + Eigen::Vector3d(pose[4], pose[5], pose[6]);
+}
+
+/// x - clamp(x, -half, half), and whether it is outside.
+double Excess(double x, double half) { return x - std::clamp(x, -half, half); }
+
+}  // namespace
+
+bool LeftPoseManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  const Vector6d step = Eigen::Map<const Vector6d>(delta);
+  const Eigen::Vector3d w = step.tail<3>();
+  const double angle = w.norm();
+  Eigen::Quaterniond turn;
+  if (angle > 1e-12) {
+    turn = Eigen::AngleAxisd(angle, w / angle);
+  } else {
+    turn = Eigen::Quaterniond(1, w.x() / 2, w.y() / 2, w.z() / 2);
+  }
+  const Eigen::Vector3d t(x[4], x[5], x[6]);
+  const Eigen::Quaterniond q = (turn * Eigen::Quaterniond(x)).normalized();
+  Eigen::Map<Eigen::Vector4d> out(x_plus_delta);
+  out = q.coeffs();
+  Eigen::Map<Eigen::Vector3d>(x_plus_delta + 4) = turn * t + step.head<3>();
+  return true;
+}
+
+bool LeftPoseManifold::PlusJacobian(const double* x, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>> j(jacobian);
+  const Eigen::Vector3d u(x[0], x[1], x[2]), t(x[4], x[5], x[6]);
+  j.setZero();
+  j.block<3, 3>(0, 3) = 0.5 * (x[3] * Eigen::Matrix3d::Identity() - Cross(u));
+  j.block<1, 3>(3, 3) = -0.5 * u.transpose();
+  j.block<3, 3>(4, 0).setIdentity();
+  j.block<3, 3>(4, 3) = -Cross(t);
+  return true;
+}
+
+bool LeftPoseManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  const Eigen::Quaterniond turn = Eigen::Quaterniond(y) * Eigen::Quaterniond(x).conjugate();
+  const Eigen::Matrix3d rotation = turn.normalized().toRotationMatrix();
+  const Eigen::Vector3d tx(x[4], x[5], x[6]), ty(y[4], y[5], y[6]);
+  Eigen::Map<Vector6d> out(y_minus_x);
+  out.tail<3>() = RotationLog(rotation);
+  out.head<3>() = ty - rotation * tx;
+  return true;
+}
+
+bool LeftPoseManifold::MinusJacobian(const double* x, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobian);
+  const Eigen::Vector3d u(x[0], x[1], x[2]), t(x[4], x[5], x[6]);
+  Eigen::Matrix<double, 3, 4> turn;
+  turn.leftCols<3>() = 2 * (x[3] * Eigen::Matrix3d::Identity() + Cross(u));
+  turn.col(3) = -2 * u;
+  j.setZero();
+  j.block<3, 4>(0, 0) = Cross(t) * turn;
+  j.block<3, 3>(0, 4).setIdentity();
+  j.block<3, 4>(3, 0) = turn;
+  return true;
+}
+
+bool SideCost::Evaluate(double const* const* parameters, double* residuals,
+                        double** jacobians) const {
+  const double* pose = parameters[0];
+  const Eigen::Vector3d p = Shifted(p_, parameters[1][0]);
+  const Eigen::Vector3d d = Transform(pose, p) - side_->centre;
+  const double eu = Excess(side_->axis_u.dot(d), side_->half_u);
+  const double ev = Excess(side_->axis_v.dot(d), side_->half_v);
+  residuals[0] = weight_ * eu;
+  residuals[1] = weight_ * ev;
+  residuals[2] = weight_ * side_->normal.dot(d);
+  if (jacobians && jacobians[0]) {
+    Eigen::Map<Eigen::Matrix<double, 3, 7, Eigen::RowMajor>> j(jacobians[0]);
+    j.setZero();
+    if (eu != 0) j.row(0) = weight_ * DotJacobian(pose, p, side_->axis_u);
+    if (ev != 0) j.row(1) = weight_ * DotJacobian(pose, p, side_->axis_v);
+    j.row(2) = weight_ * DotJacobian(pose, p, side_->normal);
+  }
+  if (jacobians && jacobians[1]) {
+    const Eigen::Vector3d along = weight_ * Rotate(pose, p_ / p_.z());
+    jacobians[1][0] = eu != 0 ? side_->axis_u.dot(along) : 0;
+    jacobians[1][1] = ev != 0 ? side_->axis_v.dot(along) : 0;
+    jacobians[1][2] = side_->normal.dot(along);
+  }
+  return true;
+}
+
+bool LineCost::Evaluate(double const* const* parameters, double* residuals,
+                        double** jacobians) const {
+  const double* pose = parameters[0];
+  const Eigen::Vector3d p = Shifted(p_, parameters[1][0]);
+  residuals[0] = weight_ * (direction_.dot(Transform(pose, p)) - offset_);
+  if (jacobians && jacobians[0]) {
+    Eigen::Map<Row7> j(jacobians[0]);
+    j = weight_ * DotJacobian(pose, p, direction_);
+  }
+  if (jacobians && jacobians[1]) {
+    jacobians[1][0] = weight_ * direction_.dot(Rotate(pose, p_ / p_.z()));
+  }
+  return true;
+}
+
+bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,
+                           double** jacobians) const {
+  const double *a = parameters[0], *b = parameters[1];
+  const Eigen::Vector3d p = Shifted(p_, parameters[2][0]), q = Shifted(q_, parameters[3][0]);
+  const Eigen::Vector3d from_b = Transform(a, p) - Eigen::Vector3d(b[4], b[5], b[6]);
+  const Eigen::Vector3d normal = Rotate(b, n_);
+  residuals[0] = weight_ * (normal.dot(from_b) - n_.dot(q));
+  if (!jacobians) return true;
+  if (jacobians[0]) {
+    Eigen::Map<Row7> j(jacobians[0]);
+    j = weight_ * DotJacobian(a, p, normal);
+  }
+  if (jacobians[1]) {
+    Eigen::Map<Row7> j(jacobians[1]);
+    j.head<4>() = weight_ * from_b.transpose() * RotatedPointJacobian(b, n_);
+    j.tail<3>() = -weight_ * normal.transpose();
+  }
+  if (jacobians[2]) jacobians[2][0] = weight_ * normal.dot(Rotate(a, p_ / p_.z()));
+  if (jacobians[3]) jacobians[3][0] = -weight_ * n_.dot(q_) / q_.z();
+  return true;
+}
+
+bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
+                             double** jacobians) const {
+  const double* pose = parameters[0];
+  const Eigen::Vector3d u(pose[0], pose[1], pose[2]);
+  const Eigen::Vector3d u0(prior_.values[0], prior_.values[1], prior_.values[2]);
+  const double w0 = prior_.values[3];
+  const Eigen::Vector3d turn = -pose[3] * u0 + w0 * u + u0.cross(u);
+  Eigen::Map<Vector6d> r(residuals);
+  const Eigen::Quaterniond q(pose);
+  r.head<3>() =
+      (q.normalized() * origin_ + Eigen::Vector3d(pose[4], pose[5], pose[6])) / sigma_translation_;
+  r.tail<3>() = 2 * turn / sigma_rotation_;
+  if (jacobians && jacobians[0]) {
+    Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobians[0]);
+    j.setZero();
+    j.block<3, 4>(0, 0) = RotatedPointJacobian(pose, origin_) / sigma_translation_;
+    j.block<3, 3>(0, 4) = Eigen::Matrix3d::Identity() / sigma_translation_;
+    j.block<3, 3>(3, 0) = 2 / sigma_rotation_ * (w0 * Eigen::Matrix3d::Identity() + Cross(u0));
+    j.block<3, 1>(3, 3) = -2 / sigma_rotation_ * u0;
+  }
+  return true;
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+#include "core/pose.h"
+
+namespace volalign {
+
+/// quarter_turns of a sensor whose mounting is to be found.
+inline constexpr int kAutoTurns = -1;
+
+/// One sensor's still frame in memory: all that calibration needs.
+struct SensorFrame {
+  std::string name;
+  DepthImage depth;  ///< m, 0 where nothing was measured
+  Intrinsics intrinsics;
+  /// Clockwise quarter turns that bring the image into the network's training orientation, or
+  /// kAutoTurns.
+  int quarter_turns = kAutoTurns;
+  std::optional<Pose> ground_truth;  ///< structure_from_sensor
+
+  // Carried into extrinsics.json, not used.
+  std::vector<std::string> depth_files;  ///< as the capture names them
+  double depth_scale = 0.001;            ///< m per unit of the depth files
+  std::string serial;
+};
+
+}  // namespace volalign

@@ -1,0 +1,154 @@
+// Stacks whose boxes were moved by hand here, ray-cast from several sides. Labels are those of a
+// network that knows the described stack: a side is named by the direction that it faces.
+
+#include "infer/checks/assembly.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::Coarse;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::Render;
+using testing_infer::RingPose;
+
+/// Footprint of a box, mm, in its place from the floor.
+struct Footprint {
+  double x0, x1, z0, z1;
+};
+constexpr Footprint kBottom{-280, 275, -165, 165}, kMidBottom{-280, 50, -390, 165},
+    kMidTop{-505, 50, -165, 165}, kTop{-280, 50, -165, 390};
+
+/// The paper's boxes on other footprints, 405 mm each; a box without area is missing.
+Structure Stack(const std::vector<Footprint>& footprints) {
+  const Structure described = PaperStructure();
+  std::vector<Box> boxes;
+  double y = -0.81;
+  for (std::size_t i = 0; i < footprints.size(); ++i) {
+    const Footprint& f = footprints[i];
+    const bool missing = f.x0 == f.x1;
+    const Eigen::Vector3d min(f.x0 / 1000, y, f.z0 / 1000);
+    const Eigen::Vector3d max(f.x1 / 1000, y + 0.405, f.z1 / 1000);
+    if (!missing) y += 0.405;
+    // Out of every view, so that labels keep their numbers.
+    const Eigen::Vector3d far(0, 50, 0), speck(0.001, 0.001, 0.001);
+    boxes.push_back(missing ? Box::FromMinMax(described.boxes()[i].name, far, far + speck)
+                            : Box::FromMinMax(described.boxes()[i].name, min, max));
+  }
+  return Structure::FromBoxes("built", boxes, described.SideNames());
+}
+
+AssemblyReport Inspect(const Structure& built, const std::vector<double>& angles) {
+  const Structure described = PaperStructure();
+  std::vector<SensorView> views;
+  std::vector<SegmentationResult> segmentations;
+  std::vector<InitialPose> initial;
+  for (const double phi : angles) {
+    const auto rendered = Render(built, Kinect(), RingPose(phi, 2.1), {true, 3.5});
+    views.push_back(MakeSensorView(rendered.depth, Kinect()));
+    segmentations.push_back(Certain(rendered.labels));
+    initial.push_back(
+        EstimateInitialPose(views.back(), segmentations.back(), described, InitialPoseOptions()));
+  }
+  std::vector<AssemblySensor> sensors;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    sensors.push_back({&views[i], &segmentations[i], &initial[i]});
+  return InspectAssembly(sensors, described, {}, {}, 2);
+}
+
+struct Case {
+  Structure built;
+  std::string code, sentence;
+};
+
+TEST(Assembly, NamesWhatIsBuiltWrongly) {
+  const Footprint none{0, 0, 0, 0};
+  const std::vector<Case> cases = {
+      {Stack({kBottom, kMidBottom, kMidTop, kTop}), "", "the boxes stand as described"},
+      // The overhang of mid_bottom on the other side, that of mid_top over +z, of bottom over -z.
+      {Stack({kBottom, {-280, 50, -165, 390}, kMidTop, kTop}), SensorCode::kAssemblyTurned,
+       "box mid_bottom is turned by 180 deg"},
+      {Stack({kBottom, kMidBottom, {-280, 50, -390, 165}, kTop}), SensorCode::kAssemblyTurned,
+       "box mid_top is turned by 90 deg"},
+      {Stack({{-280, 50, -390, 165}, kMidBottom, kMidTop, kTop}), SensorCode::kAssemblyTurned,
+       "box bottom is turned by 270 deg"},
+      {Stack({kBottom, kMidBottom, kTop, kMidTop}), SensorCode::kAssemblySwapped,
+       "boxes mid_top and top are swapped"},
+      {Stack({kBottom, {-280, 50, -165, 390}, kMidTop, {-280, 50, -390, 165}}), SensorCode::kAssemblyMirrored,
+       "the stack is mirrored"},
+      {Stack({kBottom, kMidBottom, none, kTop}), SensorCode::kAssemblyMissing, "box mid_top is missing"},
+      // The spiral without its highest box is the one without its lowest, a quarter turn further.
+      {Stack({kBottom, kMidBottom, kMidTop, none}), SensorCode::kAssemblyMissing,
+       "box top is missing or box bottom is missing"},
+  };
+  for (const Case& c : cases) {
+    const AssemblyReport report = Inspect(c.built, {20, 140, 260});
+    EXPECT_EQ(report.arrangement.code, c.code) << c.sentence;
+    EXPECT_EQ(report.arrangement.sentence, c.sentence)
+        << report.described_overlap << " " << report.overlap;
+    EXPECT_EQ(report.altered(), c.code != SensorCode::kNone);
+    EXPECT_GT(report.overlap, 0.95) << c.sentence;
+    if (report.altered()) {
+      EXPECT_LT(report.described_overlap, 0.9) << c.sentence;
+    }
+  }
+}
+
+TEST(Assembly, ATurnOrExchangeThatChangesNothingIsInNoList) {
+  const Structure structure = PaperStructure();
+  const std::vector<Arrangement> list = Arrangements(structure);
+  ASSERT_FALSE(list.empty());
+  EXPECT_TRUE(list.front().code == SensorCode::kNone);
+  std::set<std::string> sentences;
+  for (const Arrangement& arrangement : list) {
+    sentences.insert(arrangement.sentence);
+    EXPECT_EQ(arrangement.structure.SideNames(), structure.SideNames());
+    EXPECT_NEAR(arrangement.structure.FloorHeight(), structure.FloorHeight(), 1e-9)
+        << arrangement.sentence;
+  }
+  // Exchanging the two boxes that overhang along z is the mirror image.
+  EXPECT_EQ(sentences.count("boxes mid_bottom and top are swapped"), 0u);
+  EXPECT_EQ(sentences.count("the stack is mirrored"), 1u);
+
+  // Cubes in one column: a quarter turn, an exchange or a mirror image is the same column.
+  std::vector<Box> cubes;
+  for (int i = 0; i < 3; ++i) {
+    cubes.push_back(Box::FromMinMax("c" + std::to_string(i), Eigen::Vector3d(0, 0.4 * i, 0),
+                                    Eigen::Vector3d(0.4, 0.4 * i + 0.4, 0.4)));
+  }
+  for (const Arrangement& arrangement : Arrangements(Structure::FromBoxes("column", cubes)))
+    EXPECT_TRUE(arrangement.code == SensorCode::kNone || arrangement.code == SensorCode::kAssemblyMissing)
+        << arrangement.sentence;
+}
+
+TEST(MeasureOverlap, CountsPixels) {
+  // A face at 1 m that covers the left half of the view; what is measured there: the face, a hole,
+  // something in front and something behind. On the right, a label without a structure.
+  const Structure box = Structure::FromBoxes(
+      "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 1, 2))});
+  DepthImage depth(20, 10, 3.0f);
+  LabelImage labels(20, 10, 0);
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 0; u < 10; ++u) depth(u, v) = 1.01f;
+    depth(0, v) = 0;
+    depth(1, v) = 0.5f;
+    depth(2, v) = 1.5f;
+    labels(15, v) = 1;
+  }
+  const DepthOverlap overlap =
+      MeasureOverlap(MakeSensorView(depth, Coarse()), Certain(labels), box, Pose::Identity(), 0.5);
+  EXPECT_EQ(overlap.both, 70);
+  EXPECT_EQ(overlap.either, 90);
+}
+
+}  // namespace
+}  // namespace volalign

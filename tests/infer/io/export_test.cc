@@ -1,0 +1,321 @@
+#include "infer/io/export.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "core/image_io.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+using testing_infer::StoredSegmenter;
+
+/// Two sensors that are placed and one that is not, calibrated and written once.
+class ExportTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    rig_ = new Rig{PaperStructure(), {}, {}};
+    rig_->Add("left", RingPose(30));
+    rig_->Add("right", RingPose(75));
+    rig_->Add("blind", RingPose(200));
+    std::fill(rig_->frames[2].depth.begin(), rig_->frames[2].depth.end(), 0.0f);
+    rig_->frames[0].depth_files = {"left.pgm"};
+    rig_->frames[1].depth_files = {"right_0.pgm", "right_1.pgm"};
+    rig_->frames[1].serial = "0815";
+    rig_->frames[1].ground_truth.reset();
+    StoredSegmenter segmenter = rig_->PerfectSegmenter();
+    result_ = new CalibrationResult(Calibrate(rig_->frames, rig_->structure, segmenter));
+    folder_ = new TempFolder;
+    WriteCalibration(folder_->path(), *result_, rig_->frames, rig_->structure,
+                     {"capture.json", "model.pt", std::string(64, 'a')});
+  }
+  static void TearDownTestSuite() {
+    delete folder_;
+    delete result_;
+    delete rig_;
+  }
+
+  static Rig* rig_;
+  static CalibrationResult* result_;
+  static TempFolder* folder_;
+};
+Rig* ExportTest::rig_ = nullptr;
+CalibrationResult* ExportTest::result_ = nullptr;
+TempFolder* ExportTest::folder_ = nullptr;
+
+TEST_F(ExportTest, ExtrinsicsReadBack) {
+  const Extrinsics read = ReadExtrinsics(*folder_ / "extrinsics.json");
+  EXPECT_EQ(read.verdict, "failed");
+  EXPECT_EQ(read.capture, "capture.json");
+  EXPECT_EQ(read.model_file, "model.pt");
+  EXPECT_EQ(read.structure_sha256, rig_->structure.Hash());
+  EXPECT_NE(read.tool.find("volalign"), std::string::npos);
+  ASSERT_EQ(read.sensors.size(), 3u);
+  for (const Extrinsics::Sensor& sensor : read.sensors) {
+    const auto& from = *std::find_if(result_->sensors.begin(), result_->sensors.end(),
+                                     [&](const SensorResult& s) { return s.name == sensor.name; });
+    const auto& frame = rig_->frames[static_cast<std::size_t>(&from - result_->sensors.data())];
+    EXPECT_EQ(sensor.status, ToString(from.status));
+    EXPECT_EQ(sensor.code, ToString(from.code));
+    EXPECT_EQ(sensor.intrinsics, frame.intrinsics);
+    EXPECT_EQ(sensor.depth, frame.depth_files);
+    EXPECT_EQ(sensor.serial, frame.serial);
+    ASSERT_EQ(sensor.structure_from_sensor.has_value(), from.structure_from_sensor.has_value());
+    EXPECT_EQ(sensor.error.has_value(), sensor.name == "left");
+    if (!sensor.structure_from_sensor) continue;
+    EXPECT_TRUE(sensor.structure_from_sensor->isApprox(*from.structure_from_sensor, 1e-12));
+    EXPECT_TRUE(sensor.initial->isApprox(from.initial, 1e-12));
+    EXPECT_TRUE(sensor.covariance.isApprox(from.covariance, 1e-12));
+    EXPECT_EQ(sensor.sides, from.sides);
+    EXPECT_DOUBLE_EQ(sensor.rms_to_structure_m, from.rms_to_structure_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_offset_m, from.depth_offset_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_gain, from.depth_gain);
+    EXPECT_DOUBLE_EQ(sensor.sigma_depth_gain, from.sigma_depth_gain);
+    EXPECT_EQ(sensor.unconstrained, UnconstrainedDirections(from.covariance));
+  }
+  ASSERT_EQ(read.pairs.size(), 1u);
+  EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
+  EXPECT_DOUBLE_EQ(read.metrics->d2, result_->metrics->d2);
+  EXPECT_EQ(read.timings_s.size(), result_->timings_s.size());
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->code, "");
+  EXPECT_DOUBLE_EQ(read.assembly->overlap, result_->assembly->overlap);
+}
+
+TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
+  CalibrationResult result = *result_;
+  SensorResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const SensorResult& sensor) { return sensor.name == "left"; });
+  left.depth_gain = 1.004;
+  left.depth_offset_m = -0.003;
+  left.covariance(2, 2) = 0.25 * 0.25;
+  for (RefinedBox& box : result.boxes) box = {};
+  result.boxes[1] = {true, 0.004, -0.002, 0.01, 1e-3, 2e-3, 3e-3};
+  Pose moved = Pose::Identity();
+  moved.translation() = Eigen::Vector3d(0.004, 0, -0.002);
+  std::vector<Pose> offsets(result.boxes.size(), Pose::Identity());
+  offsets[1] = moved;
+  result.built = rig_->structure.Displaced(offsets);
+  result.size_estimated = true;
+  result.size_scale = 0.99;
+  result.sigma_size_scale = 0.002;
+  WriteExtrinsics(*folder_ / "built.json",
+                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "built.json");
+  ASSERT_EQ(read.boxes.size(), rig_->structure.boxes().size());
+  EXPECT_TRUE(read.boxes[1].estimated);
+  EXPECT_EQ(read.boxes[1].name, rig_->structure.boxes()[1].name);
+  EXPECT_TRUE(read.boxes[1].translation_m.isApprox(moved.translation(), 1e-9));
+  EXPECT_DOUBLE_EQ(read.boxes[1].yaw_deg, 0.01 * 180 / M_PI);
+  EXPECT_DOUBLE_EQ(read.boxes[1].sigma_z_m, 2e-3);
+  EXPECT_FALSE(read.boxes[0].estimated);
+  EXPECT_TRUE(read.size_estimated);
+  EXPECT_DOUBLE_EQ(read.size_scale, 0.99);
+  const Extrinsics::Sensor& back =
+      *std::find_if(read.sensors.begin(), read.sensors.end(),
+                    [](const Extrinsics::Sensor& sensor) { return sensor.name == "left"; });
+  EXPECT_DOUBLE_EQ(back.depth_gain, 1.004);
+  EXPECT_DOUBLE_EQ(back.depth_offset_m, -0.003);
+  EXPECT_EQ(back.unconstrained, std::vector<std::string>{"along structure z (0.25 m)"});
+  const std::string report = FormatReport(result);
+  EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
+            std::string::npos);
+  EXPECT_NE(report.find("boxes are 99.00 % of their nominal size"), std::string::npos);
+  EXPECT_NE(report.find("left is hardly constrained along structure z (0.25 m)"),
+            std::string::npos);
+}
+
+TEST_F(ExportTest, FilesFromBeforeEstimatesAreRead) {
+  auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
+  json.erase("boxes");
+  json.erase("size");
+  for (auto& sensor : json["sensors"]) {
+    for (const char* key : {"depth_gain", "sigma_depth_offset_m", "sigma_depth_gain"})
+      sensor.erase(key);
+  }
+  WriteFileAtomically(*folder_ / "old.json", json.dump());
+  const Extrinsics read = ReadExtrinsics(*folder_ / "old.json");
+  EXPECT_TRUE(read.boxes.empty());
+  EXPECT_EQ(read.size_scale, 1);
+  EXPECT_EQ(read.sensors[0].depth_gain, 1);
+}
+
+TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
+  CalibrationResult result = *result_;
+  Arrangement& found = result.assembly->arrangement;
+  found.code = SensorCode::kAssemblyTurned;
+  found.sentence = "box top is turned by 90 deg";
+  found.box = "top";
+  found.turn_deg = 90;
+  result.assembly->overlap = 0.98;
+  result.assembly->described_overlap = 0.8;
+  WriteExtrinsics(*folder_ / "altered.json",
+                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->code, SensorCode::kAssemblyTurned);
+  EXPECT_EQ(read.assembly->box, "top");
+  EXPECT_EQ(read.assembly->other_box, "");
+  EXPECT_EQ(read.assembly->turn_deg, 90);
+  EXPECT_DOUBLE_EQ(read.assembly->overlap, 0.98);
+  EXPECT_DOUBLE_EQ(read.assembly->described_overlap, 0.8);
+  EXPECT_NE(FormatReport(result).find("verdict: failed: box top is turned by 90 deg"),
+            std::string::npos);
+}
+
+TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
+  // Two placed sensors: left's row has the overlap in right's column, right's row the RMS in
+  // left's.
+  const std::string report = FormatReport(*result_);
+  const PairResult& pair = result_->pairs.at(0);
+  const std::string overlap = fmt::format("left       .  {:>5.0f}\n", 100 * pair.overlap);
+  const std::string rms = fmt::format("right  {:>5.1f}      .\n", 1000 * pair.rms_m);
+  EXPECT_NE(report.find(overlap + rms), std::string::npos) << report;
+}
+
+TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
+  // Read with a JSON library alone: row-major, structure from sensor, as design section 9 words it.
+  const auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
+  EXPECT_EQ(json["format"], "volalign.extrinsics/1");
+  EXPECT_EQ(json["convention"],
+            "structure_from_sensor, metres, row-major, sensor: x right y down z forward, "
+            "structure: y up");
+  const auto& rows = json["sensors"]["left"]["structure_from_sensor"];
+  const Pose truth = RingPose(30);
+  for (std::size_t i = 0; i < 3; ++i) {
+    // The sensor's own position is the last column.
+    EXPECT_NEAR(rows[i][3].get<double>(), truth.translation()[static_cast<Eigen::Index>(i)], 2e-3);
+    for (std::size_t j = 0; j < 3; ++j) {
+      EXPECT_NEAR(rows[i][j].get<double>(),
+                  truth(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), 2e-3);
+    }
+  }
+  EXPECT_EQ(rows[3], nlohmann::json({0.0, 0.0, 0.0, 1.0}));
+  const auto& blind = json["sensors"]["blind"];
+  EXPECT_EQ(blind["code"], SensorCode::kNoDepth);
+  EXPECT_FALSE(blind.contains("structure_from_sensor"));
+  EXPECT_EQ(json.dump().find("null"), std::string::npos);
+  EXPECT_TRUE(json["sensors"]["left"]["depth"].is_string());
+  EXPECT_TRUE(json["sensors"]["right"]["depth"].is_array());
+}
+
+TEST_F(ExportTest, ReadingIsStrict) {
+  const std::string text = ReadFile(*folder_ / "extrinsics.json");
+  const auto change = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    const std::size_t at = changed.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+    WriteFileAtomically(*folder_ / "changed.json", changed);
+    ExpectError<DataError>([&] { ReadExtrinsics(*folder_ / "changed.json"); }, {"changed.json"});
+  };
+  change("volalign.extrinsics/1", "volalign.extrinsics/2");
+  change("\"verdict\"", "\"verdikt\"");
+  change("row-major", "column-major");
+  change("\"status\": \"failed\"", "\"status\": \"ok\"");
+  Extrinsics bad = ReadExtrinsics(*folder_ / "extrinsics.json");
+  bad.sensors[1].rms_to_structure_m = std::nan("");
+  ExpectError<Error>([&] { WriteExtrinsics(*folder_ / "nan.json", bad); }, {"rms_to_structure_m"});
+  EXPECT_FALSE(std::filesystem::exists(*folder_ / "nan.json"));
+}
+
+TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const SensorResult& sensor = result_->sensors[i];
+    EXPECT_EQ(ReadPng8(folder_->path() / "labels" / (sensor.name + ".png")),
+              sensor.segmentation.labels);
+    const LabelImage confidence = ReadPng8(folder_->path() / "confidence" / (sensor.name + ".png"));
+    ASSERT_EQ(confidence.size(), sensor.segmentation.confidence.size());
+    for (std::size_t p = 0; p < confidence.size(); p += 97) {
+      EXPECT_NEAR(confidence[p] / 255.0, sensor.segmentation.confidence[p], 0.5 / 255 + 1e-6);
+    }
+    // Three panels, or two without a pose, of the portrait image.
+    const RgbImage picture = ReadPngRgb(folder_->path() / "pictures" / (sensor.name + ".png"));
+    EXPECT_GE(picture.width(), (sensor.structure_from_sensor ? 3 : 2) * 288);
+    EXPECT_GE(picture.height(), 320);
+  }
+  EXPECT_GT(ReadPngRgb(folder_->path() / "pictures" / "overview.png").height(), 3 * 320);
+}
+
+TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
+  const std::string bytes = ReadFile(folder_->path() / "clouds" / "left.ply");
+  const std::string end = "end_header\n";
+  const std::size_t start = bytes.find(end) + end.size();
+  std::istringstream header(bytes.substr(0, start));
+  std::string line, properties;
+  std::size_t count = 0;
+  while (std::getline(header, line)) {
+    if (line.rfind("element vertex ", 0) == 0) count = std::stoul(line.substr(15));
+    if (line.rfind("property ", 0) == 0) properties += line.substr(9) + ";";
+  }
+  EXPECT_EQ(properties,
+            "float x;float y;float z;uchar red;uchar green;uchar blue;uchar label;float "
+            "confidence;float residual;");
+  ASSERT_EQ(bytes.size(), start + 24 * count);
+  ASSERT_GT(count, 20000u);
+  const double floor = rig_->structure.FloorHeight();
+  int labelled = 0, on_floor = 0;
+  for (std::size_t i = 0; i < count; i += 13) {
+    const char* p = bytes.data() + start + 24 * i;
+    float xyz[3], confidence, residual;
+    std::memcpy(xyz, p, 12);
+    std::memcpy(&confidence, p + 16, 4);
+    std::memcpy(&residual, p + 20, 4);
+    const auto label = static_cast<std::uint8_t>(p[15]);
+    const Eigen::Vector3d point(xyz[0], xyz[1], xyz[2]);
+    EXPECT_LE(std::hypot(point.x(), point.z()), 3.001);
+    EXPECT_EQ(confidence, 1.0f);
+    if (label) {
+      const Side& side = rig_->structure.SideOfLabel(label);
+      EXPECT_LT(std::abs(side.normal.dot(point - side.centre)), 3e-3);
+      EXPECT_LT(residual, 4e-3);
+      ++labelled;
+    } else if (std::abs(point.y() - floor) < 5e-3) {
+      ++on_floor;
+    }
+  }
+  EXPECT_GT(labelled, 500);
+  EXPECT_GT(on_floor, 500);
+  const std::size_t merged = std::filesystem::file_size(folder_->path() / "clouds" / "merged.ply");
+  EXPECT_GT(
+      merged,
+      bytes.size() + std::filesystem::file_size(folder_->path() / "clouds" / "right.ply") - 1000);
+  EXPECT_FALSE(std::filesystem::exists(folder_->path() / "clouds" / "blind.ply"));
+}
+
+TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
+  const std::string report = FormatReport(*result_);
+  for (const std::string part :
+       {"left", "right", "blind", SensorCode::kNoDepth, "2 of 3 sensors placed", "verdict: failed", "d1"}) {
+    EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
+  }
+}
+
+TEST(UprightTurns, BringsTheStructureToItsFeet) {
+  // The turned image's upward direction must be the structure's: p_sensor = QuarterTurnPose(k) *
+  // p_turned.
+  for (const double roll : {0.0, 90.0, 180.0, 270.0, 95.0, -4.0}) {
+    const Pose pose = RingPose(40, 2, 0.4, roll);
+    const Pose turned = pose * QuarterTurnPose(UprightTurns(pose));
+    EXPECT_LT((turned.linear() * Eigen::Vector3d::UnitY()).y(), -0.9) << roll;
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,229 @@
+#include "infer/refine/costs.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <vector>
+
+#include "core/random.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
+  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
+}
+
+Pose RandomPose(RandomStream& random) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp(RandomVector(random, 1.5));
+  pose.translation() = RandomVector(random, 2);
+  return pose;
+}
+
+/// Jacobians by central differences, over PerturbLeft in a pose's tangent space and over a depth
+/// offset as it stands, against the cost's own (times PlusJacobian). Parameters: the poses, then
+/// the offsets.
+void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>& poses,
+                       const std::vector<double>& offsets, int rows) {
+  const auto evaluate = [&](const std::vector<Pose>& at, const std::vector<double>& shift,
+                            double** jacobians) {
+    std::vector<PoseBlock> blocks;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      blocks.emplace_back(at[i]);
+      // Of the two quaternions of a rotation, the one that the unmoved pose has.
+      const PoseBlock reference(poses[i]);
+      Eigen::Map<Eigen::Vector4d> q(blocks.back().values);
+      if (q.dot(Eigen::Map<const Eigen::Vector4d>(reference.values)) < 0) q = -q;
+    }
+    std::vector<const double*> parameters;
+    for (const PoseBlock& block : blocks) parameters.push_back(block.values);
+    for (const double& offset : shift) parameters.push_back(&offset);
+    Eigen::VectorXd residuals(rows);
+    EXPECT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), jacobians));
+    return residuals;
+  };
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<RowMajor> storage;
+  for (std::size_t i = 0; i < poses.size(); ++i) storage.emplace_back(rows, 7);
+  for (std::size_t i = 0; i < offsets.size(); ++i) storage.emplace_back(rows, 1);
+  std::vector<double*> jacobians;
+  for (RowMajor& s : storage) jacobians.push_back(s.data());
+  evaluate(poses, offsets, jacobians.data());
+
+  constexpr double kStep = 1e-6;
+  const auto expect_equal = [&](const Eigen::VectorXd& high, const Eigen::VectorXd& low,
+                                const Eigen::VectorXd& analytic, const char* what, int column) {
+    for (int row = 0; row < rows; ++row) {
+      const double numeric = (high[row] - low[row]) / (2 * kStep);
+      EXPECT_FALSE(!(std::abs(numeric - analytic[row]) <= 1e-5 * (1 + std::abs(numeric))))
+          << what << " row " << row << " column " << column << ": " << numeric << " against "
+          << analytic[row];
+    }
+  };
+  for (std::size_t b = 0; b < poses.size(); ++b) {
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    LeftPoseManifold().PlusJacobian(PoseBlock(poses[b]).values, plus.data());
+    const Eigen::MatrixXd analytic = storage[b] * plus;
+    for (int column = 0; column < 6; ++column) {
+      const Vector6d delta = kStep * Vector6d::Unit(column);
+      std::vector<Pose> high = poses, low = poses;
+      high[b] = PerturbLeft(delta, poses[b]);
+      low[b] = PerturbLeft(-delta, poses[b]);
+      expect_equal(evaluate(high, offsets, nullptr), evaluate(low, offsets, nullptr),
+                   analytic.col(column), "pose", column);
+    }
+  }
+  for (std::size_t b = 0; b < offsets.size(); ++b) {
+    std::vector<double> high = offsets, low = offsets;
+    high[b] += kStep;
+    low[b] -= kStep;
+    expect_equal(evaluate(poses, high, nullptr), evaluate(poses, low, nullptr),
+                 storage[poses.size() + b].col(0), "offset", static_cast<int>(b));
+  }
+}
+
+/// A point in front of a sensor, and what the offset makes of it: the same pixel, z + offset.
+Eigen::Vector3d RandomPoint(RandomStream& random) {
+  return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
+}
+Eigen::Vector3d WithOffset(const Eigen::Vector3d& p, double offset) {
+  const double z = p.z() + offset;
+  return {p.x() / p.z() * z, p.y() / p.z() * z, z};
+}
+
+Side RandomSide(RandomStream& random) {
+  const Pose pose = RandomPose(random);
+  Side side;
+  side.centre = pose.translation();
+  side.axis_u = pose.linear().col(0);
+  side.axis_v = pose.linear().col(1);
+  side.normal = pose.linear().col(2);
+  side.half_u = random.Uniform(0.1, 0.5);
+  side.half_v = random.Uniform(0.1, 0.5);
+  return side;
+}
+
+TEST(RefineCosts, SideCostIsTheDistanceToTheRectangleAndItsDerivative) {
+  RandomStream random(1, 0, "side_cost");
+  int inside = 0, outside = 0;
+  for (int trial = 0; trial < 150; ++trial) {
+    const Side side = RandomSide(random);
+    const Pose pose = RandomPose(random);
+    const double u = random.Uniform(-0.9, 0.9), v = random.Uniform(-0.9, 0.9);
+    const Eigen::Vector3d target =
+        side.centre + u * side.axis_u + v * side.axis_v + random.Normal(0, 0.1) * side.normal;
+    const Eigen::Vector3d p = pose.inverse() * target;
+    if (std::abs(p.z()) < 0.2) continue;
+    const double offset = random.Normal(0, 0.01);
+    const SideCost cost(WithOffset(p, -offset), side, 3.0);
+    const PoseBlock block(pose);
+    const double* parameters[] = {block.values, &offset};
+    Eigen::Vector3d residual;
+    ASSERT_TRUE(cost.Evaluate(parameters, residual.data(), nullptr));
+    // Brute force: the nearest of a fine grid of points of the rectangle.
+    double nearest = 1e9;
+    constexpr int kGrid = 150;
+    for (int i = 0; i <= kGrid; ++i) {
+      for (int j = 0; j <= kGrid; ++j) {
+        const Eigen::Vector3d q = side.centre + (2.0 * i / kGrid - 1) * side.half_u * side.axis_u +
+                                  (2.0 * j / kGrid - 1) * side.half_v * side.axis_v;
+        nearest = std::min(nearest, (q - target).norm());
+      }
+    }
+    EXPECT_NEAR(residual.norm() / 3.0, nearest, 4e-3);
+    EXPECT_LE(residual.norm() / 3.0, nearest + 1e-9);
+    const bool in = std::abs(u) < side.half_u && std::abs(v) < side.half_v;
+    ++(in ? inside : outside);
+    EXPECT_EQ(residual.head<2>().isZero(0), in);
+    ExpectDerivatives(cost, {pose}, {offset}, 3);
+  }
+  EXPECT_GT(inside, 5);
+  EXPECT_GT(outside, 5);
+}
+
+TEST(RefineCosts, LineCostDerivative) {
+  RandomStream random(2, 0, "line_cost");
+  for (int trial = 0; trial < 20; ++trial) {
+    const Eigen::Vector3d direction = RandomVector(random, 1).normalized();
+    const LineCost cost(RandomPoint(random), direction, random.Normal(), 1.7);
+    ExpectDerivatives(cost, {RandomPose(random)}, {random.Normal(0, 0.02)}, 1);
+  }
+}
+
+TEST(RefineCosts, OverlapCostIsThePlaneDistanceInTheOtherSensorAndItsDerivative) {
+  RandomStream random(3, 0, "overlap_cost");
+  for (int trial = 0; trial < 20; ++trial) {
+    const Pose a = RandomPose(random), b = RandomPose(random);
+    const Eigen::Vector3d p = RandomPoint(random), q = RandomPoint(random);
+    const std::vector<double> offsets = {random.Normal(0, 0.02), random.Normal(0, 0.02)};
+    const Eigen::Vector3d n = RandomVector(random, 1).normalized();
+    const OverlapCost cost(p, q, n, 2.5);
+    const PoseBlock block_a(a), block_b(b);
+    const double* parameters[] = {block_a.values, block_b.values, &offsets[0], &offsets[1]};
+    double residual = 0;
+    ASSERT_TRUE(cost.Evaluate(parameters, &residual, nullptr));
+    const Eigen::Vector3d from_b = b.inverse() * (a * WithOffset(p, offsets[0]));
+    EXPECT_NEAR(residual, 2.5 * n.dot(from_b - WithOffset(q, offsets[1])), 1e-9);
+    ExpectDerivatives(cost, {a, b}, offsets, 1);
+  }
+}
+
+TEST(RefineCosts, PosePriorDerivative) {
+  RandomStream random(4, 0, "prior");
+  for (int trial = 0; trial < 20; ++trial) {
+    const Pose prior = RandomPose(random);
+    Vector6d delta;
+    for (int i = 0; i < 6; ++i) delta[i] = random.Normal(0, 0.2);
+    ExpectDerivatives(PosePriorCost(prior, 0.5, 0.3), {PerturbLeft(delta, prior)}, {}, 6);
+    const PoseBlock block(prior);
+    const double* parameters[] = {block.values};
+    Vector6d residual;
+    PosePriorCost(prior, 0.5, 0.3).Evaluate(parameters, residual.data(), nullptr);
+    EXPECT_LT(residual.norm(), 1e-12);
+  }
+}
+
+TEST(LeftPoseManifold, PlusIsTheDesignsPerturbation) {
+  RandomStream random(5, 0, "plus");
+  for (int trial = 0; trial < 30; ++trial) {
+    const Pose pose = RandomPose(random);
+    Vector6d delta;
+    for (int i = 0; i < 6; ++i) delta[i] = random.Normal(0, trial % 2 ? 0.5 : 1e-9);
+    const PoseBlock x(pose);
+    PoseBlock y;
+    ASSERT_TRUE(LeftPoseManifold().Plus(x.values, delta.data(), y.values));
+    EXPECT_TRUE(y.ToPose().isApprox(PerturbLeft(delta, pose), 1e-12));
+    Vector6d back;
+    ASSERT_TRUE(LeftPoseManifold().Minus(y.values, x.values, back.data()));
+    EXPECT_LT((back - delta).norm(), 1e-9);
+  }
+}
+
+TEST(LeftPoseManifold, JacobiansAreDerivatives) {
+  RandomStream random(6, 0, "manifold");
+  const LeftPoseManifold manifold;
+  for (int trial = 0; trial < 10; ++trial) {
+    const PoseBlock x(RandomPose(random));
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
+    manifold.PlusJacobian(x.values, plus.data());
+    manifold.MinusJacobian(x.values, minus.data());
+    EXPECT_TRUE((minus * plus).isIdentity(1e-12));
+    constexpr double kStep = 1e-6;
+    for (int column = 0; column < 6; ++column) {
+      Vector6d delta = Vector6d::Zero();
+      delta[column] = kStep;
+      PoseBlock high, low;
+      manifold.Plus(x.values, delta.data(), high.values);
+      delta[column] = -kStep;
+      manifold.Plus(x.values, delta.data(), low.values);
+      for (int row = 0; row < 7; ++row) {
+        EXPECT_NEAR((high.values[row] - low.values[row]) / (2 * kStep), plus(row, column), 1e-6);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal

@@ -1,0 +1,409 @@
+#include "infer/refine/refine.h"
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "tests/core/expect_error.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Certain;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::Rig;
+using testing_infer::RingOfEight;
+using testing_infer::RingPose;
+
+std::vector<RefineView> Views(const Rig& rig) {
+  std::vector<RefineView> views;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    views.emplace_back(MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics),
+                       Certain(rig.labels[i]), rig.structure, RefineView::Options());
+  }
+  return views;
+}
+
+/// A displacement of exactly this size in a random direction, about the sensor itself.
+Pose Displaced(const Pose& pose, double translation, double rotation_deg, std::uint64_t seed) {
+  RandomStream random(seed, 0, "displaced");
+  const auto direction = [&] {
+    return Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+  };
+  Pose moved = pose;
+  moved.translation() += translation * direction();
+  moved.linear() = moved.linear() * RotationExp(rotation_deg * M_PI / 180 * direction());
+  return moved;
+}
+
+TEST(PixelNormals, AreTheFacesOwn) {
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(40);
+  const auto rendered = testing_infer::Render(structure, Kinect(), pose);
+  const SensorView view = MakeSensorView(rendered.depth, Kinect());
+  int tested = 0;
+  for (int v = 4; v < view.height() - 4; v += 3) {
+    for (int u = 4; u < view.width() - 4; u += 3) {
+      const int label = rendered.labels(u, v);
+      if (label == 0) continue;
+      bool whole = true;
+      for (int dv = -3; dv <= 3; ++dv) {
+        for (int du = -3; du <= 3; ++du) whole = whole && rendered.labels(u + du, v + dv) == label;
+      }
+      Eigen::Vector3d normal;
+      const bool found = PixelNormal(view, u, v, 3, &normal);
+      if (!whole) continue;
+      ASSERT_TRUE(found) << u << " " << v;
+      const Eigen::Vector3d truth = pose.linear().transpose() * structure.SideOfLabel(label).normal;
+      EXPECT_LT((normal - truth).norm(), 1e-3) << u << " " << v;
+      ++tested;
+    }
+  }
+  EXPECT_GT(tested, 300);
+}
+
+TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
+  const Rig rig = RingOfEight();
+  const std::vector<RefineView> views = Views(rig);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    double sum = 0;
+    int count = 0;
+    for (const EdgePoint& edge : views[i].edge_points) {
+      const Side& side = rig.structure.SideOfLabel(edge.label);
+      const Eigen::Vector3d p = *rig.frames[i].ground_truth * edge.p;
+      // Closed form: signed distance from the nearest of the rectangle's four edge lines.
+      const double du = std::abs(side.axis_u.dot(p - side.centre)) - side.half_u;
+      const double dv = std::abs(side.axis_v.dot(p - side.centre)) - side.half_v;
+      const double distance = std::abs(du) < std::abs(dv) ? du : dv;
+      EXPECT_LT(std::abs(side.normal.dot(p - side.centre)), 5e-3);
+      EXPECT_LT(std::abs(distance), 3 * edge.sigma + 2e-3) << side.name;
+      sum += distance;
+      ++count;
+    }
+    ASSERT_GT(count, 100) << i;
+    EXPECT_LT(std::abs(sum / count), 1e-3) << "silhouettes are biased";
+  }
+}
+
+TEST(Refine, NoiseFreeRigComesBackExactly) {
+  const Rig rig = RingOfEight();
+  const std::vector<RefineView> views = Views(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
+    sensors.push_back({&views[i], start, start, true});
+  }
+  RefineOptions poses_alone;
+  poses_alone.estimate = "none";
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  for (const RefineResult& of : {result, Refine(rig.structure, sensors, poses_alone)}) {
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const PoseError error =
+          ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth);
+      EXPECT_TRUE(of.sensors[i].accepted);
+      // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
+      EXPECT_FALSE(!(error.translation_m < 1.5e-3)) << i << ": " << error.translation_m;
+      EXPECT_FALSE(!(error.rotation_deg < 0.05)) << i << ": " << error.rotation_deg;
+    }
+  }
+  // Boxes that turn out to stand where they should leave no doubt about where that is.
+  for (const RefinedSensor& sensor : result.sensors)
+    EXPECT_LT(std::sqrt(sensor.covariance.diagonal().head<3>().maxCoeff()), 5e-3);
+  // Neighbours on the ring see the same sides.
+  int neighbours = 0;
+  for (const RefinedPair& pair : result.pairs) {
+    const int step = pair.b - pair.a;
+    if (step != 1 && step != 7) continue;
+    ++neighbours;
+    EXPECT_GT(pair.overlap, 0.3);
+    EXPECT_LT(pair.rms, 1e-3);
+  }
+  EXPECT_EQ(neighbours, 8);
+}
+
+TEST(Refine, OverlapAloneBringsASensorBack) {
+  const Rig rig = RingOfEight();
+  const std::vector<RefineView> views = Views(rig);
+  for (const std::size_t lost : {0, 3, 6}) {
+    std::vector<RefineSensor> sensors;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const Pose& truth = *rig.frames[i].ground_truth;
+      const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
+      sensors.push_back({&views[i], start, start, i != lost});
+    }
+    const RefineResult result = Refine(rig.structure, sensors, {});
+    const PoseError error =
+        ComparePoses(result.sensors[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
+    EXPECT_TRUE(result.sensors[lost].accepted) << lost;
+    EXPECT_FALSE(!(error.translation_m < 5e-3)) << lost << ": " << error.translation_m;
+    EXPECT_FALSE(!(error.rotation_deg < 0.2)) << lost << ": " << error.rotation_deg;
+  }
+}
+
+TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
+  // Head on, every labelled side has one direction: infinite planes would leave the in-plane shift
+  // of 3 cm where it is.
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(90, 2.0, 0.35));
+  for (std::uint8_t& label : rig.labels[0]) {
+    if (label && rig.structure.SideOfLabel(label).face != Face::kRight) label = 0;
+  }
+  const std::vector<RefineView> views = Views(rig);
+  const Pose& truth = *rig.frames[0].ground_truth;
+  for (const Eigen::Vector3d& shift :
+       {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(-0.02, 0.02, 0)}) {
+    Pose start = truth;
+    start.translation() += shift;
+    const RefineResult result = Refine(rig.structure, {{&views[0], start, start, true}}, {});
+    const PoseError error = ComparePoses(result.sensors[0].structure_from_sensor, truth);
+    // Half a pixel of silhouette.
+    EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
+  }
+}
+
+TEST(Refine, FindsADepthOffset) {
+  // 8 mm too far all over, in one sensor of eight: a step back explains its faces, but neither
+  // silhouettes nor neighbours.
+  Rig rig = RingOfEight({true, 3.5});
+  for (float& z : rig.frames[3].depth) {
+    if (z > 0) z += 0.008f;
+  }
+  const std::vector<RefineView> views = Views(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    sensors.push_back({&views[i], start, start, true});
+  }
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    EXPECT_NEAR(result.sensors[i].depth_offset, i == 3 ? -0.008 : 0, 2e-3) << i;
+    EXPECT_LT(ComparePoses(result.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
+                  .translation_m,
+              2e-3)
+        << i;
+  }
+  RefineOptions trusting;
+  trusting.depth_offset_sigma_m = 0;
+  const RefinedSensor without = Refine(rig.structure, sensors, trusting).sensors[3];
+  EXPECT_EQ(without.depth_offset, 0);
+  EXPECT_GT(ComparePoses(without.structure_from_sensor, *rig.frames[3].ground_truth).translation_m,
+            4e-3);
+}
+
+TEST(Refine, NeverWorse) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  std::vector<RefineView> views = Views(rig);
+  // What the solution sees is 2 cm off; what it is judged by is not.
+  for (SidePoint& point : views[0].side_points) {
+    if (!point.held_out) point.p.z() += 0.02;
+  }
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
+    sensors.push_back({&views[i], start, start, true});
+  }
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  EXPECT_FALSE(result.sensors[0].accepted);
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].initial, 1e-12));
+  EXPECT_DOUBLE_EQ(result.sensors[0].held_out_after, result.sensors[0].held_out_before);
+  // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
+  EXPECT_GT((result.sensors[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
+  EXPECT_LT((result.sensors[1].covariance.topLeftCorner<3, 3>().trace()), 0.008 * 0.008);
+  EXPECT_TRUE(result.sensors[1].accepted);
+  EXPECT_LT(result.sensors[1].held_out_after, result.sensors[1].held_out_before);
+  EXPECT_LT(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
+                .translation_m,
+            2e-3);
+}
+
+TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
+  Rig rig{PaperStructure(), {}, {}};
+  const Structure nominal = rig.structure;
+  // Millimetres off in x and z with mean zero, and 1 % too large on the same floor: each centre is
+  // higher by 1 % of its height above the floor.
+  const double size = 1.01;
+  const std::vector<Eigen::Vector2d> shift = {{4, -3}, {-5, 2}, {3, 4}, {-2, -3}};
+  std::vector<Pose> offsets;
+  for (std::size_t b = 0; b < shift.size(); ++b) {
+    Pose offset = Pose::Identity();
+    const double height =
+        nominal.boxes()[b].structure_from_box.translation().y() - nominal.FloorHeight();
+    offset.translation() =
+        Eigen::Vector3d(1e-3 * shift[b].x(), (size - 1) * height, 1e-3 * shift[b].y());
+    offsets.push_back(offset);
+  }
+  rig.structure = nominal.Displaced(offsets, size);
+  for (int i = 0; i < 8; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), {true, 3.5});
+  const std::vector<RefineView> views = Views(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    sensors.push_back({&views[i], start, start, true});
+  }
+  const RefineResult result = Refine(nominal, sensors, {});
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (std::size_t b = 0; b < shift.size(); ++b) {
+    EXPECT_TRUE(result.boxes[b].estimated);
+    EXPECT_NEAR(result.boxes[b].x, 1e-3 * shift[b].x(), 1.5e-3) << b;
+    EXPECT_NEAR(result.boxes[b].z, 1e-3 * shift[b].y(), 1.5e-3) << b;
+    EXPECT_NEAR(result.boxes[b].yaw, 0, 2e-3) << b;
+    mean += Eigen::Vector2d(result.boxes[b].x, result.boxes[b].z) / 4;
+  }
+  EXPECT_LT(mean.norm(), 1e-9) << "the gauge is the nominal frame";
+  EXPECT_TRUE(result.size_estimated);
+  EXPECT_NEAR(result.size_scale, size, 2e-3);
+  double farthest = 0;
+  for (std::size_t b = 0; b < shift.size(); ++b) {
+    farthest = std::max(farthest, (result.built.boxes()[b].structure_from_box.translation() -
+                                   rig.structure.boxes()[b].structure_from_box.translation())
+                                      .norm());
+  }
+  EXPECT_LT(farthest, 3e-3);
+  const auto worst = [&](const RefineResult& of) {
+    double most = 0;
+    for (std::size_t i = 0; i < views.size(); ++i)
+      most = std::max(most,
+                      ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
+                          .translation_m);
+    return most;
+  };
+  EXPECT_LT(worst(result), 4e-3);
+
+  RefineOptions nothing;
+  nothing.estimate = "none";
+  const RefineResult fixed = Refine(nominal, sensors, nothing);
+  EXPECT_FALSE(fixed.size_estimated);
+  EXPECT_EQ(fixed.size_scale, 1);
+  for (std::size_t b = 0; b < shift.size(); ++b) {
+    EXPECT_FALSE(fixed.boxes[b].estimated);
+    EXPECT_EQ(fixed.boxes[b].x, 0);
+    EXPECT_TRUE(fixed.built.boxes()[b].structure_from_box.isApprox(
+        nominal.boxes()[b].structure_from_box, 1e-15));
+  }
+  EXPECT_GT(worst(fixed), worst(result));
+  RefineOptions size_alone;
+  size_alone.estimate = "size";
+  const RefineResult sized = Refine(nominal, sensors, size_alone);
+  EXPECT_TRUE(sized.size_estimated);
+  EXPECT_FALSE(sized.boxes[0].estimated);
+}
+
+TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(90, 2.0, 0.35));
+  for (std::uint8_t& label : rig.labels[0]) {
+    if (label && rig.structure.SideOfLabel(label).box != 0) label = 0;
+  }
+  const std::vector<RefineView> views = Views(rig);
+  const Pose& truth = *rig.frames[0].ground_truth;
+  const RefineResult result = Refine(rig.structure, {{&views[0], truth, truth, true}}, {});
+  for (const RefinedBox& box : result.boxes) EXPECT_FALSE(box.estimated);
+  EXPECT_FALSE(result.size_estimated);
+}
+
+TEST(Refine, EstimateNamesItsWords) {
+  EXPECT_TRUE(ParseEstimate("auto").boxes);
+  EXPECT_TRUE(ParseEstimate("auto").depth_offset);
+  EXPECT_FALSE(ParseEstimate("none").size);
+  const EstimateSet two = ParseEstimate("size, depth_gain");
+  EXPECT_TRUE(two.size && two.depth_gain);
+  EXPECT_FALSE(two.boxes || two.depth_offset);
+  for (const char* bad : {"", "boxes,,size", "box", "auto,size", "size,"})
+    ExpectError<ConfigError>([&] { ParseEstimate(bad); }, {"refine.estimate", "depth_offset"});
+}
+
+TEST(UnconstrainedDirections, AreNamed) {
+  Matrix6d covariance = Matrix6d::Identity() * 1e-6;
+  EXPECT_TRUE(UnconstrainedDirections(covariance).empty());
+  covariance(0, 0) = 0.12 * 0.12;
+  covariance(4, 4) = std::pow(4.1 * M_PI / 180, 2);
+  EXPECT_EQ(
+      UnconstrainedDirections(covariance),
+      (std::vector<std::string>{"along structure x (0.12 m)", "about the vertical (4.1 deg)"}));
+  const Eigen::Vector3d oblique = Eigen::Vector3d(1, 0, 1).normalized();
+  covariance = Matrix6d::Identity() * 1e-6;
+  covariance.topLeftCorner<3, 3>() += 0.25 * oblique * oblique.transpose();
+  EXPECT_EQ(UnconstrainedDirections(covariance),
+            std::vector<std::string>{"along structure (0.71, 0.00, 0.71) (0.50 m)"});
+}
+
+/// Zero mean, standard deviation 1, correlated over about `length` pixels: Gaussian bumps at
+/// random places.
+Image<float> SmoothError(int width, int height, double length, RandomStream& random) {
+  Image<float> field(width, height, 0.0f);
+  const int bumps = static_cast<int>(12 * width * height / (length * length));
+  for (int k = 0; k < bumps; ++k) {
+    const double x = random.Uniform(-length, width + length);
+    const double y = random.Uniform(-length, height + length);
+    const double a = random.Normal();
+    const int reach = static_cast<int>(3 * length);
+    for (int v = std::max(0, int(y) - reach); v < std::min(height, int(y) + reach); ++v) {
+      for (int u = std::max(0, int(x) - reach); u < std::min(width, int(x) + reach); ++u) {
+        const double d2 = (u - x) * (u - x) + (v - y) * (v - y);
+        field(u, v) += static_cast<float>(a * std::exp(-d2 / (length * length)));
+      }
+    }
+  }
+  double squares = 0;
+  for (const float e : field) squares += double(e) * e;
+  const auto scale = static_cast<float>(1 / std::sqrt(squares / static_cast<double>(field.size())));
+  for (float& e : field) e *= scale;
+  return field;
+}
+
+TEST(Refine, CovarianceCoversSmoothDepthErrors) {
+  // Fresh smooth errors of 4 mm, 20 px long, in each of 40 frames from all around; a design that
+  // takes pixels for independent measurements covers a quarter of what it should.
+  Rig rig{PaperStructure(), {}, {}};
+  constexpr int kFrames = 40;
+  for (int i = 0; i < kFrames; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(9.0 * i), {true, 3.5});
+  int in68 = 0, in95 = 0;
+  for (int i = 0; i < kFrames; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    RandomStream random(7, index, "smooth error");
+    DepthImage& depth = rig.frames[index].depth;
+    const Image<float> error = SmoothError(depth.width(), depth.height(), 20, random);
+    for (std::size_t k = 0; k < depth.size(); ++k) {
+      if (depth[k] > 0) depth[k] += 0.004f * error[k];
+    }
+  }
+  const std::vector<RefineView> views = Views(rig);
+  RefineOptions options;
+  options.max_overlap_points = 0;
+  options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
+  options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Pose& truth = *rig.frames[i].ground_truth;
+    const Pose start = Displaced(truth, 0.01, 0.5, i);
+    const RefinedSensor sensor =
+        Refine(rig.structure, {{&views[i], start, start, true}}, options).sensors[0];
+    EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
+    EXPECT_EQ(Eigen::LLT<Matrix6d>(sensor.covariance).info(), Eigen::Success);
+    const Pose difference = truth * sensor.structure_from_sensor.inverse();
+    Vector6d delta;
+    delta << difference.translation(), RotationLog(difference.linear());
+    for (int k = 0; k < 6; ++k) {
+      const double z = std::abs(delta[k]) / std::sqrt(sensor.covariance(k, k));
+      in68 += z <= 1;
+      in95 += z <= 1.96;
+    }
+  }
+  const double share68 = in68 / (6.0 * kFrames), share95 = in95 / (6.0 * kFrames);
+  EXPECT_FALSE(!(share68 > 0.55 && share68 < 0.85)) << share68;
+  EXPECT_FALSE(!(share95 > 0.85)) << share95;
+}
+
+}  // namespace
+}  // namespace volalign
