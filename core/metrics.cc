@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <nanoflann.hpp>
 #include <string>
 
 #include "core/error.h"
+#include "core/kd_tree.h"
 
 namespace volalign {
 
@@ -44,35 +44,12 @@ double MeanIou(const LabelImage& predicted, const LabelImage& truth, const Depth
   return counted == 0 ? 1.0 : sum / counted;
 }
 
-namespace {
-
-struct PointsAdaptor {
-  const std::vector<Eigen::Vector3d>& points;
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  double kdtree_get_pt(std::size_t i, std::size_t d) const {
-    return points[i][static_cast<Eigen::Index>(d)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-
-}  // namespace
-
 double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
   if (a.empty() || b.empty()) throw Error("RmsDistance: a point set is empty");
-  const PointsAdaptor adaptor{b};
-  nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointsAdaptor>,
-                                      PointsAdaptor, 3>
-      tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-  tree.buildIndex();
+  const KdTree tree(b);
   double sum = 0;
   for (const auto& p : a) {
-    std::uint32_t index = 0;
-    double squared = 0;
-    tree.knnSearch(p.data(), 1, &index, &squared);
-    sum += squared;
+    sum += tree.Nearest(p).squared_distance;
   }
   return std::sqrt(sum / static_cast<double>(a.size()));
 }
