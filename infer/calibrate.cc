@@ -96,7 +96,8 @@ class Calibration {
     InspectStack(&watch);
     ParallelFor(frames_.size(), options_.threads, [&](std::size_t i) { Place(i); });
     for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (result_.sensors[i].code == SensorCode::kDegenerateSides) result_.sensors[i].hint = MoveHint(i);
+      if (result_.sensors[i].code == SensorCode::kDegenerateSides)
+        result_.sensors[i].hint = MoveHint(i);
     }
     watch.Lap("placement");
     RefineTogether();
@@ -105,6 +106,8 @@ class Calibration {
     FindTwins();
     watch.Lap("metrics");
     watch.Total();
+    for (std::size_t i = 0; i < frames_.size(); ++i)
+      result_.sensors[i].view = std::move(work_[i].view);
     return std::move(result_);
   }
 

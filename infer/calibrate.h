@@ -16,6 +16,7 @@
 #include "infer/refine/refine.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_frame.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
@@ -120,6 +121,7 @@ struct SensorResult {
 
   int quarter_turns = 0;
   SegmentationResult segmentation;  ///< full size
+  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 
   Eigen::Vector3d sigma_translation_m() const {
     return covariance.diagonal().head<3>().cwiseSqrt();
