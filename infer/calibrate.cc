@@ -82,7 +82,7 @@ CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Struct
       JudgeSensors(frames, structure,
                    {std::move(depths), std::move(views), std::move(labelled), std::move(placements),
                     std::move(assembly), std::move(refined)},
-                   options.verdict, options.threads);
+                   {options.verdict, options.initial.evidence.min_confidence, options.threads});
   clock.Lap("metrics");
   result.timings_s = clock.Total();
   return result;

@@ -33,13 +33,12 @@ void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorRes
 
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
-           const std::string& other_pose, const Structure& nominal, const Structure& built,
-           const VerdictOptions& options, SensorResult* sensor) {
+           const LabelledView& labelled, const Structure& nominal, const Structure& built,
+           const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
-  const LabelImage& labels = sensor->segmentation.labels;
-  PoseQuality quality = placed.quality;
-  quality.surface = FitToSurface(
-      Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), labels, built, pose);
+  const PoseQuality quality = MeasureQuality(
+      Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
+      labelled.initial.evidence, built, pose, options.min_confidence);
   sensor->points = quality.surface.points;
   sensor->rms_to_structure_m = quality.surface.rms_m;
   sensor->inlier_share = quality.surface.inlier_share;
@@ -48,15 +47,15 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   sensor->explained_share = quality.explained_share;
   sensor->sides = quality.sides;
   sensor->initial_rms_to_structure_m =
-      FitToSurface(sensor->view, labels, nominal, sensor->initial).rms_m;
+      FitToSurface(sensor->view, sensor->segmentation.labels, nominal, sensor->initial).rms_m;
   if (frame.ground_truth) {
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
   const std::optional<Finding> weakness =
-      FindWeakness({std::move(quality), sensor->covariance, depth.same_depth_as,
-                    placed.suspect_intrinsics, other_pose, frame.quarter_turns != kAutoTurns},
-                   options);
+      FindWeakness({quality, sensor->covariance, depth.same_depth_as, placed.suspect_intrinsics,
+                    labelled.other_pose, frame.quarter_turns != kAutoTurns},
+                   options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
 }
@@ -90,7 +89,7 @@ std::optional<SetDistances> MeasureSetDistances(const std::vector<SensorResult>&
 }  // namespace
 
 CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Structure& structure,
-                               StageResults stages, const VerdictOptions& options, int threads) {
+                               StageResults stages, const JudgeOptions& options) {
   CalibrationResult result;
   result.sensors.resize(frames.size());
   std::vector<std::size_t> placed;  // the sensor of each refined one
@@ -109,13 +108,12 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
                    &sensor);
     placed.push_back(i);
   }
-  ParallelFor(placed.size(), threads, [&](std::size_t j) {
+  ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i].other_pose, structure, stages.refined.built, options,
-          &result.sensors[i]);
+          stages.labelled[i], structure, stages.refined.built, options, &result.sensors[i]);
   });
-  JudgeTwins(options, &result.sensors);
+  JudgeTwins(options.verdict, &result.sensors);
   result.metrics = MeasureSetDistances(result.sensors, stages.refined.built);
   for (const RefinedPair& pair : stages.refined.pairs) {
     result.pairs.push_back({frames[placed[static_cast<std::size_t>(pair.a)]].name,

@@ -25,9 +25,15 @@ struct StageResults {
   RefineResult refined;
 };
 
+struct JudgeOptions {
+  const VerdictOptions& verdict;
+  double min_confidence;  ///< of a label that counts
+  int threads = 1;
+};
+
 /// The last stage: measures every placed sensor at its reported pose, judges it, and gathers the
 /// result (without timings_s).
 CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Structure& structure,
-                               StageResults stages, const VerdictOptions& options, int threads);
+                               StageResults stages, const JudgeOptions& options);
 
 }  // namespace volalign

@@ -29,7 +29,8 @@ struct SensorResult {
   std::optional<Pose> structure_from_sensor;
   Pose initial = Pose::Identity();  ///< of a placed sensor
   bool refinement_accepted = false;
-  std::vector<std::string> sides;  ///< found and in agreement with the pose
+  // Of a placed sensor, at the reported pose, of the structure as built.
+  std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
   int points = 0;                  ///< side-labelled pixels with depth
   double rms_to_structure_m = 0;
   double initial_rms_to_structure_m = 0;

@@ -55,16 +55,6 @@ OwnPose RefineAlone(const RefineView& points, const InitialPose& initial,
           std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff())};
 }
 
-PoseQuality MeasureQuality(const Agreement& agreement, const std::vector<int>& confirmed,
-                           const Structure& structure) {
-  PoseQuality quality;
-  quality.miou = agreement.miou;
-  quality.label_iou = agreement.score();
-  quality.explained_share = agreement.explained_share();
-  for (const int label : confirmed) quality.sides.push_back(structure.SideOfLabel(label).name);
-  return quality;
-}
-
 Finding ExplainAlteredStack(const AssemblyReport& report) {
   return {report.arrangement.code,
           fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
@@ -112,7 +102,6 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
   PlacedSensor placed{pose,
                       RefineView(view, LabelsFromPose(view, structure, pose, kRelabelDistance),
                                  structure, view_options),
-                      MeasureQuality(evidence.agreement, evidence.confirmed, structure),
                       std::nullopt};
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
   return placed;
@@ -162,11 +151,11 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
                                     const std::optional<AssemblyReport>& assembly,
                                     const Structure& structure, const PlacementOptions& options) {
   std::vector<Placement> placements(frames.size());
+  const bool altered = assembly && assembly->altered();
   ParallelFor(frames.size(), options.threads, [&](std::size_t i) {
     if (depths[i].failure) {
       placements[i] = *depths[i].failure;
-    } else if (assembly && assembly->altered() &&
-               SeesManySides(labelled[i].initial.evidence, options.verdict)) {
+    } else if (altered && SeesManySides(labelled[i].initial.evidence, options.verdict)) {
       placements[i] = ExplainAlteredStack(*assembly);
     } else {
       placements[i] =

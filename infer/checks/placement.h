@@ -9,7 +9,6 @@
 #include "infer/checks/assembly.h"
 #include "infer/checks/depth_checks.h"
 #include "infer/checks/outcome.h"
-#include "infer/checks/pose_quality.h"
 #include "infer/checks/verdict.h"
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/orientation.h"
@@ -24,7 +23,6 @@ namespace volalign {
 struct PlacedSensor {
   Pose own_pose = Pose::Identity();  ///< refined alone
   RefineView points;                 ///< labelled by the own pose, for the joint refinement
-  PoseQuality quality;               ///< at the own pose, but for the surface residuals
   std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
 };
 

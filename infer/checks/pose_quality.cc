@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/visibility.h"
+#include "infer/pose/agreement.h"
 
 namespace volalign {
 
@@ -55,6 +56,21 @@ std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideE
       labels.insert(patch.label);
   }
   return std::vector<int>(labels.begin(), labels.end());
+}
+
+PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
+                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const Pose& structure_from_sensor, double min_confidence) {
+  PoseQuality quality;
+  quality.surface = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
+  const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
+                                              min_confidence, kInlierDistance);
+  quality.miou = agreement.miou;
+  quality.label_iou = agreement.score();
+  quality.explained_share = agreement.explained_share();
+  for (const int label : ConfirmedLabels(view, evidence, structure, structure_from_sensor))
+    quality.sides.push_back(structure.SideOfLabel(label).name);
+  return quality;
 }
 
 std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelImage& labels,

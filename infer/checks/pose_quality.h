@@ -34,6 +34,12 @@ struct PoseQuality {
   std::vector<std::string> sides;  ///< found, and most of their pixels on them
 };
 
+/// Of a pose of `structure`. `view`: with corrected depths. `evidence`: patches of the view's
+/// sides. Only labels with `min_confidence` count for label_iou.
+PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
+                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const Pose& structure_from_sensor, double min_confidence);
+
 /// Labels of the patches of which most pixels lie on their side, ascending.
 std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideEvidence>& evidence,
                                  const Structure& structure, const Pose& structure_from_sensor);
