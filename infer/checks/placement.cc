@@ -161,6 +161,8 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
       placements[i] =
           PlaceSensor(views[i], frames[i].intrinsics, labelled[i],
                       HasStructureTerms(frames[i].name, options.refine), structure, options);
+      if (altered && std::holds_alternative<PlacedSensor>(placements[i]))
+        placements[i] = ExplainAlteredStack(*assembly);
     }
   });
   GiveMoveHints(labelled, &placements);

@@ -46,8 +46,8 @@ std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
 
 /// Refines each sensor alone and decides, by what its view then explains, whether it sees the
 /// structure. A sensor in options.refine.without_structure, which its neighbours' overlap is to
-/// hold, is taken at its initial pose. Where the stack is built otherwise than described, sensors
-/// that see many sides are not placed. One result a sensor; `depths`, `views` and `labelled` are
+/// hold, is taken at its initial pose. Where the stack is built otherwise than described, no sensor
+/// is placed. One result a sensor; `depths`, `views` and `labelled` are
 /// the frames'.
 std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
                                     const std::vector<SensorView>& views,
