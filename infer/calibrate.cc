@@ -55,7 +55,7 @@ class Stopwatch {
 struct Work {
   SensorView view;
   InitialPose initial;
-  std::unique_ptr<RefineView> refine_view;
+  SensorPoints points;
   Pose start = Pose::Identity();  // initial pose, refined alone
   bool rejected = false;          // failed before its pose was looked at
   std::string same_depth_as;      // another sensor with the same depth map
@@ -361,7 +361,7 @@ class Calibration {
   /// that comparison against better poses.
   RefineSensor Refinable(std::size_t i) const {
     const auto& without = options_.refine.without_structure;
-    return {work_[i].refine_view.get(), work_[i].initial.from_keypoints, work_[i].start,
+    return {&work_[i].points, work_[i].initial.from_keypoints, work_[i].start,
             std::find(without.begin(), without.end(), frames_[i].name) == without.end()};
   }
 
@@ -397,12 +397,11 @@ class Calibration {
                   fmt::format("{} found; that fixes no pose", Sides(work.initial.evidence.size())),
                   kLookHint);
     }
-    RefineView::Options view_options;
-    view_options.min_confidence = options_.initial.evidence.min_confidence;
-    view_options.max_side_points = options_.refine.max_side_points;
-    view_options.max_edge_points = options_.refine.max_edge_points;
-    work.refine_view =
-        std::make_unique<RefineView>(work.view, sensor.segmentation, structure_, view_options);
+    SamplingOptions sampling;
+    sampling.min_confidence = options_.initial.evidence.min_confidence;
+    sampling.max_side_points = options_.refine.max_side_points;
+    sampling.max_edge_points = options_.refine.max_edge_points;
+    work.points = SamplePoints(work.view, sensor.segmentation, structure_, sampling);
     work.start = work.initial.structure_from_sensor;
     RefineSensor alone = Refinable(i);
     double alone_sigma_m = 0;
@@ -450,9 +449,9 @@ class Calibration {
     if (work.better_intrinsics && work.better_intrinsics->size >= kFarOff)
       return Fail(i, SensorCode::kIntrinsicsSuspect, IntrinsicsReason(i), kIntrinsicsHint);
     work.placed = true;
-    *work.refine_view =
-        RefineView(work.view, LabelsFromPose(work.view, structure_, work.start, kRelabelDistance),
-                   structure_, view_options);
+    work.points =
+        SamplePoints(work.view, LabelsFromPose(work.view, structure_, work.start, kRelabelDistance),
+                     structure_, sampling);
   }
 
   static constexpr char kLookHint[] =
