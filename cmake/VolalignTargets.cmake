@@ -9,7 +9,8 @@ if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
   # shares Eigen's inline functions with us at run time, would free them with plain free().
   target_compile_options(volalign_options INTERFACE -march=x86-64-v2)
 endif()
-# No fused multiply-add, which rounds once where two operations round twice: samples are the same bytes on every processor.
+# Same rounding whatever the processor's fused multiply-add: a training sample is the same on every
+# machine.
 target_compile_options(volalign_options INTERFACE -ffp-contract=off)
 if(VOLALIGN_ASAN)
   # Without -fno-sanitize-recover a test that meets undefined behaviour prints a line and passes.
