@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infer/refine/pose_manifold.h"
+
 namespace volalign::refine_internal {
 
 namespace {

@@ -1,8 +1,7 @@
 #pragma once
 
-// A pose as a block of Ceres parameters. Not for callers of Refine.
-
-#include <ceres/manifold.h>
+// A pose as a block of Ceres parameters. No header of Ceres here, since callers of Refine, which
+// may use LibTorch, see this one.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -47,17 +46,5 @@ inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const E
   jacobian.col(3) = 2 * u.cross(p);
   return jacobian;
 }
-
-/// T = Exp(delta) T^ with delta = [translation; rotation vector] in the structure frame, m and rad:
-/// the tangent space in which covariances are given.
-class LeftPoseManifold : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return 7; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
-  bool PlusJacobian(const double* x, double* jacobian) const override;
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
-  bool MinusJacobian(const double* x, double* jacobian) const override;
-};
 
 }  // namespace volalign::refine_internal

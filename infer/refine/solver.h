@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "infer/refine/options.h"
-#include "infer/refine/pose_block.h"
+#include "infer/refine/pose_manifold.h"
 
 namespace volalign::refine_internal {
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "infer/refine/pose_manifold.h"
 
 namespace volalign::refine_internal {
 namespace {

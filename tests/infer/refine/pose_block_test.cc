@@ -1,4 +1,4 @@
-#include "infer/refine/pose_block.h"
+#include "infer/refine/pose_manifold.h"
 
 #include <gtest/gtest.h>
 

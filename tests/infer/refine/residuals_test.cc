@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "infer/refine/noise.h"
+#include "infer/refine/pose_manifold.h"
 #include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign::refine_internal {
