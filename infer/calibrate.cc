@@ -747,7 +747,7 @@ class Calibration {
 
 }  // namespace
 
-Eigen::Vector3d SensorResult::sigma_rotation_deg() const {
+Eigen::Vector3d SensorOutcome::sigma_rotation_deg() const {
   return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;
 }
 

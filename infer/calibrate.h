@@ -94,7 +94,7 @@ struct CalibrateOptions {
 
 /// One sensor's outcome (design section 9). Failed: code, reason and hint, no pose. Weak: a pose,
 /// and what to be wary of.
-struct SensorResult {
+struct SensorOutcome {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
   SensorCode code = SensorCode::kNone;
@@ -120,13 +120,17 @@ struct SensorResult {
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;
-  SegmentationResult segmentation;  ///< full size
-  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 
   Eigen::Vector3d sigma_translation_m() const {
     return covariance.diagonal().head<3>().cwiseSqrt();
   }
   Eigen::Vector3d sigma_rotation_deg() const;
+};
+
+/// The outcome with the images that it comes from.
+struct SensorResult : SensorOutcome {
+  SegmentationResult segmentation;  ///< full size
+  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 };
 
 struct PairResult {

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <vector>
+
 namespace volalign {
 
 enum class SensorStatus { kOk, kWeak, kFailed };
 const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
+std::vector<SensorStatus> AllOf(SensorStatus);
 
 /// Why a sensor is failed or weak.
 enum class SensorCode {
@@ -31,5 +34,6 @@ enum class SensorCode {
 };
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);
+std::vector<SensorCode> AllOf(SensorCode);
 
 }  // namespace volalign
