@@ -16,6 +16,10 @@
 #include "core/visibility.h"
 #include "infer/checks/intrinsics_check.h"
 #include "infer/pose/aliases.h"
+#include "infer/pose/floor.h"
+#include "infer/pose/pose_choice.h"
+#include "infer/pose/relabel.h"
+#include "infer/pose/sides_fix_pose.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -281,14 +285,15 @@ class Calibration {
       for (Trial& trial : *trials) {
         if (trial.sensor != i) continue;
         own.push_back(&trial);
-        poses.push_back({trial.turns, &trial.segmentation, &trial.initial});
+        poses.push_back({&trial.segmentation, &trial.initial});
       }
       if (own.empty()) return;
       const SensorView& view = work_[i].view;
       const InitialPoseOptions& options = options_.initial;
       PoseChoice choice;
       const auto settled = [](const Trial* t) { return t->decided() && t->score() >= kGoodLabels; };
-      if (options.method == "robust" && std::count_if(own.begin(), own.end(), settled) != 1) {
+      if (options.method == PoseMethod::kRobust &&
+          std::count_if(own.begin(), own.end(), settled) != 1) {
         choice = ChoosePose(view, structure_, aliases_, poses,
                             frames_[i].quarter_turns != kAutoTurns, options);
       }
@@ -427,11 +432,9 @@ class Calibration {
     const VerdictOptions& limits = options_.verdict;
     const bool seen = agreement.explained_share() >= limits.min_explained_share &&
                       agreement.see_through_share() <= limits.max_see_through_share;
-    const bool on_sides = agreement.inlier_share() >= limits.min_inlier_share;
+    const bool on_sides = agreement.on_side_share() >= limits.min_inlier_share;
     if (!seen || !on_sides) return FailVerification(i, agreement, seen);
-    const KeypointKind kind =
-        options_.initial.keypoints == "centre" ? KeypointKind::kCentre : KeypointKind::kExposed;
-    if (!SidesFixPose(structure_, labels, kind)) {
+    if (!SidesFixPose(structure_, labels, options_.initial.keypoints)) {
       return Fail(
           i, SensorCode::kDegenerateSides,
           fmt::format(
@@ -561,9 +564,9 @@ class Calibration {
         "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
         "structure's view is "
         "measured on it and {:.0f} % of that is seen through",
-        100 * agreement.inlier_share(), 100 * agreement.explained_share(),
+        100 * agreement.on_side_share(), 100 * agreement.explained_share(),
         100 * agreement.see_through_share());
-    if (SeesSides(i) && (seen || agreement.inlier_share() > 0.3)) {
+    if (SeesSides(i) && (seen || agreement.on_side_share() > 0.3)) {
       return Fail(
           i, SensorCode::kInconsistent,
           "the sides that were found do not fit the structure together: " + facts,

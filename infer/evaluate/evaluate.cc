@@ -17,7 +17,7 @@
 #include "core/procrustes.h"
 #include "core/strict_json.h"
 #include "core/structure_gltf.h"
-#include "infer/pose/initial_pose.h"
+#include "infer/pose/sides_fix_pose.h"
 #include "render/depth_renderer.h"
 
 namespace volalign {

@@ -56,7 +56,7 @@ Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
 
 std::vector<EvaluationVariant> TwoVariants() {
   EvaluationVariant exposed{"exposed", {}}, centre{"centre", {}};
-  centre.options.initial.keypoints = "centre";
+  centre.options.initial.keypoints = KeypointKind::kCentre;
   return {exposed, centre};
 }
 
