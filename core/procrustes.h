@@ -22,8 +22,9 @@ ProcrustesResult AlignPoints(const std::vector<Eigen::Vector3d>& source,
                              const std::vector<Eigen::Vector3d>& target,
                              const std::vector<double>& weights = {});
 
-/// Keypoints fix a pose when the second singular value of their centred set (unnormalised, unit
-/// weights) exceeds this, m.
+/// Keypoints fix a pose when the second singular value of their centred set exceeds this (m,
+/// unnormalised, unit weights), whatever their number: it vanishes for points on one line, as the
+/// centres of three sides may be.
 inline constexpr double kMinSecondSingularValue = 0.05;
 double SecondSingularValue(const std::vector<Eigen::Vector3d>& points);
 

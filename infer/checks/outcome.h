@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 namespace volalign {
 
 enum class SensorStatus { kOk, kWeak, kFailed };
@@ -31,5 +33,12 @@ enum class SensorCode {
 };
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);
+
+/// Why a sensor has no pose, or what to be wary of in one that has.
+struct Finding {
+  SensorCode code = SensorCode::kNone;
+  std::string reason;  ///< a sentence
+  std::string hint;    ///< what to do about it
+};
 
 }  // namespace volalign

@@ -28,7 +28,4 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);
 
-/// A margin from which on the floor decides.
-inline constexpr double kClearFloorMargin = 0.05;
-
 }  // namespace volalign

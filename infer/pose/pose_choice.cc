@@ -11,14 +11,8 @@ namespace volalign {
 
 namespace {
 
-/// Share of the best trial's agreement from which on another trial's pose competes.
-constexpr double kRivalScore = 0.5;
-/// Difference of overlaps from which on the shape decides.
-constexpr double kOverlapMargin = 0.1;
-/// The same before the poses are estimated again, which may improve them.
-constexpr double kFirstOverlapMargin = 2 * kOverlapMargin;
-/// Difference of network scores from which on labels decide, though not about up and down.
-constexpr double kScoreMargin = 0.2;
+/// Of the margin between overlaps, before the poses are estimated again, which may improve them.
+constexpr double kFirstMargins = 2;
 /// Cosine of the angle between two verticals (60 deg) below which one pose turns the structure
 /// over.
 constexpr double kTurnedOver = 0.5;
@@ -120,8 +114,8 @@ bool TurnsOver(const Pose& from, const Pose& to) {
 }  // namespace
 
 std::vector<PoseEvidence> ListCompetitors(const std::vector<PoseTrial>& trials,
-                                          const std::vector<StructureAlias>& aliases,
-                                          bool known_up) {
+                                          const std::vector<StructureAlias>& aliases, bool known_up,
+                                          const PoseChoiceOptions& options) {
   double best_score = 0;
   for (const PoseTrial& trial : trials) {
     if (trial.initial->found) best_score = std::max(best_score, trial.initial->agreement.score());
@@ -129,7 +123,7 @@ std::vector<PoseEvidence> ListCompetitors(const std::vector<PoseTrial>& trials,
   std::vector<PoseEvidence> poses;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     const InitialPose& initial = *trials[t].initial;
-    if (!initial.found || initial.agreement.score() < kRivalScore * best_score) continue;
+    if (!initial.found || initial.agreement.score() < options.rival_score * best_score) continue;
     PoseEvidence pose;
     pose.trial = t;
     pose.structure_from_sensor = initial.structure_from_sensor;
@@ -151,11 +145,11 @@ void DropMisfits(double margin, std::vector<PoseEvidence>* poses) {
   poses->erase(std::remove_if(poses->begin(), poses->end(), misfit), poses->end());
 }
 
-PoseChoice Decide(const std::vector<PoseEvidence>& poses) {
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options) {
   PoseChoice choice;
-  double min_floor = -2 - kClearFloorMargin;
+  double min_floor = -2 - options.floor_margin;
   for (const PoseEvidence& pose : poses)
-    min_floor = std::max(min_floor, pose.floor - kClearFloorMargin);
+    min_floor = std::max(min_floor, pose.floor - options.floor_margin);
   const PoseEvidence* chosen = BestStanding(poses, min_floor);
   if (!chosen) return choice;
   choice.found = true;
@@ -164,7 +158,7 @@ PoseChoice Decide(const std::vector<PoseEvidence>& poses) {
   // Labels decide where they speak clearly for the best pose, but they do not tell up from down.
   const auto labels_decide = [&](const PoseEvidence& other) {
     return !TurnsOver(chosen_pose, other.structure_from_sensor) &&
-           choice.best.network_score - other.network_score >= kScoreMargin;
+           choice.best.network_score - other.network_score >= options.score_margin;
   };
   for (const PoseEvidence& pose : poses) {
     if (SamePose(pose.structure_from_sensor, chosen_pose)) {
@@ -184,24 +178,24 @@ PoseChoice Decide(const std::vector<PoseEvidence>& poses) {
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
                       const std::vector<PoseTrial>& trials, bool known_up,
-                      const InitialPoseOptions& options) {
-  std::vector<PoseEvidence> poses = ListCompetitors(trials, aliases, known_up);
+                      const InitialPoseOptions& initial, const PoseChoiceOptions& options) {
+  std::vector<PoseEvidence> poses = ListCompetitors(trials, aliases, known_up, options);
   if (poses.empty()) return {};
   const DecimatedTrials coarse = DecimateTrials(view, trials, kCoarseRays);
-  for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, options);
-  DropMisfits(kFirstOverlapMargin, &poses);
+  for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, initial);
+  DropMisfits(kFirstMargins * options.overlap_margin, &poses);
   const auto by_overlap = [](const PoseEvidence& a, const PoseEvidence& b) {
     return a.overlap > b.overlap;
   };
   std::stable_sort(poses.begin(), poses.end(), by_overlap);
 
-  EstimateAllAgain(DecimateTrials(view, trials, kFineRays), structure, aliases, options, &poses);
-  for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, options);
-  DropMisfits(kOverlapMargin, &poses);
+  EstimateAllAgain(DecimateTrials(view, trials, kFineRays), structure, aliases, initial, &poses);
+  for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, initial);
+  DropMisfits(options.overlap_margin, &poses);
 
   for (PoseEvidence& pose : poses)
-    Judge(view, coarse, structure, aliases, options.evidence.min_confidence, &pose);
-  return Decide(poses);
+    Judge(view, coarse, structure, aliases, initial.evidence.min_confidence, &pose);
+  return Decide(poses, options);
 }
 
 }  // namespace volalign

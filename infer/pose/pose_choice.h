@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/config.h"
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/pose/aliases.h"
@@ -11,6 +12,35 @@
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
+
+/// How poses of one frame are told from each other. Scores are Agreement::score, overlaps
+/// DepthOverlap::ratio, floors FloorEvidence::share.
+struct PoseChoiceOptions {
+  double rival_score = 0.5;
+  double overlap_margin = 0.1;
+  double floor_margin = 0.05;
+  double score_margin = 0.2;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("rival_score", rival_score,
+       "share of the best orientation's agreement with labels and depth that another one needs to "
+       "compete with it",
+       Between(0, 1));
+    ar("overlap_margin", overlap_margin,
+       "difference of overlaps between what was seen and the structure from which on its shape "
+       "decides between two poses; twice that before the poses are estimated again",
+       Between(0, 1));
+    ar("floor_margin", floor_margin,
+       "difference of the shares of pixels that lie on the floor, those under it counted twice "
+       "against it, from which on the floor decides",
+       Between(0, 1));
+    ar("score_margin", score_margin,
+       "difference of agreements from which on the network's labels decide, though not about up "
+       "and down",
+       Between(0, 1));
+  }
+};
 
 /// What the network says about a frame in one orientation, and the pose that follows. What it
 /// refers to must outlive the choice.
@@ -49,21 +79,21 @@ struct PoseChoice {
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
                       const std::vector<PoseTrial>& trials, bool known_up,
-                      const InitialPoseOptions& options);
+                      const InitialPoseOptions& initial, const PoseChoiceOptions& options);
 
 // The steps of ChoosePose that need no image.
 
 /// The poses of the trials, and of their aliases, that compete: of every trial whose agreement is
-/// at least half of the best one's.
+/// at least options.rival_score of the best one's.
 std::vector<PoseEvidence> ListCompetitors(const std::vector<PoseTrial>& trials,
-                                          const std::vector<StructureAlias>& aliases,
-                                          bool known_up);
+                                          const std::vector<StructureAlias>& aliases, bool known_up,
+                                          const PoseChoiceOptions& options);
 
 /// Removes the poses whose overlap is below the best one's by more than `margin`.
 void DropMisfits(double margin, std::vector<PoseEvidence>* poses);
 
 /// Chooses among poses whose shape fits about equally well, by floor and labels. They are given in
 /// the order of their overlap, the best first.
-PoseChoice Decide(const std::vector<PoseEvidence>& poses);
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options);
 
 }  // namespace volalign

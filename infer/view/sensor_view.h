@@ -2,9 +2,11 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <vector>
 
 #include "core/camera.h"
 #include "core/image.h"
+#include "infer/view/sensor_frame.h"
 
 namespace volalign {
 
@@ -31,6 +33,9 @@ struct SensorView {
 /// The view of a frame, without depths that are not finite and positive and without those of pixels
 /// that have no ray. Throws DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
+
+/// MakeSensorView of every frame, on `threads` threads.
+std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads);
 
 /// The view with every measured depth z replaced by z * gain + offset (m).
 SensorView Corrected(SensorView view, double gain, double offset);

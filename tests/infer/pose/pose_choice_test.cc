@@ -45,6 +45,10 @@ Pose UpsideDown() {
   return pose;
 }
 
+PoseChoice DecideAmong(const std::vector<PoseEvidence>& poses) {
+  return Decide(poses, PoseChoiceOptions());
+}
+
 TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {
   const auto initial = [](bool found, int same_label, double height) {
     InitialPose pose;
@@ -62,7 +66,7 @@ TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {
   std::vector<StructureAlias> aliases(2);
   aliases[0].motion = UpsideDown();
   aliases[1].motion = Upright(90, 0.4);
-  const std::vector<PoseEvidence> all = ListCompetitors(trials, aliases, false);
+  const std::vector<PoseEvidence> all = ListCompetitors(trials, aliases, false, {});
   const std::vector<std::pair<std::size_t, int>> expected = {{1, -1}, {1, 0}, {1, 1},
                                                              {3, -1}, {3, 0}, {3, 1}};
   ASSERT_EQ(all.size(), expected.size());
@@ -74,10 +78,10 @@ TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {
   EXPECT_NEAR(all[1].structure_from_sensor.translation().y(), -2, 1e-12);
   EXPECT_NEAR(all[2].structure_from_sensor.translation().y(), 2.4, 1e-12);
 
-  const std::vector<PoseEvidence> upright = ListCompetitors(trials, aliases, true);
+  const std::vector<PoseEvidence> upright = ListCompetitors(trials, aliases, true, {});
   ASSERT_EQ(upright.size(), 4u);
   for (const PoseEvidence& pose : upright) EXPECT_NE(pose.alias, 0);
-  EXPECT_TRUE(ListCompetitors({{&labels, &none}}, aliases, false).empty());
+  EXPECT_TRUE(ListCompetitors({{&labels, &none}}, aliases, false, {}).empty());
 }
 
 TEST(DropMisfits, KeepsPosesAboutAsGoodAsTheBest) {
@@ -96,14 +100,14 @@ TEST(DropMisfits, KeepsPosesAboutAsGoodAsTheBest) {
 }
 
 TEST(Decide, NothingAmongNothing) {
-  const PoseChoice choice = Decide({});
+  const PoseChoice choice = DecideAmong({});
   EXPECT_FALSE(choice.found);
   EXPECT_FALSE(choice.ambiguous);
 }
 
 TEST(Decide, TheFloorGoesBeforeTheLabels) {
   const PoseChoice choice =
-      Decide({Competitor(Upright(0, 0), 0.2, 0.4), Competitor(Upright(90, 0.4), 0.14, 0.9)});
+      DecideAmong({Competitor(Upright(0, 0), 0.2, 0.4), Competitor(Upright(90, 0.4), 0.14, 0.9)});
   ASSERT_TRUE(choice.found);
   EXPECT_EQ(choice.best.network_score, 0.4);
   EXPECT_FALSE(choice.ambiguous);
@@ -112,7 +116,7 @@ TEST(Decide, TheFloorGoesBeforeTheLabels) {
 TEST(Decide, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
   const PoseEvidence low = Competitor(Upright(0, 0), 0.2, 0.5);
   for (const double score : {0.69, 0.71}) {
-    const PoseChoice choice = Decide({low, Competitor(Upright(90, 0.4), 0.16, score)});
+    const PoseChoice choice = DecideAmong({low, Competitor(Upright(90, 0.4), 0.16, score)});
     EXPECT_EQ(choice.best.network_score, score);
     EXPECT_EQ(choice.ambiguous, score < 0.7) << score;
     if (choice.ambiguous) {
@@ -123,19 +127,20 @@ TEST(Decide, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
 
 TEST(Decide, LabelsDoNotTellUpFromDown) {
   const PoseChoice choice =
-      Decide({Competitor(Upright(0, 0), 0.0, 0.9), Competitor(UpsideDown(), 0.0, 0.1)});
+      DecideAmong({Competitor(Upright(0, 0), 0.0, 0.9), Competitor(UpsideDown(), 0.0, 0.1)});
   EXPECT_EQ(choice.best.network_score, 0.9);
   EXPECT_TRUE(choice.ambiguous);
   EXPECT_EQ(choice.rival.network_score, 0.1);
   // A floor does.
   EXPECT_FALSE(
-      Decide({Competitor(Upright(0, 0), 0.1, 0.9), Competitor(UpsideDown(), 0.0, 0.1)}).ambiguous);
+      DecideAmong({Competitor(Upright(0, 0), 0.1, 0.9), Competitor(UpsideDown(), 0.0, 0.1)})
+          .ambiguous);
 }
 
 TEST(Decide, TheRivalIsTheBestOfSeveral) {
   const PoseChoice choice =
-      Decide({Competitor(Upright(0, 0), 0, 0.8), Competitor(Upright(90, 0.4), 0, 0.65),
-              Competitor(Upright(180, 0.8), 0, 0.75), Competitor(Upright(-90, -0.4), 0, 0.7)});
+      DecideAmong({Competitor(Upright(0, 0), 0, 0.8), Competitor(Upright(90, 0.4), 0, 0.65),
+                   Competitor(Upright(180, 0.8), 0, 0.75), Competitor(Upright(-90, -0.4), 0, 0.7)});
   EXPECT_TRUE(choice.ambiguous);
   EXPECT_EQ(choice.rival.network_score, 0.75);
 }
@@ -147,7 +152,7 @@ TEST(Decide, TakesTheLabelsThatSuitThePoseBest) {
   first.trial = 0;
   second.trial = 1;
   second.alias = 2;
-  const PoseChoice choice = Decide({first, second});
+  const PoseChoice choice = DecideAmong({first, second});
   EXPECT_FALSE(choice.ambiguous);
   EXPECT_EQ(choice.best.trial, 1u);
   EXPECT_EQ(choice.best.alias, 2);
