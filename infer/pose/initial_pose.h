@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/config.h"
+#include "core/config_word.h"
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/pose/agreement.h"
