@@ -5,6 +5,7 @@
 
 #include "infer/calibrate.h"
 #include "infer/pose/initial_pose.h"
+#include "infer/pose/sides_fix_pose.h"
 
 namespace volalign {
 
