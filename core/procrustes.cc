@@ -53,7 +53,6 @@ ProcrustesResult AlignPoints(const std::vector<Eigen::Vector3d>& source,
   const Eigen::Vector3d variances =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread / total).eigenvalues();
   for (int i = 0; i < 3; ++i) result.extents[i] = std::sqrt(std::max(0.0, variances[2 - i]));
-  result.second_singular_value = SecondSingularValue(target);
   return result;
 }
 

@@ -1,13 +1,14 @@
 #pragma once
 
-#include <string>
+#include <cstddef>
 #include <vector>
 
 #include "core/config.h"
 #include "core/structure.h"
+#include "infer/checks/arrangements.h"
 #include "infer/checks/outcome.h"
 #include "infer/pose/initial_pose.h"
-#include "infer/view/segmenter.h"
+#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -32,29 +33,7 @@ struct AssemblyOptions {
   }
 };
 
-/// A way in which people build a stack wrongly.
-struct Arrangement {
-  /// One of the kAssembly codes; kNone: as described.
-  SensorCode code = SensorCode::kNone;
-  std::string sentence;  ///< "box mid_top is turned by 90 deg about the vertical (...)"
-  std::string box, other_box;
-  int turn_deg = 0;     ///< about the vertical, from +x towards +z
-  Structure structure;  ///< boxes and labels as described, moved
-};
-
-/// The arrangement as described, first, and every other one that can be told from it: each box
-/// missing (what stood on it comes down), the stack mirrored, each box turned by 90, 180 or 270 deg
-/// about the column that all boxes share, or by 90 deg about its own middle, each two boxes
-/// exchanged. Of several ways to the same boxes in the same places the first is kept, so that
-/// exchanges that amount to a mirror image are called mirrored. A box that is turned by half a turn
-/// about its own middle, or exchanged with one of the same size, is the same structure to a depth
-/// sensor and in no list.
-///
-/// A side's label goes by the direction that it faces in the stack, as a network that was trained
-/// on the described stack labels it: a box that is turned by 90 deg has its front where its left
-/// side was.
-std::vector<Arrangement> Arrangements(const Structure& structure);
-
+/// A sensor whose view is asked. What it refers to must outlive the check.
 struct AssemblySensor {
   const SensorView* view = nullptr;
   const SegmentationResult* segmentation = nullptr;
@@ -63,16 +42,15 @@ struct AssemblySensor {
 
 struct AssemblyReport {
   Arrangement arrangement;       ///< code kNone: nothing speaks for another one
-  double described_overlap = 0;  ///< over all sensors, both / either
-  double overlap = 0;            ///< of `arrangement`
-  double runner_up = 0;          ///< of the next best of the others, 0 where none was tried
+  double described_overlap = 0;  ///< of all sensors together (DepthOverlap::ratio)
+  double overlap = 0;            ///< the same of `arrangement`
   bool altered() const { return arrangement.code != SensorCode::kNone; }
 };
 
 /// Does another arrangement explain the sensors' views clearly better than the one described?
-/// Others are tried where the one described leaves something to explain; each sensor's pose is
-/// estimated for each anew, and has to stand on a floor where there is one. At most `max_sensors`
-/// with the most labelled pixels are asked. `threads` >= 1.
+/// Others are tried only where the one described leaves something to explain. For each, every
+/// sensor's pose is estimated again, and has to stand on a floor where there is one. At most
+/// `max_sensors` are asked, those with the most labelled pixels. `threads` >= 1.
 AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
                                const Structure& structure, const InitialPoseOptions& initial,
                                const AssemblyOptions& options, int threads,

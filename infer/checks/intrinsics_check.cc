@@ -13,34 +13,25 @@ namespace volalign {
 
 namespace {
 
-constexpr double kMinScore = 0.8, kMinGain = 0.08, kMinSize = 0.05;
+/// Focal lengths are tried in equal ratios, so many each way, up to this factor.
+constexpr int kFocalSteps = 5;
+constexpr double kMaxFocalFactor = 1.4;
 
-class Search {
- public:
-  Search(const DepthImage& depth, const SegmentationResult& segmentation,
-         const Structure& structure, const InitialPoseOptions& options)
-      : depth_(depth), structure_(structure), options_(options) {
-    stride_ = std::max(
-        1, static_cast<int>(std::floor(std::sqrt(static_cast<double>(depth.size()) / 10000))));
-    labels_ = {DecimateImage(segmentation.labels, stride_),
-               DecimateImage(segmentation.confidence, stride_)};
-  }
-
-  double Score(const Intrinsics& intrinsics) const {
-    const SensorView view = Decimate(MakeSensorView(depth_, intrinsics), stride_);
-    const InitialPose pose = EstimateInitialPose(view, labels_, structure_, options_);
-    return pose.found ? pose.agreement.score() : 0;
-  }
-
- private:
-  const DepthImage& depth_;
-  const Structure& structure_;
-  const InitialPoseOptions& options_;
-  int stride_ = 1;
-  SegmentationResult labels_;
+/// What scores intrinsics: a frame, its labels decimated.
+struct LabelledDepth {
+  const DepthImage& depth;
+  int stride = 1;
+  SegmentationResult segmentation;
 };
 
-Intrinsics WithFocal(Intrinsics intrinsics, double factor) {
+double Score(const LabelledDepth& frame, const Intrinsics& intrinsics, const Structure& structure,
+             const InitialPoseOptions& initial) {
+  const SensorView view = Decimate(MakeSensorView(frame.depth, intrinsics), frame.stride);
+  const InitialPose pose = EstimateInitialPose(view, frame.segmentation, structure, initial);
+  return pose.found ? pose.agreement.score() : 0;
+}
+
+Intrinsics WithFocalFactor(Intrinsics intrinsics, double factor) {
   intrinsics.fx *= factor;
   intrinsics.fy *= factor;
   return intrinsics;
@@ -52,57 +43,69 @@ Intrinsics WithPrincipalPoint(Intrinsics intrinsics, double cx, double cy) {
   return intrinsics;
 }
 
+/// Where the parabola through three values at -1, 0 and 1, of which the middle one is the largest,
+/// has its peak.
+double ParabolaPeak(double before, double middle, double after) {
+  const double bend = before - 2 * middle + after;
+  return bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0;
+}
+
+/// The factor on the focal lengths that scores best, and its score. `score`: of a factor.
+template <class ScoreOfFactor>
+std::pair<double, double> BestFocalFactor(double given_score, const ScoreOfFactor& score) {
+  const double step = std::log(kMaxFocalFactor) / kFocalSteps;
+  std::vector<double> scores;
+  for (int k = -kFocalSteps; k <= kFocalSteps; ++k)
+    scores.push_back(k == 0 ? given_score : score(std::exp(k * step)));
+  const auto peak =
+      static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
+  double at = peak - kFocalSteps, best = scores[static_cast<std::size_t>(peak)];
+  if (peak > 0 && peak < 2 * kFocalSteps) {
+    const double shift = ParabolaPeak(scores[static_cast<std::size_t>(peak) - 1], best,
+                                      scores[static_cast<std::size_t>(peak) + 1]);
+    const double between = score(std::exp((at + shift) * step));
+    if (between > best) {
+      at += shift;
+      best = between;
+    }
+  }
+  return {std::exp(at * step), best};
+}
+
 }  // namespace
 
 std::optional<BetterIntrinsics> FindBetterIntrinsics(const DepthImage& depth,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,
-                                                     const InitialPoseOptions& options) {
-  const Search search(depth, segmentation, structure, options);
+                                                     const InitialPoseOptions& initial,
+                                                     const IntrinsicsCheckOptions& options) {
+  const int stride = StrideForRays(depth.size(), kCoarseRays);
+  const LabelledDepth frame{depth, stride, Decimate(segmentation, stride)};
+  const auto score = [&](const Intrinsics& intrinsics) {
+    return Score(frame, intrinsics, structure, initial);
+  };
   BetterIntrinsics best;
-  best.given_score = search.Score(given);
-
-  constexpr int kSteps = 5;  // each way
-  const double step = std::log(1.4) / kSteps;
-  std::vector<double> scores;
-  for (int k = -kSteps; k <= kSteps; ++k) {
-    scores.push_back(k == 0 ? best.given_score
-                            : search.Score(WithFocal(given, std::exp(k * step))));
-  }
-  const auto peak =
-      static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
-  double at = peak - kSteps;
-  best.score = scores[static_cast<std::size_t>(peak)];
-  if (peak > 0 && peak < 2 * kSteps) {
-    // The parabola through the peak and its neighbours.
-    const double before = scores[static_cast<std::size_t>(peak) - 1];
-    const double after = scores[static_cast<std::size_t>(peak) + 1];
-    const double bend = before - 2 * best.score + after;
-    const double shift = bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0;
-    const double score = search.Score(WithFocal(given, std::exp((at + shift) * step)));
-    if (score > best.score) {
-      at += shift;
-      best.score = score;
-    }
-  }
-  best.intrinsics = WithFocal(given, std::exp(at * step));
-  best.size = std::abs(std::exp(at * step) - 1);
+  best.given_score = score(given);
+  const auto [factor, focal_score] =
+      BestFocalFactor(best.given_score, [&](double f) { return score(WithFocalFactor(given, f)); });
+  best.score = focal_score;
+  best.intrinsics = WithFocalFactor(given, factor);
+  best.size = std::abs(factor - 1);
   best.change = fmt::format("fx = {:.1f}, fy = {:.1f}", best.intrinsics.fx, best.intrinsics.fy);
 
   for (const auto& [cx, cy] : {std::pair{given.cy, given.cx},
                                std::pair{(given.width - 1) / 2.0, (given.height - 1) / 2.0}}) {
     const double shift = std::hypot((cx - given.cx) / given.fx, (cy - given.cy) / given.fy);
-    if (shift < kMinSize) continue;
+    if (shift < options.min_change) continue;
     const Intrinsics moved = WithPrincipalPoint(given, cx, cy);
-    const double score = search.Score(moved);
-    if (score <= best.score) continue;
-    best.score = score;
-    best.intrinsics = moved;
-    best.size = shift;
-    best.change = fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy);
+    const double moved_score = score(moved);
+    if (moved_score <= best.score) continue;
+    best = {moved, fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy), best.given_score, moved_score,
+            shift};
   }
-  if (best.score < kMinScore || best.score < best.given_score + kMinGain || best.size < kMinSize)
+  if (best.score < options.min_score || best.score < best.given_score + options.min_gain ||
+      best.size < options.min_change)
     return std::nullopt;
   return best;
 }

@@ -4,30 +4,52 @@
 #include <string>
 
 #include "core/camera.h"
+#include "core/config.h"
 #include "core/structure.h"
 #include "infer/pose/initial_pose.h"
-#include "infer/view/segmenter.h"
+#include "infer/view/segmentation.h"
 
 namespace volalign {
+
+struct IntrinsicsCheckOptions {
+  double min_score = 0.8;
+  double min_gain = 0.08;
+  double min_change = 0.05;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("min_score", min_score,
+       "least agreement of labels and depth with the structure for other intrinsics to be believed",
+       Between(0, 1));
+    ar("min_gain", min_gain, "by how much it has to exceed the agreement with those given",
+       Between(0, 1));
+    ar("min_change", min_change,
+       "least relative change of the focal length, or of the principal point in focal lengths, "
+       "that "
+       "is worth a word",
+       Above(0));
+  }
+};
 
 /// Other intrinsics than those given, with which a frame fits the structure clearly better.
 struct BetterIntrinsics {
   Intrinsics intrinsics;
-  std::string change;      ///< "fx = 252.2, fy = 252.2", "cx = 160, cy = 90"
-  double given_score = 0;  ///< Agreement::score of the best pose, labels and depth
-  double score = 0;
-  /// Largest relative change of a focal length, or of the principal point in focal lengths.
+  std::string change;      ///< "fx = 252.2, fy = 252.2" or "cx = 160.0, cy = 90.0"
+  double given_score = 0;  ///< Agreement::score of the best pose with the intrinsics given
+  double score = 0;        ///< the same with these
+  /// Relative change of the focal length, or change of the principal point in focal lengths.
   double size = 0;
 };
 
-/// Tries focal lengths from 0.7 to 1.4 times those given, the principal point with its coordinates
-/// exchanged and in the image's middle, each with a new initial pose on every third pixel or so.
-/// Nothing unless one scores at least 0.8, 0.08 more than as given, and differs by 5 %. Costs some
-/// 15 initial poses: for a frame that fits badly.
+/// Tries focal lengths from 1 / 1.4 to 1.4 times those given, the principal point with its
+/// coordinates exchanged, and the principal point in the image's middle, each with a new initial
+/// pose on about kCoarseRays rays. Nothing unless the best of them passes the limits of `options`.
+/// Costs some 15 initial poses, so it is for frames that fit badly.
 std::optional<BetterIntrinsics> FindBetterIntrinsics(const DepthImage& depth,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,
-                                                     const InitialPoseOptions& options);
+                                                     const InitialPoseOptions& initial,
+                                                     const IntrinsicsCheckOptions& options = {});
 
 }  // namespace volalign

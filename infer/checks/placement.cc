@@ -32,7 +32,7 @@ std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
   const bool fits = initial.found && initial.agreement.score() >= options.verdict.suspicious_score;
   if (fits || !SeesManySides(initial.evidence, options.verdict)) return std::nullopt;
   return FindBetterIntrinsics(view.depth, intrinsics, labelled.segmentation, structure,
-                              options.initial);
+                              options.initial, options.verdict.intrinsics);
 }
 
 struct OwnPose {
@@ -92,10 +92,8 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
   evidence.sigma_translation_m = own.sigma_translation_m;
   evidence.initial = &initial;
   evidence.better_intrinsics = better ? &*better : nullptr;
-  const KeypointKind keypoints =
-      options.initial.keypoints == "centre" ? KeypointKind::kCentre : KeypointKind::kExposed;
   if (std::optional<Finding> failure =
-          VerifyOwnPose(evidence, structure, keypoints, options.verdict)) {
+          VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
   }
 

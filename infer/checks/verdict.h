@@ -6,6 +6,7 @@
 
 #include "core/config.h"
 #include "core/pose.h"
+#include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
 
@@ -25,6 +26,7 @@ struct VerdictOptions {
   double many_sides_area_m2 = 0.5;
   double suspicious_score = 0.85;
   double far_off_intrinsics = 0.08;
+  IntrinsicsCheckOptions intrinsics;
   // Of the sensor's own pose, for it to be placed.
   double min_on_side_share = 0.5;
   double min_explained_share = 0.4;
@@ -72,6 +74,7 @@ struct VerdictOptions {
        "error of the intrinsics, in focal lengths, from which on a pose is decimetres off: failed, "
        "intrinsics_suspect rather than weak",
        Above(0));
+    ar("intrinsics", intrinsics, "when other intrinsics are believed");
     ar("min_on_side_share", min_on_side_share,
        "least share of confidently labelled pixels within 3 cm of the side that they name; chance "
        "finds a side or two in a room, but not most of what the network marked",

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "infer/checks/hints.h"
+#include "infer/pose/sides_fix_pose.h"
 
 namespace volalign {
 
@@ -22,10 +23,10 @@ Finding ExplainMisfit(const OwnPoseEvidence& evidence, bool seen, const VerdictO
   const std::string facts = fmt::format(
       "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
       "structure's view is measured on it and {:.0f} % of that is seen through",
-      100 * agreement.inlier_share(), 100 * agreement.explained_share(),
+      100 * agreement.on_side_share(), 100 * agreement.explained_share(),
       100 * agreement.see_through_share());
   if (SeesManySides(evidence.initial->evidence, options) &&
-      (seen || agreement.inlier_share() > options.some_on_side_share)) {
+      (seen || agreement.on_side_share() > options.some_on_side_share)) {
     return {SensorCode::kInconsistent,
             "the sides that were found do not fit the structure together: " + facts,
             "check that the boxes are stacked as the structure file says, and the intrinsics and "
@@ -75,7 +76,7 @@ std::optional<Finding> VerifyOwnPose(const OwnPoseEvidence& evidence, const Stru
   const Agreement& agreement = evidence.agreement;
   const bool seen = agreement.explained_share() >= options.min_explained_share &&
                     agreement.see_through_share() <= options.max_see_through_share;
-  if (!seen || agreement.inlier_share() < options.min_on_side_share)
+  if (!seen || agreement.on_side_share() < options.min_on_side_share)
     return ExplainMisfit(evidence, seen, options);
   if (!SidesFixPose(structure, evidence.confirmed, keypoints)) {
     return Finding{

@@ -17,6 +17,7 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
       const double measured = view.depth(u, v);
       if (!(measured > 0)) continue;
       const double expected = model.depth(u, v);
+      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
       const int predicted =
           segmentation.confidence(u, v) >= min_confidence ? segmentation.labels(u, v) : 0;
       const bool labelled = predicted > 0 && predicted < structure.num_classes();
@@ -24,10 +25,9 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
       if (expected > 0) {
         ++agreement.visible;
         // Depth changes fast along a grazing ray; the point's distance to the surface does not.
-        const double gap =
-            std::abs(measured - expected) <= tolerance_m
-                ? 0
-                : DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
+        const double gap = std::abs(measured - expected) <= tolerance_m
+                               ? 0
+                               : DistanceToSurface(structure, p).distance;
         explained = gap <= tolerance_m;
         if (explained) {
           ++agreement.explained;
@@ -39,7 +39,6 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
       }
       if (labelled) {
         ++agreement.labelled;
-        const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
         if ((structure.SideOfLabel(predicted).ClosestPoint(p) - p).norm() <= tolerance_m) {
           ++agreement.on_own_side;
         }
@@ -77,36 +76,10 @@ SegmentationResult LabelsFromPose(const SensorView& view, const Structure& struc
   return result;
 }
 
-FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor) {
-  // Depth errors grow with distance, and a pose that is off by a degree tilts a far floor.
-  constexpr double kTolerance = 0.03, kRelativeTolerance = 0.02;
-  constexpr int kStride = 2;
-  const double floor = structure.FloorHeight();
-  FloorEvidence evidence;
-  for (int v = kStride / 2; v < view.height(); v += kStride) {
-    for (int u = kStride / 2; u < view.width(); u += kStride) {
-      if (!(view.depth(u, v) > 0)) continue;
-      ++evidence.pixels;
-      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
-      const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
-      const double height = p.y() - floor;
-      if (height < -3 * tolerance) {
-        ++evidence.below;
-      } else if (std::abs(height) < tolerance &&
-                 DistanceToSurface(structure, p).distance > kTolerance) {
-        ++evidence.on_floor;
-      }
-    }
-  }
-  return evidence;
-}
-
 DepthOverlap MeasureOverlap(const SensorView& view, const SegmentationResult& segmentation,
                             const Structure& structure, const Pose& structure_from_sensor,
                             double min_confidence) {
   const StructureView model = CastView(structure, view.rays, structure_from_sensor);
-  constexpr double kOnSurface = 0.05;  // m
   DepthOverlap overlap;
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
@@ -117,7 +90,7 @@ DepthOverlap MeasureOverlap(const SensorView& view, const SegmentationResult& se
       const bool near =
           (expected > 0 || labelled) &&
           DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance <=
-              kOnSurface;
+              kInitialTolerance;
       if (expected > 0 && near) ++overlap.both;
       if (labelled || (expected > 0 && (near || measured > expected))) ++overlap.either;
     }

@@ -1,19 +1,29 @@
 #pragma once
 
-#include <string>
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "core/config.h"
+#include "core/config_word.h"
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/pose/agreement.h"
 #include "infer/pose/side_evidence.h"
+#include "infer/view/segmentation.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
+enum class PoseMethod { kRobust, kPaper };
+inline constexpr std::array<std::pair<const char*, PoseMethod>, 2> kPoseMethodWords = {
+    {{"robust", PoseMethod::kRobust}, {"paper", PoseMethod::kPaper}}};
+inline constexpr std::array<std::pair<const char*, KeypointKind>, 2> kKeypointWords = {
+    {{"exposed", KeypointKind::kExposed}, {"centre", KeypointKind::kCentre}}};
+
 struct InitialPoseOptions {
-  std::string method = "robust";
-  std::string keypoints = "exposed";
+  PoseMethod method = PoseMethod::kRobust;
+  KeypointKind keypoints = KeypointKind::kExposed;
   int visibility_iterations = 5;
   int side_fit_steps = 5;
   double max_keypoint_error_m = 0.2;
@@ -22,17 +32,13 @@ struct InitialPoseOptions {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("method", method,
-       "robust (hypothesise and verify, see infer/pose/initial_pose.h), or paper: the mean of each "
-       "side's "
-       "confident pixels against its centre, Procrustes over all visible sides; it uses evidence's "
-       "min_confidence and min_pixels only",
-       OneOf({"robust", "paper"}));
-    ar("keypoints", keypoints,
-       "point that stands for a side before its visible part is known: exposed (centroid of the "
-       "area that no "
-       "other box covers) or centre (the paper)",
-       OneOf({"exposed", "centre"}));
+    DescribeWord(ar, "method", method, kPoseMethodWords,
+                 "robust (hypothesise and verify, see infer/pose/initial_pose.h), or paper: the "
+                 "mean of each side's confident pixels against its centre, Procrustes over all "
+                 "visible sides; it uses evidence's min_confidence and min_pixels only");
+    DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
+                 "point that stands for a side before its visible part is known: exposed (centroid "
+                 "of the area that no other box covers) or centre (the paper)");
     ar("visibility_iterations", visibility_iterations,
        "times that keypoints are replaced by centroids of what the structure shows from the "
        "estimated pose",
@@ -53,34 +59,31 @@ struct InitialPoseOptions {
 
 /// What one sensor's labels say about its pose.
 struct InitialPose {
-  bool found = false;  ///< a pose was hypothesised; whether it is right is CompareWithView's to say
+  bool found = false;  ///< a pose was hypothesised; CompareWithView tells whether it is right
+  /// The initial pose: the keypoint pose, fitted to the sides.
   Pose structure_from_sensor = Pose::Identity();
-  /// The same before the points were brought onto their sides: no depth but those of centroids and
-  /// normals is fitted.
+  /// The keypoint pose. Of the depths, only the sides' centroids and normals are fitted.
   Pose from_keypoints = Pose::Identity();
-  Agreement agreement;                 ///< at the pose, on the decimated view, tolerance 5 cm
+  /// At the initial pose, on the decimated view, with kInitialTolerance.
+  Agreement agreement;
   std::vector<SideEvidence> evidence;  ///< all patches that were found
-  std::vector<int> consistent;         ///< indices of the patches that the pose agrees with
 };
 
 /// By `options.method`:
 ///
-/// robust: hypothesise and verify. A pose is made from every pair and triple of patches, from all
-/// of them and from all but one, by Procrustes over area-weighted keypoints and, as a second point
-/// of each side, its fitted normal (four parallel sides fix no rotation with keypoints alone); the
-/// patches that agree with it vote for it, and the best hypotheses compete by how well their view
-/// of the structure agrees with measured depths and labels (not by a number of pixels). Keypoints
-/// are corrected for visibility: the centroid of a half hidden side is compared with that of the
-/// part that the estimated pose shows. With `near`, that pose competes too, and only what comes out
-/// within 20 cm and 15 deg of it.
+/// robust: hypothesise and verify. Candidates are made from sets of patches (pose_candidates.h).
+/// The best of them are corrected for visibility (visibility_correction.h) and compete by how well
+/// measured depths and labels agree with the structure as seen from there, not by a number of
+/// pixels. The winner is the keypoint pose; fitted to the sides (side_fit.h), it is the initial
+/// pose. With `near`, that pose competes too, and only results that are about the same pose count.
+///
+/// paper: EstimatePaperPose (paper_pose.h).
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options,
                                 const Pose* near = nullptr);
 
-/// Do these sides fix six degrees of freedom? By their keypoints (second singular value of the
-/// centred set over 5 cm, design section 2) or, where those fail, by their planes: the
-/// point-to-plane normal equations have rank 6, every eigenvalue above 0.3 % of the trace with
-/// rotations in units of 0.25 m.
-bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, KeypointKind kind);
+/// Are these two estimates of about the same pose, less than 20 cm and 15 deg apart? Steps and
+/// turns that make a structure look alike are larger.
+bool SamePose(const Pose& a, const Pose& b);
 
 }  // namespace volalign

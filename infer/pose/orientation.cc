@@ -7,6 +7,8 @@
 
 #include "core/parallel_for.h"
 #include "infer/pose/aliases.h"
+#include "infer/pose/floor.h"
+#include "infer/pose/relabel.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -39,7 +41,7 @@ struct Trial {
 /// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down, or shifted by
 /// a box, it would not.
 bool Decided(const Trial& trial, const OrientationOptions& options) {
-  return trial.initial.found && trial.floor_margin >= kClearFloorMargin &&
+  return trial.initial.found && trial.floor_margin >= options.choice.floor_margin &&
          trial.score() >= options.decided_score;
 }
 
@@ -134,7 +136,7 @@ Trial* BestTrial(const std::vector<Trial*>& trials, const OrientationOptions& op
   double best_score = 0;
   for (const Trial* t : trials) best_score = std::max(best_score, t->score());
   const auto rank = [&](const Trial* t) {
-    const bool rival = t->score() >= options.rival_score * best_score;
+    const bool rival = t->score() >= options.choice.rival_score * best_score;
     return std::make_tuple(Settled(*t, options), rival, t->floor_margin, t->score());
   };
   return *std::max_element(trials.begin(), trials.end(),
@@ -177,11 +179,11 @@ LabelledView TakeBest(const Context& context, std::size_t i, const std::vector<T
   PoseChoice choice;
   const auto settled = std::count_if(trials.begin(), trials.end(),
                                      [&](const Trial* t) { return Settled(*t, options); });
-  if (context.initial.method == "robust" && settled != 1) {
+  if (context.initial.method == PoseMethod::kRobust && settled != 1) {
     std::vector<PoseTrial> poses;
-    for (const Trial* t : trials) poses.push_back({t->turns, &t->segmentation, &t->initial});
+    for (const Trial* t : trials) poses.push_back({&t->segmentation, &t->initial});
     choice = ChoosePose(*from.view, context.structure, context.aliases, poses,
-                        from.quarter_turns != kAutoTurns, context.initial);
+                        from.quarter_turns != kAutoTurns, context.initial, options.choice);
   }
   const bool trusted = choice.found && choice.best.overlap >= options.min_shape_overlap &&
                        choice.best.label_score >= options.min_label_score;

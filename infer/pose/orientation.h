@@ -9,6 +9,7 @@
 #include "core/stage_clock.h"
 #include "core/structure.h"
 #include "infer/pose/initial_pose.h"
+#include "infer/pose/pose_choice.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
 
@@ -17,9 +18,9 @@ namespace volalign {
 struct OrientationOptions {
   double decided_score = 0.6;
   double good_score = 0.85;
-  double rival_score = 0.5;
   double min_shape_overlap = 0.9;
   double min_label_score = 0.4;
+  PoseChoiceOptions choice;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -32,18 +33,15 @@ struct OrientationOptions {
        "that reaches it on a floor is not compared with aliases, and its labels are not reconciled "
        "with the pose",
        Between(0, 1));
-    ar("rival_score", rival_score,
-       "share of the best orientation's agreement that another one needs to compete with it",
-       Between(0, 1));
     ar("min_shape_overlap", min_shape_overlap,
        "least overlap of what was seen with the structure for a pose that was chosen among "
-       "aliases; "
-       "below it the best orientation's own pose is taken",
+       "aliases; below it the best orientation's own pose is taken",
        Between(0, 1));
     ar("min_label_score", min_label_score,
        "least agreement of the labels, renamed as the alias has them, for such a pose: what is no "
        "structure can be made to look like one by renaming its sides",
        Between(0, 1));
+    ar("choice", choice, "choice among the poses of orientations and aliases");
   }
 };
 

@@ -7,16 +7,36 @@
 #include <utility>
 
 #include "core/random.h"
+#include "core/statistics.h"
 
 namespace volalign {
 
 namespace {
 
+/// Components of fewer pixels are specks, which label errors make.
+constexpr std::size_t kSpeck = 12;
+/// RANSAC: points among which planes are tried, and how many planes.
+constexpr std::size_t kSampledPoints = 400;
+constexpr int kPlaneTrials = 80;
+/// Twice the area of a triangle over the square of its longest side, below which it is too thin.
+constexpr double kThinTriangle = 0.05;
+/// Fits to the inliers that follow.
+constexpr int kPlaneFits = 3;
+/// By how much the tolerance about a plane grows with the square of the depth, 1/m^2.
+constexpr double kToleranceGrowth = 0.1;
+/// A label's second patch, as a share of the first, from which on it is a rival: less is what the
+/// frayed border of a label leaves over.
+constexpr int kRivalDivisor = 3;
+/// A sensor's depth error is smooth, so about a hundred neighbouring pixels tell as much as one,
+/// and no plane is known better than this, m.
+constexpr double kPixelsPerObservation = 100, kSmoothError = 0.003;
+/// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
+constexpr double kMinVariance = 1e-8;
+
 /// Row-major pixel indices of each label, without components of fewer than kSpeck pixels.
 std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
                                               const SegmentationResult& segmentation,
                                               int num_classes, double min_confidence) {
-  constexpr std::size_t kSpeck = 12;
   const int width = view.width(), height = view.height();
   const auto usable = [&](int i) {
     const auto k = static_cast<std::size_t>(i);
@@ -79,80 +99,75 @@ Plane FitPlane(const std::vector<Eigen::Vector3d>& points, const std::vector<int
   return plane;
 }
 
-class PatchFinder {
- public:
-  PatchFinder(const std::vector<Eigen::Vector3d>& points, double tolerance, double diagonal)
-      : points_(points), tolerance_(tolerance), diagonal_(diagonal) {}
-
-  /// Indices, among `candidates`, of the largest planar patch; empty for fewer than `min_size`.
-  std::vector<int> Find(const std::vector<int>& candidates, RandomStream& random,
-                        int min_size) const {
-    if (static_cast<int>(candidates.size()) < min_size) return {};
-    constexpr std::size_t kSample = 400;
-    std::vector<int> sample;
-    const std::size_t step = std::max<std::size_t>(1, candidates.size() / kSample);
-    for (std::size_t i = step / 2; i < candidates.size(); i += step)
-      sample.push_back(candidates[i]);
-
-    std::vector<int> best;
-    constexpr int kTrials = 80;
-    for (int trial = 0; trial < kTrials; ++trial) {
-      const Eigen::Vector3d& a = Pick(sample, random);
-      const Eigen::Vector3d& b = Pick(sample, random);
-      const Eigen::Vector3d& c = Pick(sample, random);
-      const Eigen::Vector3d cross = (b - a).cross(c - a);
-      const double longest = std::max({(b - a).norm(), (c - a).norm(), (c - b).norm()});
-      // Three points that are nearly in line, or farther apart than the side is large, are no
-      // side's.
-      if (longest > diagonal_ || cross.norm() < 0.05 * longest * longest || longest == 0) continue;
-      std::vector<int> inliers = Inliers(sample, a, cross.normalized());
-      if (inliers.size() > best.size()) best = std::move(inliers);
-    }
-    for (int round = 0; round < 3 && best.size() >= 3; ++round) {
-      const Plane plane = FitPlane(points_, best);
-      best = Inliers(candidates, plane.point, plane.normal);
-    }
-    if (static_cast<int>(best.size()) < min_size) best.clear();
-    return best;
-  }
-
- private:
-  const Eigen::Vector3d& Pick(const std::vector<int>& from, RandomStream& random) const {
-    return points_[static_cast<std::size_t>(
-        from[static_cast<std::size_t>(random.Below(static_cast<int>(from.size())))])];
-  }
-
-  /// Points near the plane and within the side's diagonal of their own median.
-  std::vector<int> Inliers(const std::vector<int>& from, const Eigen::Vector3d& point,
-                           const Eigen::Vector3d& normal) const {
-    std::vector<int> near;
-    for (const int i : from) {
-      const Eigen::Vector3d& p = points_[static_cast<std::size_t>(i)];
-      if (std::abs(normal.dot(p - point)) <= tolerance_ * (1 + 0.1 * p.z() * p.z()))
-        near.push_back(i);
-    }
-    if (near.empty()) return near;
-    Eigen::Vector3d median;
-    std::vector<double> values(near.size());
-    for (int axis = 0; axis < 3; ++axis) {
-      for (std::size_t i = 0; i < near.size(); ++i)
-        values[i] = points_[static_cast<std::size_t>(near[i])][axis];
-      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-      std::nth_element(values.begin(), middle, values.end());
-      median[axis] = *middle;
-    }
-    near.erase(std::remove_if(near.begin(), near.end(),
-                              [&](int i) {
-                                return (points_[static_cast<std::size_t>(i)] - median).norm() >
-                                       diagonal_;
-                              }),
-               near.end());
-    return near;
-  }
-
-  const std::vector<Eigen::Vector3d>& points_;
-  double tolerance_, diagonal_;
+/// How far the points of one side may lie from its plane and from each other, m.
+struct PatchLimits {
+  double tolerance = 0;  // at a depth of 0
+  double diagonal = 0;   // of the side
 };
+
+const Eigen::Vector3d& Pick(const std::vector<Eigen::Vector3d>& points,
+                            const std::vector<int>& from, RandomStream& random) {
+  return points[static_cast<std::size_t>(
+      from[static_cast<std::size_t>(random.Below(static_cast<int>(from.size())))])];
+}
+
+/// The points near a plane and within the side's diagonal of their own median.
+std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& points, const std::vector<int>& from,
+                         const PatchLimits& limits, const Eigen::Vector3d& point,
+                         const Eigen::Vector3d& normal) {
+  std::vector<int> near;
+  for (const int i : from) {
+    const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
+    if (std::abs(normal.dot(p - point)) <=
+        limits.tolerance * (1 + kToleranceGrowth * p.z() * p.z()))
+      near.push_back(i);
+  }
+  if (near.empty()) return near;
+  Eigen::Vector3d median;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values(near.size());
+    for (std::size_t i = 0; i < near.size(); ++i)
+      values[i] = points[static_cast<std::size_t>(near[i])][axis];
+    median[axis] = Median(std::move(values));
+  }
+  const auto far = [&](int i) {
+    return (points[static_cast<std::size_t>(i)] - median).norm() > limits.diagonal;
+  };
+  near.erase(std::remove_if(near.begin(), near.end(), far), near.end());
+  return near;
+}
+
+/// Indices, among `candidates`, of the largest planar patch, by RANSAC; empty for fewer than
+/// `min_size`.
+std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
+                           const std::vector<int>& candidates, const PatchLimits& limits,
+                           int min_size, RandomStream& random) {
+  if (static_cast<int>(candidates.size()) < min_size) return {};
+  std::vector<int> sample;
+  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kSampledPoints);
+  for (std::size_t i = step / 2; i < candidates.size(); i += step) sample.push_back(candidates[i]);
+
+  std::vector<int> best;
+  for (int trial = 0; trial < kPlaneTrials; ++trial) {
+    const Eigen::Vector3d& a = Pick(points, sample, random);
+    const Eigen::Vector3d& b = Pick(points, sample, random);
+    const Eigen::Vector3d& c = Pick(points, sample, random);
+    const Eigen::Vector3d cross = (b - a).cross(c - a);
+    const double longest = std::max({(b - a).norm(), (c - a).norm(), (c - b).norm()});
+    // Points of one side are no farther apart than its diagonal.
+    if (longest > limits.diagonal || cross.norm() < kThinTriangle * longest * longest ||
+        longest == 0)
+      continue;
+    std::vector<int> inliers = Inliers(points, sample, limits, a, cross.normalized());
+    if (inliers.size() > best.size()) best = std::move(inliers);
+  }
+  for (int round = 0; round < kPlaneFits && best.size() >= 3; ++round) {
+    const Plane plane = FitPlane(points, best);
+    best = Inliers(points, candidates, limits, plane.point, plane.normal);
+  }
+  if (static_cast<int>(best.size()) < min_size) best.clear();
+  return best;
+}
 
 SideEvidence Describe(const SensorView& view, const SegmentationResult& segmentation, int label,
                       const std::vector<int>& pixels, const std::vector<Eigen::Vector3d>& points,
@@ -174,11 +189,8 @@ SideEvidence Describe(const SensorView& view, const SegmentationResult& segmenta
   const auto count = static_cast<double>(members.size());
   evidence.mean_confidence /= count;
   evidence.plane_rms = std::sqrt(plane.variances[0]);
-  // A sensor's warp is smooth, so about a hundred neighbouring pixels tell as much as one
-  // (facts/sensors.md section 1).
-  constexpr double kPixelsPerObservation = 100, kWarp = 0.003;
-  evidence.normal_sigma = std::max(evidence.plane_rms, kWarp) /
-                          std::sqrt(std::max(plane.variances[1], 1e-8)) /
+  evidence.normal_sigma = std::max(evidence.plane_rms, kSmoothError) /
+                          std::sqrt(std::max(plane.variances[1], kMinVariance)) /
                           std::sqrt(std::max(1.0, count / kPixelsPerObservation));
   return evidence;
 }
@@ -200,12 +212,12 @@ std::vector<SideEvidence> CollectEvidence(const SensorView& view,
     for (const int i : pixels) points.push_back(view.Point(i % view.width(), i / view.width()));
 
     const Side& side = structure.SideOfLabel(label);
-    const PatchFinder finder(points, options.plane_tolerance_m,
-                             2 * std::hypot(side.half_u, side.half_v));
+    const PatchLimits limits{options.plane_tolerance_m, 2 * std::hypot(side.half_u, side.half_v)};
     RandomStream random(0, static_cast<std::uint64_t>(label), "side_evidence");
     std::vector<int> candidates(pixels.size());
     for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
-    const std::vector<int> first = finder.Find(candidates, random, options.min_pixels);
+    const std::vector<int> first =
+        FindPatch(points, candidates, limits, options.min_pixels, random);
     if (first.empty()) continue;
     found.push_back(Describe(view, segmentation, label, pixels, points, first));
 
@@ -214,9 +226,9 @@ std::vector<SideEvidence> CollectEvidence(const SensorView& view,
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
                                     [&](int i) { return used[static_cast<std::size_t>(i)] != 0; }),
                      candidates.end());
-    const std::vector<int> second = finder.Find(candidates, random, options.min_pixels);
-    // Less than a third is what a label's frayed border leaves over, not a rival.
-    if (3 * second.size() >= first.size()) {
+    const std::vector<int> second =
+        FindPatch(points, candidates, limits, options.min_pixels, random);
+    if (kRivalDivisor * second.size() >= first.size()) {
       found.push_back(Describe(view, segmentation, label, pixels, points, second));
     }
   }

@@ -5,7 +5,7 @@
 
 #include "core/config.h"
 #include "core/structure.h"
-#include "infer/view/segmenter.h"
+#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -40,10 +40,10 @@ struct SideEvidence {
   double mean_confidence = 0;
 };
 
-/// Collects each label's confident pixels, drops specks (connected components that a label error
-/// makes), and fits planes by RANSAC, a patch being no larger than the side's diagonal. A label
-/// that marks two surfaces gives two patches, the larger first. So a handful of far pixels with a
-/// wrong label has no say. Deterministic.
+/// Collects each label's confident pixels, drops specks (small connected components, which label
+/// errors make), and fits planes by RANSAC; a patch is no larger than the side's diagonal. A label
+/// that marks two surfaces gives two patches, the larger first. A handful of far pixels with a
+/// wrong label therefore changes nothing. Deterministic.
 std::vector<SideEvidence> CollectEvidence(const SensorView& view,
                                           const SegmentationResult& segmentation,
                                           const Structure& structure,

@@ -13,6 +13,21 @@
 
 namespace volalign {
 
+namespace {
+
+/// OpenCV's fixed-point iteration: most steps, and the change that ends it, on the plane z = 1.
+constexpr int kFixedPointSteps = 200;
+constexpr double kFixedPointChange = 1e-6;
+/// Newton steps after it, and the step of their numerical derivatives, on the plane z = 1.
+constexpr int kNewtonSteps = 5;
+constexpr double kDerivativeStep = 1e-6;
+/// A ray has to project back to its pixel within this, px.
+constexpr double kMaxErrorPx = 0.01;
+/// Nearer to the axis than this, on the plane z = 1, a ray may point to the other side of it.
+constexpr double kAxis = 0.05;
+
+}  // namespace
+
 Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
   std::array<double, 8> k{};  // k1 k2 p1 p2 k3 k4 k5 k6
   std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), k.begin());
@@ -26,25 +41,25 @@ Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& 
 
 namespace {
 
-/// Newton steps from where OpenCV's fixed-point iteration stopped, which is slow towards the
-/// corners of strong lenses. Returns false if the ray does not project back to the pixel, or does
-/// so from beyond the fold of the lens model.
+/// Improves a ray by Newton's method, since OpenCV's fixed-point iteration is slow towards the
+/// corners of strong lenses. False if the ray does not project back to the pixel, or does so only
+/// from beyond the radius at which the lens model folds over.
 bool Polish(const Intrinsics& intrinsics, const Eigen::Vector2d& pixel, Eigen::Vector2d* ray) {
-  constexpr double kTolerancePx = 0.01, kStep = 1e-6;
   Eigen::Matrix2d jacobian;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < kNewtonSteps; ++i) {
     for (int axis = 0; axis < 2; ++axis) {
-      const Eigen::Vector2d step = kStep * Eigen::Vector2d::Unit(axis);
+      const Eigen::Vector2d step = kDerivativeStep * Eigen::Vector2d::Unit(axis);
       jacobian.col(axis) =
-          (ProjectRay(intrinsics, *ray + step) - ProjectRay(intrinsics, *ray - step)) / (2 * kStep);
+          (ProjectRay(intrinsics, *ray + step) - ProjectRay(intrinsics, *ray - step)) /
+          (2 * kDerivativeStep);
     }
     if (!(jacobian.determinant() > 0)) return false;
     *ray -= jacobian.inverse() * (ProjectRay(intrinsics, *ray) - pixel);
   }
   const Eigen::Vector2d distorted((pixel.x() - intrinsics.cx) / intrinsics.fx,
                                   (pixel.y() - intrinsics.cy) / intrinsics.fy);
-  return (ProjectRay(intrinsics, *ray) - pixel).norm() <= kTolerancePx &&
-         (ray->dot(distorted) > 0 || distorted.norm() < 0.05);
+  return (ProjectRay(intrinsics, *ray) - pixel).norm() <= kMaxErrorPx &&
+         (ray->dot(distorted) > 0 || distorted.norm() < kAxis);
 }
 
 }  // namespace
@@ -63,7 +78,8 @@ RayTable ComputeRays(const Intrinsics& intrinsics) {
                            1);
   cv::undistortPoints(pixels, undistorted, camera, intrinsics.distortion, cv::noArray(),
                       cv::noArray(),
-                      cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 200, 1e-6));
+                      cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS,
+                                       kFixedPointSteps, kFixedPointChange));
 
   RayTable table{intrinsics.width, intrinsics.height, {}};
   table.rays.reserve(pixels.size());

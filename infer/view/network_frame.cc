@@ -1,14 +1,22 @@
+#include "infer/view/network_frame.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
-#include "infer/view/segmenter.h"
 
 namespace volalign {
 
 namespace {
+
+/// Focal lengths beyond the trained range by up to this factor count as within it.
+constexpr double kFocalSlack = 1.02;
+/// Shortest side that the network's five resolutions leave anything of, px.
+constexpr int kMinNetworkSide = 16;
+/// Depths that differ by no more than this belong to one surface, m.
+constexpr float kSameSurface = 0.03f;
 
 /// Frame pixel in the middle of network pixel i, and the network pixel over frame pixel i.
 int FramePixel(int i, double scale, int size) {
@@ -22,8 +30,7 @@ int NetworkPixel(int i, double scale, int size) {
 
 NetworkFrame PlanNetworkFrame(const Intrinsics& intrinsics, std::pair<double, double> focal_px) {
   const double focal = (intrinsics.fx + intrinsics.fy) / 2;
-  constexpr double kSlack = 1.02;
-  const double low = focal_px.first / kSlack, high = focal_px.second * kSlack;
+  const double low = focal_px.first / kFocalSlack, high = focal_px.second * kFocalSlack;
   double scale = 1;
   if (focal < low || focal > high) {
     scale = focal / std::sqrt(focal_px.first * focal_px.second);
@@ -34,13 +41,12 @@ NetworkFrame PlanNetworkFrame(const Intrinsics& intrinsics, std::pair<double, do
   frame.scale = scale;
   frame.width = std::max(1, static_cast<int>(std::lround(intrinsics.width / scale)));
   frame.height = std::max(1, static_cast<int>(std::lround(intrinsics.height / scale)));
-  if (std::min(frame.width, frame.height) < 16) {
+  if (std::min(frame.width, frame.height) < kMinNetworkSide) {
     throw DataError(
         fmt::format("a {}x{} frame with a focal length of {:.1f} px becomes {}x{} for a network "
-                    "trained at {:.1f} to {:.1f} px; it "
-                    "needs 16 px a side: check the intrinsics",
+                    "trained at {:.1f} to {:.1f} px; it needs {} px a side: check the intrinsics",
                     intrinsics.width, intrinsics.height, focal, frame.width, frame.height,
-                    focal_px.first, focal_px.second));
+                    focal_px.first, focal_px.second, kMinNetworkSide));
   }
   return frame;
 }
@@ -61,7 +67,6 @@ SegmentationResult RestoreSegmentation(const DepthImage& depth, const DepthImage
                                        const LabelImage& small_labels,
                                        const Image<float>& small_confidence,
                                        const NetworkFrame& frame) {
-  constexpr float kSameSurface = 0.03f;
   SegmentationResult result{LabelImage(depth.width(), depth.height()),
                             Image<float>(depth.width(), depth.height())};
   for (int v = 0; v < depth.height(); ++v) {

@@ -1,25 +1,18 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "core/camera.h"
 #include "core/image.h"
 #include "core/structure.h"
+#include "infer/view/segmentation.h"
 
 namespace volalign {
 
-/// What a network sees in one frame, in the frame's own size and orientation.
-struct SegmentationResult {
-  LabelImage labels;        ///< 0 where there is no depth
-  Image<float> confidence;  ///< probability of the label, 0 where there is no depth
-};
-
-/// A frame to segment; the referenced images must outlive the call.
+/// A frame to segment. What it refers to must outlive the call.
 struct SegmentationRequest {
   const DepthImage* depth = nullptr;
   const Intrinsics* intrinsics = nullptr;
@@ -31,7 +24,7 @@ class Segmenter {
  public:
   virtual ~Segmenter() = default;
 
-  /// One result a request, in order.
+  /// One result for each request, in their order.
   virtual std::vector<SegmentationResult> Segment(
       const std::vector<SegmentationRequest>& requests) = 0;
 
@@ -56,29 +49,5 @@ class NetworkSegmenter : public Segmenter {
 std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
                                                        const Structure* structure = nullptr,
                                                        int num_threads = 2);
-
-/// How a frame is presented to a network that knows focal lengths from focal_px.first to
-/// focal_px.second only: both sides are divided by `scale`, by nearest neighbour; depths are never
-/// averaged.
-struct NetworkFrame {
-  int width = 0, height = 0;  ///< before turning
-  double scale = 1;           ///< frame pixels per network pixel
-};
-
-/// Chooses scale 1 for a focal length within the range (2 % beyond it is within), else the whole
-/// number that brings it there, else the ratio to the range's geometric mean. Throws DataError for
-/// a frame that would be smaller than 16 px.
-NetworkFrame PlanNetworkFrame(const Intrinsics& intrinsics, std::pair<double, double> focal_px);
-
-DepthImage ResampleDepth(const DepthImage& depth, const NetworkFrame& frame);
-
-/// Labels and confidences of the network's frame back at full size. Every pixel with depth takes
-/// the nearest network pixel, or, where that one looks at another surface (depths differ by over 3
-/// cm), the one of its 8 neighbours whose depth is most alike. `small_depth` is what ResampleDepth
-/// made.
-SegmentationResult RestoreSegmentation(const DepthImage& depth, const DepthImage& small_depth,
-                                       const LabelImage& small_labels,
-                                       const Image<float>& small_confidence,
-                                       const NetworkFrame& frame);
 
 }  // namespace volalign

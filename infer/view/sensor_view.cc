@@ -11,8 +11,14 @@
 
 namespace volalign {
 
+namespace {
+
+constexpr double kGrazing = 0.087;  // cos 85 deg: pixels at larger angles count as this one
+constexpr float kNearest = 1e-3f;   // m: a corrected depth is a depth still
+
+}  // namespace
+
 double SensorView::PixelArea(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const {
-  constexpr double kGrazing = 0.087;  // cos 85 deg
   const double z = p.z();
   const double cosine = std::max(std::abs(normal.dot(p)) / p.norm(), kGrazing);
   return z * z * z * pixel_solid_angle / (p.norm() * cosine);
@@ -44,9 +50,9 @@ std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, 
   return views;
 }
 
-SensorView Corrected(SensorView view, double scale, double offset) {
+SensorView Corrected(SensorView view, double gain, double offset) {
   for (float& z : view.depth) {
-    if (z > 0) z = std::max(static_cast<float>(z * scale + offset), 1e-3f);
+    if (z > 0) z = std::max(static_cast<float>(z * gain + offset), kNearest);
   }
   return view;
 }
@@ -65,6 +71,10 @@ SensorView Decimate(const SensorView& view, int stride) {
   }
   small.pixel_solid_angle = view.pixel_solid_angle * stride * stride;
   return small;
+}
+
+int StrideForRays(std::size_t pixels, double rays) {
+  return std::max(1, static_cast<int>(std::floor(std::sqrt(static_cast<double>(pixels) / rays))));
 }
 
 }  // namespace volalign

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "core/camera.h"
@@ -9,7 +10,8 @@
 
 namespace volalign {
 
-/// A depth map with its rays: what every geometric step of calibration works on.
+/// A frame as geometry: a depth map with the ray of every pixel. Every geometric step of
+/// calibration works on it.
 struct SensorView {
   DepthImage depth;              ///< m; 0 where nothing usable was measured
   RayTable rays;                 ///< finite everywhere
@@ -24,19 +26,19 @@ struct SensorView {
     return {z * ray.x(), z * ray.y(), z};
   }
   /// Surface area, m^2, that a pixel at p covers on a surface of this unit normal: z^2 / (fx fy
-  /// |n.r|), r = p / z (facts/sensors.md section 6); the incidence is limited to 85 deg.
+  /// |n . r|) with r = p / z. The angle of incidence is limited to 85 deg.
   double PixelArea(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const;
 };
 
-/// Drops depths that are not finite and positive, and those of pixels without a ray. Throws
-/// DataError if the image and the intrinsics differ in size.
+/// The view of a frame, without depths that are not finite and positive and without those of pixels
+/// that have no ray. Throws DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
 
 /// MakeSensorView of every frame, on `threads` threads.
 std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads);
 
-/// The view with every measured depth z replaced by z * scale + offset (m).
-SensorView Corrected(SensorView view, double scale, double offset);
+/// The view with every measured depth z replaced by z * gain + offset (m).
+SensorView Corrected(SensorView view, double gain, double offset);
 
 /// Every `stride`-th pixel of every `stride`-th row, from stride / 2 on.
 SensorView Decimate(const SensorView& view, int stride);
@@ -50,6 +52,13 @@ Image<T> DecimateImage(const Image<T>& image, int stride) {
   }
   return out;
 }
+
+/// Rays that suffice to tell good poses from bad ones. A full frame has ten times as many.
+inline constexpr double kCoarseRays = 10000;
+
+/// The stride that leaves about `rays` of so many pixels, at least that number; 1 where there are
+/// fewer.
+int StrideForRays(std::size_t pixels, double rays);
 
 /// Two neighbouring depths that differ by more than this, m, belong to different surfaces unless
 /// one is seen at over ~80 deg.

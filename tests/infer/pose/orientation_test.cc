@@ -1,4 +1,5 @@
-// Which orientations are tried, and in how many passes, counted by a segmenter that knows the answer.
+// Which orientations are tried, and in how many passes, counted by a segmenter that knows the
+// answer.
 
 #include "infer/pose/orientation.h"
 

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/pose/aliases.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
+/// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so its labels
+/// and depths alone do not tell up from down. What lies around it does.
+struct FloorEvidence {
+  int pixels = 0;    ///< looked at: one in four of those with depth
+  int on_floor = 0;  ///< of those: on the plane that the structure stands on, off the structure
+  int below = 0;     ///< of those: clearly under that plane, where no true pose has any
+  int balance() const { return on_floor - 2 * below; }
+  /// The balance as a share of the pixels looked at, in [-2, 1]; 0 where none has depth.
+  double share() const { return pixels > 0 ? static_cast<double>(balance()) / pixels : 0; }
+};
+FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
+                        const Pose& structure_from_sensor);
+
+/// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
+/// FloorEvidence::share; 1 without aliases.
+double FloorMargin(const SensorView& view, const Structure& structure,
+                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);
+
+}  // namespace volalign

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "core/image.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// Labels of one frame, in the frame's own size and orientation.
+struct SegmentationResult {
+  LabelImage labels;        ///< 0 where there is no depth
+  Image<float> confidence;  ///< probability of the label, 0 where there is no depth
+};
+
+/// Every `stride`-th pixel of every `stride`-th row, those that Decimate takes of a SensorView.
+inline SegmentationResult Decimate(const SegmentationResult& segmentation, int stride) {
+  if (stride <= 1) return segmentation;
+  return {DecimateImage(segmentation.labels, stride),
+          DecimateImage(segmentation.confidence, stride)};
+}
+
+}  // namespace volalign

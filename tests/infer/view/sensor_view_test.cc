@@ -1,0 +1,130 @@
+#include "infer/view/sensor_view.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "infer/view/segmentation.h"
+#include "tests/core/expect_error.h"
+#include "tests/infer/synthetic.h"
+#include "tests/infer/view/lens.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Coarse;
+using testing_infer::RayThroughLens;
+using testing_infer::StrongLens;
+
+// A tilted plane, seen through a lens whose rays are found by bisection.
+TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
+  const Intrinsics lens = StrongLens();
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.3, -0.2, 1).normalized();
+  const double distance = 1.8;
+  DepthImage depth(lens.width, lens.height);
+  for (int v = 0; v < lens.height; ++v) {
+    for (int u = 0; u < lens.width; ++u) {
+      const Eigen::Vector2d ray = RayThroughLens(lens, u, v);
+      depth(u, v) = static_cast<float>(distance / normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)));
+    }
+  }
+  const SensorView view = MakeSensorView(depth, lens);
+  double worst_plane = 0, worst_point = 0, largest_bend = 0;
+  for (int v = 0; v < lens.height; ++v) {
+    for (int u = 0; u < lens.width; ++u) {
+      const Eigen::Vector2d ray = RayThroughLens(lens, u, v);
+      const double z = depth(u, v);
+      ASSERT_EQ(view.depth(u, v), depth(u, v)) << u << " " << v;
+      const Eigen::Vector3d expected(z * ray.x(), z * ray.y(), z);
+      const Eigen::Vector3d pinhole(z * (u - lens.cx) / lens.fx, z * (v - lens.cy) / lens.fy, z);
+      worst_point = std::max(worst_point, (view.Point(u, v) - expected).norm());
+      worst_plane = std::max(worst_plane, std::abs(normal.dot(view.Point(u, v)) - distance));
+      largest_bend = std::max(largest_bend, (pinhole - expected).norm());
+    }
+  }
+  EXPECT_FALSE(!(worst_point < 1e-4)) << worst_point;
+  EXPECT_FALSE(!(worst_plane < 1e-4)) << worst_plane;
+  EXPECT_GT(largest_bend, 0.1);  // the lens is strong
+}
+
+TEST(SensorView, DropsWhatIsNoMeasurement) {
+  DepthImage depth(20, 10, 1.5f);
+  depth(3, 4) = -1;
+  depth(4, 4) = std::numeric_limits<float>::quiet_NaN();
+  depth(5, 4) = std::numeric_limits<float>::infinity();
+  const SensorView view = MakeSensorView(depth, Coarse());
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 0; u < 20; ++u)
+      EXPECT_EQ(view.depth(u, v), v == 4 && u >= 3 && u <= 5 ? 0.0f : 1.5f) << u << " " << v;
+  }
+  ExpectError<DataError>([&] { MakeSensorView(DepthImage(10, 20), Coarse()); }, {"10x20", "20x10"});
+}
+
+// A plane at 2 m, perpendicular to the axis: each pixel covers 5 cm x 5 cm of it.
+TEST(SensorView, PixelAreaIsThatOfTheSurface) {
+  const SensorView view = MakeSensorView(DepthImage(20, 10, 2.0f), Coarse());
+  for (const int u : {0, 9, 19}) {
+    EXPECT_NEAR(view.PixelArea(view.Point(u, 3), -Eigen::Vector3d::UnitZ()), 0.0025, 1e-9);
+  }
+  // Turned by 60 deg about the vertical, a surface on the axis shows half as much of itself.
+  const Eigen::Vector3d normal(std::sin(M_PI / 3), 0, -std::cos(M_PI / 3));
+  EXPECT_NEAR(view.PixelArea({0, 0, 2}, normal), 0.005, 1e-9);
+}
+
+TEST(SensorView, CorrectedDepthsAreGainAndOffset) {
+  DepthImage depth(20, 10, 2.0f);
+  depth(1, 1) = 0;
+  depth(2, 1) = 0.01f;
+  const SensorView view = Corrected(MakeSensorView(depth, Coarse()), 1.01, -0.05);
+  EXPECT_FLOAT_EQ(view.depth(0, 0), 1.97f);
+  EXPECT_EQ(view.depth(1, 1), 0.0f);  // not measured
+  EXPECT_GT(view.depth(2, 1), 0.0f);  // a measurement still
+}
+
+TEST(SensorView, DecimationKeepsPointsAndTheirLabels) {
+  DepthImage depth(20, 10);
+  SegmentationResult segmentation{LabelImage(20, 10), Image<float>(20, 10)};
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    depth[i] = 1 + 0.01f * static_cast<float>(i);
+    segmentation.labels[i] = static_cast<std::uint8_t>(i % 21);
+    segmentation.confidence[i] = 0.001f * static_cast<float>(i);
+  }
+  const SensorView view = MakeSensorView(depth, Coarse());
+  for (const int stride : {1, 2, 3, 7}) {
+    const SensorView small = Decimate(view, stride);
+    const SegmentationResult labels = Decimate(segmentation, stride);
+    int rows = 0;
+    for (int v = stride / 2; v < 10; v += stride, ++rows) {
+      int columns = 0;
+      for (int u = stride / 2; u < 20; u += stride, ++columns) {
+        ASSERT_TRUE(small.depth.Contains(columns, rows)) << stride;
+        EXPECT_EQ(small.Point(columns, rows), view.Point(u, v)) << stride;
+        EXPECT_EQ(labels.labels(columns, rows), segmentation.labels(u, v)) << stride;
+        EXPECT_EQ(labels.confidence(columns, rows), segmentation.confidence(u, v)) << stride;
+      }
+      EXPECT_EQ(small.width(), columns) << stride;
+    }
+    EXPECT_EQ(small.height(), rows) << stride;
+    EXPECT_NEAR(small.pixel_solid_angle, stride * stride / 1600.0, 1e-12);
+  }
+}
+
+TEST(StrideForRays, LeavesAtLeastSoMany) {
+  EXPECT_EQ(StrideForRays(320 * 288, 10000), 3);
+  EXPECT_EQ(StrideForRays(320 * 180, 10000), 2);
+  EXPECT_EQ(StrideForRays(9999, 10000), 1);
+  EXPECT_EQ(StrideForRays(0, 10000), 1);
+  for (std::size_t pixels = 10000; pixels < 1000000; pixels += 7777) {
+    const int stride = StrideForRays(pixels, 10000);
+    const double left = static_cast<double>(pixels) / (stride * stride);
+    const double next = static_cast<double>(pixels) / ((stride + 1) * (stride + 1));
+    EXPECT_GE(left, 10000) << pixels;
+    EXPECT_LT(next, 10000) << pixels;
+  }
+}
+
+}  // namespace
+}  // namespace volalign
