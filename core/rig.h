@@ -70,7 +70,7 @@ struct Rig {
     ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
-    ar("scene", scene, "the room's content; room_probability and structure_probability count as 1");
+    ar("scene", scene, "the room's content");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
   }
 };

@@ -63,9 +63,9 @@ RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
     options.structure_from_sensors.push_back(RigSensorPose(sensor, rig.structure_yaw_deg, floor));
   }
   SceneConfig scene = rig.scene;
-  scene.room_probability = 1;
+  options.room_probability = rig.room ? 1 : 0;
   if (!rig.room) {
-    scene.room_probability = scene.distractor_probability = scene.occluder_probability = 0;
+    scene.distractor_probability = scene.occluder_probability = 0;
     scene.clutter_count = {0, 0};
     scene.tripod_count = {0, 0};
   }

@@ -137,6 +137,7 @@ Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::ui
   RandomStream presence_random(seed, index, "structure");
   SceneOptions options;
   options.structure_from_room = built.structure_from_room;
+  options.room_probability = config.scene.room_probability;
   options.structure_present = presence_random.Chance(config.scene.structure_probability);
   options.structure_from_sensors = {sample.structure_from_sensor};
   const SceneMesh mesh = BuildScene(config.scene, built.structure, options, seed, index);

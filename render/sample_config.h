@@ -31,6 +31,21 @@ struct PoseConfig {
   }
 };
 
+/// A scene that is drawn anew for each sample: whether the structure and the room are there at all.
+struct SampleSceneConfig : SceneConfig {
+  double structure_probability = 1.0;
+  double room_probability = 1.0;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("structure_probability", structure_probability,
+       "share of samples with the structure; the others are all background", Between(0, 1));
+    ar("room_probability", room_probability, "share of samples with floor and walls",
+       Between(0, 1));
+    SceneConfig::Describe(ar);
+  }
+};
+
 /// How the depth map is spoilt.
 struct NoiseConfig {
   std::string model = "sensor";
@@ -58,7 +73,7 @@ struct SampleConfig {
   std::vector<std::string> sensors{"realsense_d415", "azure_kinect_nfov_binned"};
   std::vector<std::string> image_sizes{"160x144"};
   PoseConfig pose;
-  SceneConfig scene;
+  SampleSceneConfig scene;
   AssemblyConfig assembly;
   NoiseConfig noise;
 
