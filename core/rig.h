@@ -63,7 +63,8 @@ struct Rig {
     ar("structure", structure, "structure file, .yaml or .glb");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("structure_yaw_deg", structure_yaw_deg,
-       "turn of the structure about the vertical in the rig, deg");
+       "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
+       "against the sense of phi_deg");
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
