@@ -130,7 +130,7 @@ std::string WritePreview(const fs::path& dir, const SampleConfig& config,
           one.image_sizes.push_back(text);
         }
       }
-      if (one.image_sizes.empty()) continue;  // drawn by no batch
+      if (one.image_sizes.empty()) continue;  // of the whole pool, it fits no size
     }
     const SampleContext context = MakeSampleContext(one, 1);
     const DepthStatistics::Options kind{IsStereo(sensor)};

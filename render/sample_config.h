@@ -71,7 +71,7 @@ struct SampleConfig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";
   std::vector<std::string> sensors{"realsense_d415", "azure_kinect_nfov_binned"};
-  std::vector<std::string> image_sizes{"160x144"};
+  std::vector<std::string> image_sizes{"160x144", "160x90"};
   PoseConfig pose;
   SampleSceneConfig scene;
   AssemblyConfig assembly;
@@ -81,9 +81,13 @@ struct SampleConfig {
   void Describe(Archive& ar) {
     ar("structure", structure, "structure file, .yaml or .glb");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
-    ar("sensors", sensors, "sensors drawn from the pool; all of them when empty");
+    ar("sensors", sensors,
+       "sensors of the pool, one drawn for each sample among those whose aspect ratio the batch's "
+       "image size has; empty: all that fit a size");
     ar("image_sizes", image_sizes,
-       "WIDTHxHEIGHT, one drawn for each batch; intrinsics are scaled to it");
+       "WIDTHxHEIGHT, one drawn for each batch; intrinsics are scaled to it. Each size has to fit "
+       "a "
+       "sensor and each sensor that is named a size: aspect ratios within 2 %");
     ar("pose", pose, "sensor pose sampling");
     ar("scene", scene, "procedural room");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");

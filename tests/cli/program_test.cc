@@ -149,7 +149,8 @@ TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
 // A node that has no EGL driver at all trains and validates on folders.
 TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   const std::string small =
-      " --config configs/m05-lite.yaml --set data.image_sizes=[40x36] --set run.batch_size=2";
+      " --config configs/m05-lite.yaml --set data.sensors=[azure_kinect_nfov_binned]"
+      " --set data.image_sizes=[40x36] --set run.batch_size=2";
   const auto write = [&](const std::string& name, const std::string& seed) {
     const Outcome run =
         Volalign("render" + small + " --count 4 --seed " + seed + " -o " + Path(name));

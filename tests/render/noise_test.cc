@@ -349,6 +349,7 @@ TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
 TEST_F(NoiseTest, RoomsHaveTheMeasuredShareOfHoles) {
   for (const bool stereo : {false, true}) {
     SampleConfig config;
+    config.sensors = {stereo ? "realsense_d415" : "azure_kinect_nfov_binned"};
     config.image_sizes = {stereo ? "160x90" : "160x144"};
     const SampleContext context = MakeSampleContext(config, 1);
     double valid = 0, on_structure = 0, structure = 0;

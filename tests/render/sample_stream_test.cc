@@ -58,6 +58,7 @@ TEST(SampleStreamTest, AWorkersExceptionReachesTheCaller) {
 
 TEST(SampleStreamTest, StopsPromptly) {
   SampleConfig config;
+  config.sensors = {"azure_kinect_nfov_binned"};
   config.image_sizes = {"320x288"};
   const auto context = std::make_shared<SampleContext>(MakeSampleContext(config, 512));
   const auto start = std::chrono::steady_clock::now();

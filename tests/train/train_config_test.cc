@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "render/sample.h"
 
 namespace volalign {
 namespace {
@@ -79,6 +80,14 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.data.assembly.yaw_deg, 0.5);
   EXPECT_EQ(c.data.assembly.size_scale_percent, 1);
   EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0.5);
+}
+
+TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
+  EXPECT_NO_THROW(MakeSampleContext(SampleConfig(), 1));
+  for (const char* name : {"m01", "m05-lite", "ablation"}) {
+    const TrainConfig c = Read(std::string("configs/") + name + ".yaml");
+    EXPECT_NO_THROW(MakeSampleContext(c.data, 1)) << name;
+  }
 }
 
 TEST(TrainConfig, ResolvedYamlReadsBackEqual) {
