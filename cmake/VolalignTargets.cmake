@@ -36,5 +36,6 @@ function(volalign_test name)
     set(ARG_TIMEOUT 300)
   endif()
   add_test(NAME ${name} COMMAND ${target} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl_context.h.
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "LP_NUM_THREADS=0")
 endfunction()

@@ -152,4 +152,9 @@ BENCHMARK(BM_SampleStream)
 }  // namespace
 }  // namespace volalign
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  volalign::KeepSoftwareRenderingOnOneThread();
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

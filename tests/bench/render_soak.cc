@@ -11,6 +11,7 @@
 #include <memory>
 #include <string>
 
+#include "render/egl_context.h"
 #include "render/sample_stream.h"
 
 namespace {
@@ -25,6 +26,7 @@ double ResidentMegabytes() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  volalign::KeepSoftwareRenderingOnOneThread();
   constexpr int kBatch = 16;
   const long samples = argc > 1 ? std::stol(argv[1]) : 1000000;
   volalign::SampleConfig config;
