@@ -115,7 +115,8 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
     for (const IntrinsicsPoolEntry& entry : context.pool) {
       if (!HasSensorModel(entry.sensor)) {
         throw ConfigError(fmt::format(
-            "data.noise.model = sensor: no model for sensor {}; use paper or none", entry.sensor));
+            "data.noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
+            entry.sensor, kSensorModels));
       }
     }
   }
