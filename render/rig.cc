@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/image_size.h"
+#include "core/input_file.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
@@ -50,6 +51,8 @@ Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsP
 
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
   RigCapture capture;
+  RequireInputFile("structure", rig.structure);
+  RequireInputFile("intrinsics", rig.intrinsics);
   capture.structure = ReadStructure(rig.structure);
   capture.structure_present = rig.structure_present;
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);

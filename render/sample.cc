@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/image_size.h"
+#include "core/input_file.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
@@ -91,6 +92,8 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
   SampleContext context;
   context.config = config;
   context.batch_size = batch_size;
+  RequireInputFile("data.structure", config.structure);
+  RequireInputFile("data.intrinsics", config.intrinsics);
   context.structure = ReadStructure(config.structure);
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(config.intrinsics);
   std::vector<std::string> names;

@@ -16,6 +16,7 @@
 #include "render/capture_writer.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "tests/core/expect_error.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign {
@@ -189,6 +190,9 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
     EXPECT_NE(ErrorOf("sensors: [{name: A}]\nscene: {" + key + ": 0.5}\n").find("scene." + key),
               std::string::npos);
   }
+  ExpectError<IoError>(
+      [&] { RenderRig(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },
+      {"structure = none.yaml", std::filesystem::current_path().string(), "--set structure=FILE"});
   EXPECT_THROW(RenderRig(Parse("sensors: [{name: A, sensor: lidar}]\n"), renderer_), ConfigError);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <set>
 #include <string>
@@ -14,6 +15,7 @@
 #include "core/visibility.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "tests/core/expect_error.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign {
@@ -165,6 +167,19 @@ TEST_F(SampleTest, StructureIsSeldomHidden) {
   }
   EXPECT_GE(visible, static_cast<int>(0.97 * kCount));
   EXPECT_GE(half, static_cast<int>(0.85 * kCount));
+}
+
+TEST(SampleContextTest, AMissingFileSaysWhereItWasLookedForAndHowToGiveAnother) {
+  SampleConfig config;
+  config.structure = "configs/no_structure.yaml";
+  ExpectError<IoError>([&] { MakeSampleContext(config, 1); },
+                       {"data.structure = configs/no_structure.yaml",
+                        std::filesystem::current_path().string(), "--set data.structure=FILE"});
+  config = SampleConfig();
+  config.intrinsics = "/nowhere/intrinsics.yaml";
+  ExpectError<IoError>(
+      [&] { MakeSampleContext(config, 1); },
+      {"data.intrinsics = /nowhere/intrinsics.yaml: no such file", "--set data.intrinsics=FILE"});
 }
 
 // The batch's size decides which sensors may be drawn; among them they are drawn evenly.
