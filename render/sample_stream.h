@@ -23,7 +23,7 @@ class SampleStream {
     int prefetch = 4;
     int device = -1;  ///< EglContextOptions::device
     /// Counted up when a sample is begun, where there is one.
-    std::shared_ptr<std::atomic<std::uint64_t>> begun;
+    std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 

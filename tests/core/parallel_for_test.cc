@@ -22,7 +22,7 @@ struct Counts {
   std::size_t threads = 0;
 };
 
-Counts Run(std::size_t count, int threads) {
+Counts CountRuns(std::size_t count, int threads) {
   Counts counts{std::vector<int>(count), 0};
   std::mutex mutex;
   std::set<std::thread::id> ids;
@@ -39,11 +39,11 @@ Counts Run(std::size_t count, int threads) {
 TEST(ParallelFor, RunsEachTaskOnce) {
   for (const int threads : {0, 1, 3}) {
     for (const std::size_t count : {0, 1, 40}) {
-      EXPECT_EQ(Run(count, threads).runs, std::vector<int>(count, 1)) << threads;
+      EXPECT_EQ(CountRuns(count, threads).runs, std::vector<int>(count, 1)) << threads;
     }
   }
-  EXPECT_EQ(Run(40, 1).threads, 1u);
-  EXPECT_LE(Run(40, 3).threads, 3u);
+  EXPECT_EQ(CountRuns(40, 1).threads, 1u);
+  EXPECT_LE(CountRuns(40, 3).threads, 3u);
 }
 
 TEST(ParallelFor, RethrowsWhenAllHaveEnded) {
@@ -62,7 +62,7 @@ TEST(ParallelFor, RethrowsWhenAllHaveEnded) {
 TEST(ParallelFor, DoesTheWorkWithTheThreadsThatThereAre) {
   for (const int started : {0, 2}) {
     const ThreadLimit limit(started);
-    const Counts counts = Run(40, 8);
+    const Counts counts = CountRuns(40, 8);
     EXPECT_EQ(counts.runs, std::vector<int>(40, 1));
     EXPECT_LE(counts.threads, static_cast<std::size_t>(started) + 1);
   }
