@@ -4,8 +4,11 @@
 #include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
+#include "core/config.h"
 #include "core/error.h"
 #include "core/file_util.h"
 
@@ -84,11 +87,35 @@ RayTable PinholeRays(const Intrinsics& intrinsics) {
   return table;
 }
 
+namespace {
+
+/// Throws ConfigError for a key that a pool's entry does not have, or has twice.
+void RequireKnownKeys(const YAML::Node& entry, const std::string& path) {
+  static const std::vector<std::string> known = {"sensor", "resolution", "intrinsics"};
+  std::set<std::string> seen;
+  for (const auto& item : entry) {
+    const auto key = item.first.as<std::string>();
+    const std::string where = fmt::format("{}:{}", path, item.first.Mark().line + 1);
+    if (std::find(known.begin(), known.end(), key) == known.end()) {
+      const std::string nearest = NearestKey(key, known);
+      throw ConfigError(
+          fmt::format("unknown key '{}' ({}){}", key, where,
+                      nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
+    }
+    if (!seen.insert(key).second) {
+      throw ConfigError(fmt::format("key '{}' stands twice ({})", key, where));
+    }
+  }
+}
+
+}  // namespace
+
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
   const std::string text = ReadFile(path);
   std::vector<IntrinsicsPoolEntry> pool;
   try {
     for (const YAML::Node& node : YAML::Load(text)) {
+      RequireKnownKeys(node, path);
       IntrinsicsPoolEntry entry;
       entry.sensor = node["sensor"].as<std::string>();
       const auto size = node["resolution"].as<std::vector<int>>();

@@ -54,7 +54,7 @@ struct IntrinsicsPoolEntry {
   std::vector<Intrinsics> intrinsics;  ///< all of one resolution
 };
 
-/// Reads the YAML of `configs/intrinsics.yaml`. Throws IoError or ConfigError.
+/// Reads the YAML of `configs/intrinsics.yaml`. Throws IoError, or ConfigError (unknown keys too).
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path);
 
 }  // namespace volalign

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <limits>
 #include <set>
@@ -303,13 +302,30 @@ void ConfigReader::RequireSize(const ConfigSource::Leaf& leaf, std::size_t size,
 }
 
 int ConfigReader::CountItems(const std::string& key) const {
-  int count = 0;
   const std::string prefix = key + "[";
+  std::map<std::uint64_t, const std::pair<const std::string, ConfigSource::Leaf>*> items;
   for (auto it = source_.leaves_.lower_bound(prefix);
        it != source_.leaves_.end() && it->first.compare(0, prefix.size(), prefix) == 0; ++it) {
-    count = std::max(count, std::atoi(it->first.c_str() + prefix.size()) + 1);
+    const char* const begin = it->first.data() + prefix.size();
+    const char* const end = it->first.data() + it->first.size();
+    std::uint64_t index = 0;
+    const auto result = std::from_chars(begin, end, index);
+    if (result.ec != std::errc() || result.ptr == end || *result.ptr != ']') {
+      throw ConfigError(fmt::format("{} has no index: {}[0] is the first item ({})", it->first, key,
+                                    it->second.where));
+    }
+    items.emplace(index, &*it);
   }
-  return count;
+  std::uint64_t count = 0;
+  for (const auto& [index, leaf] : items) {
+    if (index != count) {
+      throw ConfigError(fmt::format(
+          "{} violates that items have indices from 0 on without a gap: {}[{}] is missing ({})",
+          leaf->first, key, count, leaf->second.where));
+    }
+    ++count;
+  }
+  return static_cast<int>(count);
 }
 
 void ConfigReader::RejectUnknown() const {

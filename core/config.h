@@ -193,6 +193,7 @@ class ConfigReader {
   const ConfigSource::Leaf* Find(const std::string& key, bool sequence);
   static void RequireSize(const ConfigSource::Leaf& leaf, std::size_t size, const std::string& key);
   bool IsEmptyList(const std::string& key);
+  /// Throws ConfigError unless the items' indices are 0, 1, ... without a gap.
   int CountItems(const std::string& key) const;
 
   const ConfigSource& source_;

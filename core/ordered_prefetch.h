@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/start_threads.h"
 
 namespace volalign {
 
@@ -34,7 +35,8 @@ class OrderedPrefetch {
 
   /// Each worker calls `make_produce` before its first item, several of them perhaps at a time;
   /// what it returns lives on that thread alone and is destroyed there, so that it may own a GL
-  /// context. Throws Error for options below 1, std::system_error when the system gives no thread.
+  /// context. Where the system gives fewer than num_threads, those do the work. Throws Error for
+  /// options below 1, and when the system gives no thread at all.
   OrderedPrefetch(const Options& options, std::function<Produce()> make_produce)
       : options_(options),
         make_produce_(std::move(make_produce)),
@@ -45,11 +47,11 @@ class OrderedPrefetch {
           "OrderedPrefetch: batch_size = {}, prefetch = {}, num_threads = {} violate >= 1",
           options.batch_size, options.prefetch, options.num_threads));
     }
-    try {
-      for (int i = 0; i < options.num_threads; ++i) threads_.emplace_back([this] { Work(); });
-    } catch (...) {
-      Stop();
-      throw;
+    const auto wanted = static_cast<std::size_t>(options.num_threads);
+    if (StartThreads(
+            wanted, [this] { Work(); }, &threads_) == 0) {
+      throw Error(
+          "no thread can be started: raise the limit of processes (ulimit -u), or end others");
     }
   }
   /// Waits for the items in work and begins no others.

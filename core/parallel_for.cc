@@ -7,6 +7,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/start_threads.h"
+
 namespace volalign {
 
 void ParallelFor(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
@@ -24,8 +26,8 @@ void ParallelFor(std::size_t count, int threads, const std::function<void(std::s
     }
   };
   std::vector<std::thread> helpers;
-  const std::size_t wanted = std::min(count, static_cast<std::size_t>(threads));
-  for (std::size_t t = 1; t < wanted; ++t) helpers.emplace_back(work);
+  const std::size_t wanted = std::min(count, static_cast<std::size_t>(std::max(threads, 1)));
+  StartThreads(wanted - std::min<std::size_t>(wanted, 1), work, &helpers);
   work();
   for (std::thread& helper : helpers) helper.join();
   if (failure) std::rethrow_exception(failure);

@@ -63,14 +63,15 @@ struct Rig {
     ar("structure", structure, "structure file, .yaml or .glb");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("structure_yaw_deg", structure_yaw_deg,
-       "turn of the structure about the vertical in the rig, deg");
+       "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
+       "against the sense of phi_deg");
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
     ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
-    ar("scene", scene, "the room's content; room_probability and structure_probability count as 1");
+    ar("scene", scene, "the room's content");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
   }
 };

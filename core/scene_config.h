@@ -6,10 +6,8 @@
 
 namespace volalign {
 
-/// What stands around the structure, and whether it is there at all.
+/// What stands around the structure.
 struct SceneConfig {
-  double structure_probability = 1.0;
-  double room_probability = 1.0;
   std::array<double, 2> wall_distance_m{2.5, 5.5};
   double ceiling_probability = 0.5;
   std::array<double, 2> ceiling_height_m{2.4, 3.2};
@@ -24,10 +22,6 @@ struct SceneConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure_probability", structure_probability,
-       "share of samples with the structure; the others are all background", Between(0, 1));
-    ar("room_probability", room_probability, "share of samples with floor and walls",
-       Between(0, 1));
     ar("wall_distance_m", wall_distance_m, "distance of each of four walls from the origin, m",
        Above(0));
     ar("ceiling_probability", ceiling_probability, "share of rooms with a ceiling", Between(0, 1));

@@ -127,7 +127,6 @@ class EglContext::Impl {
     }
     DisplayTable& table = Displays();
     const std::lock_guard<std::mutex> lock(table.mutex);
-    setenv("LP_NUM_THREADS", "0", /*overwrite=*/0);
     const std::vector<EGLDeviceEXT> devices = HardwareDevices();
     if (options.device >= static_cast<int>(devices.size())) {
       throw IoError(fmt::format("EGL: device {} does not exist; there are {} hardware devices",
@@ -177,6 +176,8 @@ class EglContext::Impl {
   Display display_;
   EGLContext context_ = EGL_NO_CONTEXT;
 };
+
+void KeepSoftwareRenderingOnOneThread() { setenv("LP_NUM_THREADS", "0", /*overwrite=*/0); }
 
 EglContext::EglContext(const EglContextOptions& options) : impl_(new Impl(options)) {}
 

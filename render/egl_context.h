@@ -15,10 +15,17 @@ struct EglContextOptions {
   int cuda_device = -1;
 };
 
+/// Keeps Mesa's software rendering on the thread that draws, which is best where worker threads
+/// have a context each: sets LP_NUM_THREADS=0 unless the environment has a value. Mesa has no other
+/// switch, and setting the environment races with every thread that reads it, so no other function
+/// of this library does: a program calls this at the start of main, before it starts a thread, or
+/// is started with the variable. What is drawn does not depend on it.
+void KeepSoftwareRenderingOnOneThread();
+
 /// An off-screen OpenGL 4.5 core context, current on the thread that made it until it is destroyed
 /// there. Contexts of one process share one EGL display a device, which is never terminated; each
-/// worker thread has a context of its own. Software rendering stays on the calling thread
-/// (LP_NUM_THREADS=0 unless the environment says otherwise).
+/// worker thread has a context of its own. Mesa's software rendering starts threads of its own for
+/// each context unless LP_NUM_THREADS=0: see KeepSoftwareRenderingOnOneThread.
 class EglContext {
  public:
   /// Throws IoError: no EGL display or context (names the Debian packages), or a device that does

@@ -4,6 +4,7 @@
 
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/start_threads.h"
 
 namespace volalign {
 namespace {
@@ -18,7 +19,8 @@ void WriteImages(const ImageWriters::Job& job) {
 }  // namespace
 
 ImageWriters::ImageWriters(int num_threads) : room_for_(4 * static_cast<std::size_t>(num_threads)) {
-  for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Work(); });
+  StartThreads(
+      static_cast<std::size_t>(num_threads), [this] { Work(); }, &threads_);
 }
 
 ImageWriters::~ImageWriters() {
@@ -31,6 +33,10 @@ ImageWriters::~ImageWriters() {
 }
 
 void ImageWriters::Submit(Job job) {
+  if (threads_.empty()) {
+    WriteImages(job);
+    return;
+  }
   std::unique_lock<std::mutex> lock(mutex_);
   changed_.wait(lock, [this] { return failure_ || jobs_.size() < room_for_; });
   if (failure_) std::rethrow_exception(failure_);

@@ -13,7 +13,8 @@
 
 namespace volalign {
 
-/// Compresses and writes images on threads of its own. A few samples a thread wait in memory.
+/// Compresses and writes images on threads of its own. A few samples a thread wait in memory. Where
+/// the system gives fewer threads, those do the work; without any, Submit does.
 class ImageWriters {
  public:
   explicit ImageWriters(int num_threads);

@@ -28,8 +28,11 @@ struct NoisyView {
   LabelImage labels;  ///< 0 where the depth is 0 or does not come from one surface
 };
 
-/// Whether a sensor model exists for a pool name: azure_kinect*, kinect_v2* (time of flight),
-/// realsense_d4*, kinect_v1* (disparity).
+/// Pool names that have a sensor model: time of flight the first two, disparity the others.
+inline constexpr char kSensorModels[] =
+    "azure_kinect*, kinect_v2*, realsense_d415*, realsense_d435*, realsense_d455* and kinect_v1*";
+
+/// Whether a sensor model exists for a pool name.
 bool HasSensorModel(const std::string& sensor);
 
 /// Random stage "noise". Throws ConfigError for model "sensor" and a sensor without one.

@@ -22,7 +22,8 @@ struct TofModel {
 };
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random);
 
-/// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d.
+/// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d. The
+/// defaults are a D415's.
 struct StereoModel {
   double native_width = 1280;              ///< px, of the resolution that the next figures are for
   double focal_baseline = 51.9;            ///< f B, px m

@@ -92,84 +92,108 @@ std::map<std::string, std::vector<RealFrame>> ReadRealFrames(const PreviewOption
   return frames;
 }
 
+/// The pool's entry of a sensor whose aspect ratio a size has; null without one.
+const IntrinsicsPoolEntry* FindEntry(const SampleContext& context, const std::string& sensor,
+                                     ImageSize size) {
+  for (const IntrinsicsPoolEntry& entry : context.pool) {
+    if (entry.sensor == sensor && SameAspect(entry.intrinsics.front(), size)) return &entry;
+  }
+  return nullptr;
+}
+
+/// The size of the sensor's real frames, or those of the configuration's sizes that it fits.
+std::vector<std::string> SizesOf(const std::string& sensor, const SampleContext& context,
+                                 const std::vector<RealFrame>& real) {
+  if (!real.empty()) {
+    return {fmt::format("{}x{}", real.front().depth.width(), real.front().depth.height())};
+  }
+  std::vector<std::string> sizes;
+  for (const std::string& text : context.config.image_sizes) {
+    if (FindEntry(context, sensor, ParseImageSize(text))) sizes.push_back(text);
+  }
+  return sizes;
+}
+
+/// Pairs of depth and labels, in rows of kColumns pictures.
+class Sheet {
+ public:
+  void Add(const DepthImage& depth, const LabelImage& labels, int turns) {
+    pictures_.push_back(Turn(ColourDepth(depth, kNear, kFar), turns));
+    pictures_.push_back(labels.empty() ? RgbImage(1, 1) : Turn(ColourLabels(labels), turns));
+  }
+  void EndRow() {
+    while (pictures_.size() % kColumns != 0) pictures_.emplace_back(1, 1);
+  }
+  const std::vector<RgbImage>& pictures() const { return pictures_; }
+
+ private:
+  std::vector<RgbImage> pictures_;
+};
+
+/// Adds a sensor's rows to the sheet and returns its table of statistics.
+std::string PreviewSensor(const std::string& sensor, const std::vector<RealFrame>& real,
+                          const SampleContext& context, const PreviewOptions& options,
+                          DepthRenderer& renderer, Sheet* sheet) {
+  const DepthStatistics::Options kind{IsStereo(sensor)};
+  DepthStatistics rendered(kind), clean(kind), measured(kind);
+  int upright = 0;
+  std::vector<Sample> samples;
+  for (int i = 0; i < options.count; ++i) {
+    Sample sample = Synthesize(context, renderer, options.seed,
+                               options.first_index + static_cast<std::uint64_t>(i));
+    rendered.Add(sample.depth, sample.intrinsics);
+    rendered.AddSides(sample.depth, sample.labels, sample.intrinsics);
+    clean.Add(sample.depth_clean, sample.intrinsics);
+    if (i == 0) upright = UprightTurns(sample.structure_from_sensor);
+    if (i < kShown) samples.push_back(std::move(sample));
+  }
+  for (const RealFrame& frame : real) {
+    const ImageSize size{frame.depth.width(), frame.depth.height()};
+    const Intrinsics k = FindEntry(context, sensor, size)
+                             ->intrinsics.front()
+                             .Resized(frame.depth.width(), frame.depth.height());
+    measured.Add(frame.depth, k);
+    if (!frame.labels.empty()) measured.AddSides(frame.depth, frame.labels, k);
+    sheet->Add(frame.depth, frame.labels, upright);
+  }
+  sheet->EndRow();
+  for (const Sample& sample : samples) {
+    sheet->Add(sample.depth, sample.labels, UprightTurns(sample.structure_from_sensor));
+  }
+  sheet->EndRow();
+  std::vector<std::string> names{"rendered", "before noise"};
+  std::vector<const DepthStatistics*> sets{&rendered, &clean};
+  if (measured.frames() > 0) {
+    names.push_back("real");
+    sets.push_back(&measured);
+  }
+  return fmt::format("{}, {}\n\n{}\n", sensor, fmt::join(context.config.image_sizes, ", "),
+                     StatisticsTable(names, sets));
+}
+
 }  // namespace
 
 std::string WritePreview(const fs::path& dir, const SampleConfig& config,
                          const PreviewOptions& options, DepthRenderer& renderer) {
   const SampleContext base = MakeSampleContext(config, 1);
-  const auto real = ReadRealFrames(options, base);
+  auto real = ReadRealFrames(options, base);
   std::vector<std::string> sensors;
   for (const IntrinsicsPoolEntry& entry : base.pool) {
     if (std::find(sensors.begin(), sensors.end(), entry.sensor) == sensors.end()) {
       sensors.push_back(entry.sensor);
     }
   }
-  std::vector<RgbImage> pictures;
-  const auto show = [&](const DepthImage& depth, const LabelImage& labels, int turns) {
-    pictures.push_back(Turn(ColourDepth(depth, kNear, kFar), turns));
-    pictures.push_back(labels.empty() ? RgbImage(1, 1) : Turn(ColourLabels(labels), turns));
-  };
-  const auto end_row = [&pictures] {
-    while (pictures.size() % kColumns != 0) pictures.emplace_back(1, 1);
-  };
+  Sheet sheet;
   std::string tables;
   for (const std::string& sensor : sensors) {
-    const auto found = real.find(sensor);
     SampleConfig one = config;
     one.sensors = {sensor};
-    one.image_sizes.clear();
-    if (found != real.end()) {
-      const DepthImage& frame = found->second.front().depth;
-      one.image_sizes = {fmt::format("{}x{}", frame.width(), frame.height())};
-    } else {
-      for (const std::string& text : config.image_sizes) {
-        const auto& entry = *std::find_if(
-            base.pool.begin(), base.pool.end(),
-            [&](const IntrinsicsPoolEntry& candidate) { return candidate.sensor == sensor; });
-        if (SameAspect(entry.intrinsics.front(), ParseImageSize(text))) {
-          one.image_sizes.push_back(text);
-        }
-      }
-      if (one.image_sizes.empty()) continue;  // drawn by no batch
-    }
-    const SampleContext context = MakeSampleContext(one, 1);
-    const DepthStatistics::Options kind{IsStereo(sensor)};
-    DepthStatistics rendered(kind), clean(kind), measured(kind);
-    int upright = 0;
-    std::vector<Sample> samples;
-    for (int i = 0; i < options.count; ++i) {
-      Sample sample = Synthesize(context, renderer, options.seed,
-                                 options.first_index + static_cast<std::uint64_t>(i));
-      rendered.Add(sample.depth, sample.intrinsics);
-      rendered.AddSides(sample.depth, sample.labels, sample.intrinsics);
-      clean.Add(sample.depth_clean, sample.intrinsics);
-      if (i == 0) upright = UprightTurns(sample.structure_from_sensor);
-      if (i < kShown) samples.push_back(std::move(sample));
-    }
-    if (found != real.end()) {
-      for (const RealFrame& frame : found->second) {
-        const Intrinsics k = context.pool.front().intrinsics.front().Resized(frame.depth.width(),
-                                                                             frame.depth.height());
-        measured.Add(frame.depth, k);
-        if (!frame.labels.empty()) measured.AddSides(frame.depth, frame.labels, k);
-        show(frame.depth, frame.labels, upright);
-      }
-      end_row();
-    }
-    for (const Sample& sample : samples) {
-      show(sample.depth, sample.labels, UprightTurns(sample.structure_from_sensor));
-    }
-    end_row();
-    std::vector<std::string> names{"rendered", "before noise"};
-    std::vector<const DepthStatistics*> sets{&rendered, &clean};
-    if (measured.frames() > 0) {
-      names.push_back("real");
-      sets.push_back(&measured);
-    }
-    tables += fmt::format("{}, {}\n\n{}\n", sensor, fmt::join(one.image_sizes, ", "),
-                          StatisticsTable(names, sets));
+    one.image_sizes = SizesOf(sensor, base, real[sensor]);
+    if (one.image_sizes.empty()) continue;  // of the whole pool, it fits no size
+    tables +=
+        PreviewSensor(sensor, real[sensor], MakeSampleContext(one, 1), options, renderer, &sheet);
   }
-  WritePng(dir / "preview.png", Montage(pictures, kColumns));
+  WritePng(dir / "preview.png", Montage(sheet.pictures(), kColumns));
   return tables;
 }
 

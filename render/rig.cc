@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/image_size.h"
+#include "core/input_file.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
@@ -50,6 +51,8 @@ Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsP
 
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
   RigCapture capture;
+  RequireInputFile("structure", rig.structure);
+  RequireInputFile("intrinsics", rig.intrinsics);
   capture.structure = ReadStructure(rig.structure);
   capture.structure_present = rig.structure_present;
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);
@@ -63,9 +66,9 @@ RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
     options.structure_from_sensors.push_back(RigSensorPose(sensor, rig.structure_yaw_deg, floor));
   }
   SceneConfig scene = rig.scene;
-  scene.room_probability = 1;
+  options.room_probability = rig.room ? 1 : 0;
   if (!rig.room) {
-    scene.room_probability = scene.distractor_probability = scene.occluder_probability = 0;
+    scene.distractor_probability = scene.occluder_probability = 0;
     scene.clutter_count = {0, 0};
     scene.tripod_count = {0, 0};
   }

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/image_size.h"
+#include "core/input_file.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
@@ -60,6 +61,27 @@ std::vector<std::pair<std::string, std::vector<const Intrinsics*>>> Candidates(
   return out;
 }
 
+/// Names the sensor that no batch would draw: its frames have the aspect ratio of no image size.
+void RequireThatEverySensorIsDrawn(const SampleContext& context) {
+  for (const std::string& sensor : context.config.sensors) {
+    std::vector<std::string> resolutions;
+    bool drawn = false;
+    for (const IntrinsicsPoolEntry& entry : context.pool) {
+      if (entry.sensor != sensor) continue;
+      const Intrinsics& k = entry.intrinsics.front();
+      resolutions.push_back(fmt::format("{}x{}", k.width, k.height));
+      for (const auto& [width, height] : context.image_sizes) {
+        drawn = drawn || SameAspect(k, {width, height});
+      }
+    }
+    if (drawn) continue;
+    throw ConfigError(fmt::format(
+        "data.sensors: {} ({}) has the aspect ratio of none of data.image_sizes = [{}] (within 2 "
+        "%), so that it would never be drawn: add such a size, or leave the sensor out",
+        sensor, fmt::join(resolutions, ", "), fmt::join(context.config.image_sizes, ", ")));
+  }
+}
+
 }  // namespace
 
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
@@ -70,6 +92,8 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
   SampleContext context;
   context.config = config;
   context.batch_size = batch_size;
+  RequireInputFile("data.structure", config.structure);
+  RequireInputFile("data.intrinsics", config.intrinsics);
   context.structure = ReadStructure(config.structure);
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(config.intrinsics);
   std::vector<std::string> names;
@@ -80,7 +104,7 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
   }
   for (const std::string& sensor : config.sensors) {
     if (std::find(names.begin(), names.end(), sensor) == names.end()) {
-      throw ConfigError(fmt::format("sensors: {} is not in {}, which has {}", sensor,
+      throw ConfigError(fmt::format("data.sensors: {} is not in {}, which has {}", sensor,
                                     config.intrinsics, fmt::join(names, ", ")));
     }
   }
@@ -94,7 +118,8 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
     for (const IntrinsicsPoolEntry& entry : context.pool) {
       if (!HasSensorModel(entry.sensor)) {
         throw ConfigError(fmt::format(
-            "noise.model = sensor: no model for sensor {}; use paper or none", entry.sensor));
+            "data.noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
+            entry.sensor, kSensorModels));
       }
     }
   }
@@ -102,10 +127,11 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
     const ImageSize size = ParseImageSize(text);
     if (Candidates(context.pool, size).empty()) {
       throw ConfigError(fmt::format(
-          "image_sizes: no configured sensor has the aspect ratio of {} (within 2 %)", text));
+          "data.image_sizes: no configured sensor has the aspect ratio of {} (within 2 %)", text));
     }
     context.image_sizes.emplace_back(size.width, size.height);
   }
+  RequireThatEverySensorIsDrawn(context);
   return context;
 }
 
@@ -137,6 +163,7 @@ Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::ui
   RandomStream presence_random(seed, index, "structure");
   SceneOptions options;
   options.structure_from_room = built.structure_from_room;
+  options.room_probability = config.scene.room_probability;
   options.structure_present = presence_random.Chance(config.scene.structure_probability);
   options.structure_from_sensors = {sample.structure_from_sensor};
   const SceneMesh mesh = BuildScene(config.scene, built.structure, options, seed, index);

@@ -43,7 +43,8 @@ struct SampleContext {
 };
 
 /// Reads the structure and the pool. Throws ConfigError (an image size that no configured sensor
-/// has the aspect ratio of, an unknown sensor), IoError or DataError.
+/// has the aspect ratio of, a sensor that has the one of no image size, an unknown sensor), IoError
+/// or DataError.
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size);
 
 /// A pure function of its arguments: same bytes whatever was drawn before and on

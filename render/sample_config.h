@@ -31,6 +31,21 @@ struct PoseConfig {
   }
 };
 
+/// A scene that is drawn anew for each sample: whether the structure and the room are there at all.
+struct SampleSceneConfig : SceneConfig {
+  double structure_probability = 1.0;
+  double room_probability = 1.0;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("structure_probability", structure_probability,
+       "share of samples with the structure; the others are all background", Between(0, 1));
+    ar("room_probability", room_probability, "share of samples with floor and walls",
+       Between(0, 1));
+    SceneConfig::Describe(ar);
+  }
+};
+
 /// How the depth map is spoilt.
 struct NoiseConfig {
   std::string model = "sensor";
@@ -56,9 +71,9 @@ struct SampleConfig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";
   std::vector<std::string> sensors{"realsense_d415", "azure_kinect_nfov_binned"};
-  std::vector<std::string> image_sizes{"160x144"};
+  std::vector<std::string> image_sizes{"160x144", "160x90"};
   PoseConfig pose;
-  SceneConfig scene;
+  SampleSceneConfig scene;
   AssemblyConfig assembly;
   NoiseConfig noise;
 
@@ -66,9 +81,13 @@ struct SampleConfig {
   void Describe(Archive& ar) {
     ar("structure", structure, "structure file, .yaml or .glb");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
-    ar("sensors", sensors, "sensors drawn from the pool; all of them when empty");
+    ar("sensors", sensors,
+       "sensors of the pool, one drawn for each sample among those whose aspect ratio the batch's "
+       "image size has; empty: all that fit a size");
     ar("image_sizes", image_sizes,
-       "WIDTHxHEIGHT, one drawn for each batch; intrinsics are scaled to it");
+       "WIDTHxHEIGHT, one drawn for each batch; intrinsics are scaled to it. Each size has to fit "
+       "a "
+       "sensor and each sensor that is named a size: aspect ratios within 2 %");
     ar("pose", pose, "sensor pose sampling");
     ar("scene", scene, "procedural room");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");

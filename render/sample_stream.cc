@@ -34,8 +34,11 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
   const auto make_renderer = [context = std::move(context), options] {
     EglContextOptions egl_options;
     egl_options.device = options.device;
-    return [context, seed = options.seed, gl = std::make_shared<ThreadRenderer>(egl_options)](
-               std::uint64_t index) { return Synthesize(*context, gl->renderer, seed, index); };
+    return [context, seed = options.seed, begun = options.begun,
+            gl = std::make_shared<ThreadRenderer>(egl_options)](std::uint64_t index) {
+      if (begun) ++*begun;
+      return Synthesize(*context, gl->renderer, seed, index);
+    };
   };
   samples_ = std::make_unique<OrderedPrefetch<Sample>>(
       OrderedPrefetch<Sample>::Options{options.first_index, batch_size_, options.prefetch,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -21,6 +22,8 @@ class SampleStream {
     int num_threads = 1;
     int prefetch = 4;
     int device = -1;  ///< EglContextOptions::device
+    /// Counted up when a sample is begun, where there is one.
+    std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 

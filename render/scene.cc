@@ -159,7 +159,7 @@ class SceneBuilder {
 
   Room DrawRoom(RandomStream& random) const {
     Room room;
-    room.present = random.Chance(config_.room_probability);
+    room.present = random.Chance(options_.room_probability);
     room.yaw = random.Uniform(0, 0.5 * kPi);
     for (int wall = 0; wall < 4; ++wall) {
       double& d = room.distance[static_cast<std::size_t>(wall)];

@@ -26,6 +26,7 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
 
 struct SceneOptions {
   bool structure_present = true;
+  double room_probability = 1;  ///< of floor, walls and what is on them; 0 or 1 decide it
   Pose structure_from_room = Pose::Identity();  ///< AssembledStructure's
   /// Sensors that nothing may stand near to, and whose view of the structure stays free but for
   /// occluders, which go before the first one.

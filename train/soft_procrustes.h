@@ -36,11 +36,12 @@ struct ProcrustesLoss {
       degenerate;  ///< int64 scalar: samples whose keypoints fix no rotation; they add nothing
 };
 
-/// The paper's loss (section "Soft Procrustes"): L_3D = ||M . (S^ - Omega C^)||_F per sample, with C [B,K-1,3] sensor frame, S
-/// [K-1,3] structure frame, visible [B,K-1] bool; both sets are centred over the visible sides,
-/// Omega aligns C^ to S^. A sample adds nothing and is counted where the second singular value of
-/// its visible centred S is below kMinSecondSingularValue (core/procrustes.h) or the rotation is
-/// not determined. The gradient is finite for every input, zero residuals included.
+/// The paper's loss (section "Soft Procrustes"): L_3D = ||M . (S^ - Omega C^)||_F per sample, with
+/// C [B,K-1,3] sensor frame, S [K-1,3] structure frame, visible [B,K-1] bool; both sets are centred
+/// over the visible sides, Omega aligns C^ to S^. A sample adds nothing and is counted where the
+/// second singular value of its visible centred S is below kMinSecondSingularValue
+/// (core/procrustes.h) or the rotation is not determined. The gradient is finite for every input,
+/// zero residuals included.
 ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
                                   const at::Tensor& visible);
 

@@ -80,7 +80,8 @@ at::Device ParseDevice(const std::string& name) {
   return device;
 }
 
-/// Keys that may differ when a run is resumed: they change no sample and no step.
+/// Keys that may differ when a run is resumed: they change no sample and no step. The length of a
+/// one_cycle run does: its learning rate falls to zero there.
 const std::set<std::string>& FreeKeys() {
   static const std::set<std::string> keys = {"run.samples",        "run.validation_samples",
                                              "run.validate_every", "run.checkpoint_every",
@@ -97,9 +98,17 @@ void RequireSameRun(const std::string& old_yaml, const TrainConfig& config,
   const ConfigSource before = ConfigSource::FromString(
       WriteConfig(ReadConfig<TrainConfig>(ConfigSource::FromString(old_yaml, path))), path);
   const ConfigSource now = ConfigSource::FromString(WriteConfig(config), "the given configuration");
+  const bool length_matters = config.optim.schedule == "one_cycle";
   for (const auto& [key, leaf] : now.leaves()) {
-    if (FreeKeys().count(key) > 0) continue;
     const std::vector<std::string>& values = before.leaves().at(key).values;
+    if (length_matters && key == "run.samples" && values != leaf.values) {
+      throw ConfigError(fmt::format(
+          "run.samples = {} differs from {} in {}: with optim.schedule = one_cycle the learning "
+          "rate depends on it, and would jump: resume with the run's own, or start a new run from "
+          "its weights with run.init",
+          fmt::join(leaf.values, ", "), fmt::join(values, ", "), path));
+    }
+    if (FreeKeys().count(key) > 0) continue;
     if (values != leaf.values) {
       throw ConfigError(fmt::format(
           "{} = {} differs from {} in {}: resume with the run's own config.yaml, or start a new "

@@ -15,7 +15,8 @@ namespace volalign {
 
 struct TrainOptions {
   std::filesystem::path run_dir;
-  /// Continue run_dir/last.state: same samples, weights, optimiser and learning rate.
+  /// Continue run_dir/last.state: same samples, weights, optimiser and learning rate. Throws
+  /// ConfigError where run.samples differs and the schedule is one_cycle, which depends on it.
   bool resume = false;
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;

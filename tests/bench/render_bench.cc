@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/image_size.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
-#include "core/image_size.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/sample.h"
@@ -23,9 +23,12 @@ constexpr std::uint64_t kDistinct = 256;  // samples that a benchmark goes round
 /// Complete samples of the default configuration (rooms, sensor models, imprecise assembly);
 /// argument 0 to 3 chooses sensor and size.
 const char* const kSizes[] = {"320x180", "160x90", "320x288", "160x144"};
+const char* const kSensors[] = {"realsense_d415", "realsense_d415", "azure_kinect_nfov_binned",
+                                "azure_kinect_nfov_binned"};
 
 SampleContext MakeContext(std::int64_t size, int batch_size) {
   SampleConfig config;
+  config.sensors = {kSensors[size]};
   config.image_sizes = {kSizes[size]};
   return MakeSampleContext(config, batch_size);
 }
@@ -149,4 +152,9 @@ BENCHMARK(BM_SampleStream)
 }  // namespace
 }  // namespace volalign
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  volalign::KeepSoftwareRenderingOnOneThread();
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

@@ -11,6 +11,7 @@
 #include <memory>
 #include <string>
 
+#include "render/egl_context.h"
 #include "render/sample_stream.h"
 
 namespace {
@@ -25,9 +26,11 @@ double ResidentMegabytes() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  volalign::KeepSoftwareRenderingOnOneThread();
   constexpr int kBatch = 16;
   const long samples = argc > 1 ? std::stol(argv[1]) : 1000000;
   volalign::SampleConfig config;
+  config.sensors = {};
   config.image_sizes = {argc > 2 ? argv[2] : "64x36"};
   volalign::SampleStream::Options options;
   options.num_threads = argc > 3 ? std::stoi(argv[3]) : 2;

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "core/config.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
@@ -116,9 +117,30 @@ TEST_F(Program, ConfigReferenceIsTheDocumentedOne) {
 }
 
 TEST_F(Program, RecipesResolve) {
-  for (const char* name : {"m01", "m02", "m03", "m04", "m05", "m06", "m07", "m05-lite"}) {
-    const Outcome run = Volalign(std::string("config show configs/") + name + ".yaml");
-    EXPECT_EQ(run.status, 0) << run.output;
+  struct Recipe {
+    const char *name, *attention, *procrustes, *farthest_cm, *width, *noise, *position_mm;
+  };
+  for (const Recipe& recipe : {Recipe{"m01", "false", "false", "225", "32", "paper", "0"},
+                               {"m02", "true", "false", "225", "32", "paper", "0"},
+                               {"m03", "true", "true", "225", "32", "paper", "0"},
+                               {"m04", "true", "false", "275", "32", "paper", "0"},
+                               {"m05", "true", "true", "275", "32", "paper", "0"},
+                               {"m06", "true", "false", "350", "32", "paper", "0"},
+                               {"m07", "true", "true", "350", "32", "paper", "0"},
+                               {"m05-lite", "true", "true", "275", "8", "sensor", "3"}}) {
+    SCOPED_TRACE(recipe.name);
+    const Outcome run = Volalign(std::string("config show configs/") + recipe.name + ".yaml");
+    ASSERT_EQ(run.status, 0) << run.output;
+    const auto leaves = ConfigSource::FromString(run.output, recipe.name).leaves();
+    const auto value = [&](const std::string& key) { return leaves.at(key).values.back(); };
+    EXPECT_EQ(value("model.attention"), recipe.attention);
+    EXPECT_EQ(value("loss.procrustes"), recipe.procrustes);
+    EXPECT_EQ(value("data.pose.rho_cm"), recipe.farthest_cm);
+    EXPECT_EQ(value("model.base_channels"), recipe.width);
+    EXPECT_EQ(value("data.noise.model"), recipe.noise);
+    EXPECT_EQ(value("data.assembly.position_mm"), recipe.position_mm);
+    EXPECT_EQ(value("loss.lambda"), "0.1");
+    EXPECT_EQ(value("run.batch_size"), "16");
   }
 }
 
@@ -149,7 +171,8 @@ TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
 // A node that has no EGL driver at all trains and validates on folders.
 TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   const std::string small =
-      " --config configs/m05-lite.yaml --set data.image_sizes=[40x36] --set run.batch_size=2";
+      " --config configs/m05-lite.yaml --set data.sensors=[azure_kinect_nfov_binned]"
+      " --set data.image_sizes=[40x36] --set run.batch_size=2";
   const auto write = [&](const std::string& name, const std::string& seed) {
     const Outcome run =
         Volalign("render" + small + " --count 4 --seed " + seed + " -o " + Path(name));

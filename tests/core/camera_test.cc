@@ -160,6 +160,11 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
   expect_bad(head + "    - [600, 600, 3200, 240]\n", {path + ":4", "principal point"});
   expect_bad("- sensor: a\n  resolution: [-640, 480]\n  intrinsics: [[600, 600, 320, 240]]\n",
              {path + ":3", "-640x480"});
+  const std::string good = head + "    - [600, 600, 320, 240]\n";
+  expect_bad(good + "  distorsion: [0.1]\n", {"'distorsion'", path + ":5"});
+  expect_bad(good + "  resolutions: [640, 480]\n",
+             {"'resolutions'", path + ":5", "did you mean 'resolution'?"});
+  expect_bad(good + "  sensor: b\n", {"'sensor' stands twice", path + ":5"});
   ExpectError<IoError>([&] { ReadIntrinsicsPool((folder / "missing.yaml").string()); },
                        {"missing.yaml"});
 }

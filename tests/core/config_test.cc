@@ -143,6 +143,31 @@ TEST(ReadConfig, UnknownKeysNamePlaceAndNearestKey) {
   }
 }
 
+TEST(ReadConfig, ItemsOfAListAreNumberedWithoutAGap) {
+  const auto expect_bad = [](const std::string& key, std::initializer_list<std::string> parts) {
+    SCOPED_TRACE(key);
+    ConfigSource source = ConfigSource::FromString("sensors: [{name: a}]\n", "a.yaml");
+    source.Set(key + "=x");
+    ExpectError<ConfigError>([&] { ReadConfig<Config>(source); }, parts);
+  };
+  expect_bad("sensors[2].name", {"sensors[2].name", "sensors[1] is missing", "--set"});
+  expect_bad("sensors[].name", {"sensors[].name", "sensors[0] is the first"});
+  expect_bad("sensors[-1].name", {"sensors[-1].name", "sensors[0] is the first"});
+  expect_bad("sensors[1x].name", {"sensors[1x].name", "sensors[0] is the first"});
+  ConfigSource twelve = ConfigSource::FromString("sensors: [{name: a}]\n", "a.yaml");
+  for (int i = 1; i < 12; ++i) twelve.Set("sensors[" + std::to_string(i) + "].name=x");
+  EXPECT_EQ(ReadConfig<Config>(twelve).sensors.size(), 12u);
+}
+
+// Memory is taken for items that are there, not for what an index says.
+TEST(ReadConfig, AHugeIndexIsAnError) {
+  for (const std::string index : {"999999999", "18446744073709551615", "99999999999999999999999"}) {
+    ConfigSource source;
+    source.Set("sensors[" + index + "].name=x");
+    ExpectError<ConfigError>([&] { ReadConfig<Config>(source); }, {"sensors[" + index + "].name"});
+  }
+}
+
 TEST(NearestKey, GoesByEditDistance) {
   EXPECT_EQ(NearestKey("kitten", {"sitting", "mitten", "xyz"}), "mitten");
   EXPECT_EQ(NearestKey("train.lambda", {"train.lr", "loss.lambda", "train.lambada"}),

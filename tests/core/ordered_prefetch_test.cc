@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/core/expect_error.h"
+#include "tests/core/thread_limit.h"
 
 namespace volalign {
 namespace {
@@ -129,6 +130,17 @@ TEST(OrderedPrefetch, StopsWhileWorkersAreBusy) {
   }
   EXPECT_EQ(begun, 3);  // no other item was begun
   EXPECT_EQ(ended, 3);  // and none is left behind
+}
+
+TEST(OrderedPrefetch, WorksWithTheThreadsThatThereAre) {
+  const auto square = [] { return [](std::uint64_t index) { return index * index; }; };
+  {
+    const ThreadLimit limit(2);
+    Stream stream({0, 1, 4, 8}, square);
+    for (std::uint64_t i = 0; i < 30; ++i) ASSERT_EQ(stream.Take(), i * i);
+  }
+  const ThreadLimit limit(0);
+  ExpectError<Error>([&] { Stream stream({0, 1, 4, 8}, square); }, {"no thread", "ulimit -u"});
 }
 
 TEST(OrderedPrefetch, RejectsBadOptions) {

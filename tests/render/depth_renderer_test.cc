@@ -4,8 +4,10 @@
 
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "core/camera.h"
@@ -299,6 +301,21 @@ TEST_F(DepthRendererTest, RejectsWhatItCannotDraw) {
 TEST(EglContextTest, DeviceThatDoesNotExistIsAnError) {
   EXPECT_THROW(EglContext({/*device=*/1000, /*cuda_device=*/-1}), IoError);
   EXPECT_THROW(EglContext({/*device=*/0, /*cuda_device=*/0}), IoError);
+}
+
+// Another thread may be reading the environment.
+TEST(EglContextTest, LeavesTheEnvironmentAlone) {
+  const char* const given = std::getenv("LP_NUM_THREADS");
+  const std::string before = given ? given : "";
+  ::unsetenv("LP_NUM_THREADS");
+  { const EglContext egl; }
+  EXPECT_EQ(std::getenv("LP_NUM_THREADS"), nullptr);
+  KeepSoftwareRenderingOnOneThread();
+  EXPECT_STREQ(std::getenv("LP_NUM_THREADS"), "0");
+  ::setenv("LP_NUM_THREADS", "3", 1);
+  KeepSoftwareRenderingOnOneThread();  // the user's choice stays
+  EXPECT_STREQ(std::getenv("LP_NUM_THREADS"), "3");
+  ::setenv("LP_NUM_THREADS", before.empty() ? "0" : before.c_str(), 1);
 }
 
 TEST(EglContextTest, DescribesItsRenderer) {

@@ -38,11 +38,14 @@ constexpr double kSensorStep = 1e-3;
 
 struct Case {
   const char* noise;
-  const char* image_size;  // odd sizes, one of each sensor's aspect ratio
+  const char* sensor;
+  const char* image_size;  // odd sizes of the sensor's aspect ratio
   std::uint64_t index;
 };
-constexpr Case kCases[] = {{"sensor", "73x41", 0}, {"sensor", "73x41", 1}, {"sensor", "51x46", 2},
-                           {"sensor", "51x46", 3}, {"paper", "73x41", 4},  {"paper", "51x46", 5}};
+constexpr char kD415[] = "realsense_d415", kAzure[] = "azure_kinect_nfov_binned";
+constexpr Case kCases[] = {{"sensor", kD415, "73x41", 0},  {"sensor", kD415, "73x41", 1},
+                           {"sensor", kAzure, "51x46", 2}, {"sensor", kAzure, "51x46", 3},
+                           {"paper", kD415, "73x41", 4},   {"paper", kAzure, "51x46", 5}};
 
 fs::path Folder() { return "tests/render/golden"; }
 bool Rounded(const Case& c) { return std::string(c.noise) == "sensor"; }
@@ -56,6 +59,7 @@ class GoldenTest : public testing::Test {
     samples_.clear();
     for (const Case& c : kCases) {
       SampleConfig config;
+      config.sensors = {c.sensor};
       config.image_sizes = {c.image_size};
       config.noise.model = c.noise;
       samples_.push_back(Synthesize(MakeSampleContext(config, 16), renderer, kSeed, c.index));

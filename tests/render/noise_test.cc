@@ -349,6 +349,7 @@ TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
 TEST_F(NoiseTest, RoomsHaveTheMeasuredShareOfHoles) {
   for (const bool stereo : {false, true}) {
     SampleConfig config;
+    config.sensors = {stereo ? "realsense_d415" : "azure_kinect_nfov_binned"};
     config.image_sizes = {stereo ? "160x90" : "160x144"};
     const SampleContext context = MakeSampleContext(config, 1);
     double valid = 0, on_structure = 0, structure = 0;
@@ -414,6 +415,28 @@ TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
   // 6 ellipses of mean area pi 25, some of it beyond the image or shared.
   EXPECT_GT(holes, 0.7 * 6 * 3.14 * 25);
   EXPECT_LT(holes, 1.05 * 6 * 3.14 * 25);
+}
+
+// The right image begins at the left one's column f B / z: what is left of it has no match.
+// Baselines of Intel's datasheet: 55, 50 and 95 mm; the D415's focal length is the one at 1280x720.
+TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
+  constexpr double kFocal = 210, kDistance = 1;
+  const Intrinsics k = Camera(320, 180, kFocal);
+  const WallScene scene = MakeWall(kDistance, 0, k);
+  const auto first_column = [&](const std::string& sensor) {
+    const NoisyView noisy = Spoil(scene, k, sensor, 0);
+    for (int u = 0; u < k.width; ++u) {
+      for (int v = 0; v < k.height; ++v) {
+        if (noisy.depth(u, v) > 0) return u;
+      }
+    }
+    return k.width;
+  };
+  EXPECT_EQ(first_column("realsense_d415"), std::ceil(0.055 * 943.6 / 4 / kDistance));
+  EXPECT_EQ(first_column("realsense_d435i"), std::ceil(0.050 * kFocal / kDistance));
+  EXPECT_EQ(first_column("realsense_d455"), std::ceil(0.095 * kFocal / kDistance));
+  EXPECT_FALSE(HasSensorModel("realsense_d405"));
+  EXPECT_THROW(Spoil(scene, k, "realsense_d405", 0), ConfigError);
 }
 
 TEST_F(NoiseTest, UnknownSensorIsAnError) {

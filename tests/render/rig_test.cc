@@ -16,6 +16,7 @@
 #include "render/capture_writer.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "tests/core/expect_error.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign {
@@ -184,6 +185,14 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
   EXPECT_NE(ErrorOf("sensors: [{name: A}, {name: A}]\n").find("A stands twice"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: ../A}]\n").find("../A"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: A, rho: 3}]\n").find("rho"), std::string::npos);
+  // A rig is one still: its room and structure are there or not.
+  for (const std::string key : {"room_probability", "structure_probability"}) {
+    EXPECT_NE(ErrorOf("sensors: [{name: A}]\nscene: {" + key + ": 0.5}\n").find("scene." + key),
+              std::string::npos);
+  }
+  ExpectError<IoError>(
+      [&] { RenderRig(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },
+      {"structure = none.yaml", std::filesystem::current_path().string(), "--set structure=FILE"});
   EXPECT_THROW(RenderRig(Parse("sensors: [{name: A, sensor: lidar}]\n"), renderer_), ConfigError);
 }
 

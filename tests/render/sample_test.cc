@@ -4,13 +4,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
+#include <set>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "core/error.h"
 #include "core/visibility.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
+#include "tests/core/expect_error.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign {
@@ -164,6 +169,42 @@ TEST_F(SampleTest, StructureIsSeldomHidden) {
   EXPECT_GE(half, static_cast<int>(0.85 * kCount));
 }
 
+TEST(SampleContextTest, AMissingFileSaysWhereItWasLookedForAndHowToGiveAnother) {
+  SampleConfig config;
+  config.structure = "configs/no_structure.yaml";
+  ExpectError<IoError>([&] { MakeSampleContext(config, 1); },
+                       {"data.structure = configs/no_structure.yaml",
+                        std::filesystem::current_path().string(), "--set data.structure=FILE"});
+  config = SampleConfig();
+  config.intrinsics = "/nowhere/intrinsics.yaml";
+  ExpectError<IoError>(
+      [&] { MakeSampleContext(config, 1); },
+      {"data.intrinsics = /nowhere/intrinsics.yaml: no such file", "--set data.intrinsics=FILE"});
+}
+
+// The batch's size decides which sensors may be drawn; among them they are drawn evenly.
+TEST_F(SampleTest, ASensorIsDrawnAmongThoseThatHaveTheAspectRatio) {
+  SampleConfig config = BareConfig();
+  config.sensors = {};
+  config.image_sizes = {"40x36", "64x36", "64x48"};
+  const SampleContext context = MakeSampleContext(config, 1);
+  std::map<std::pair<int, std::string>, int> counts;
+  for (std::uint64_t i = 0; i < 120; ++i) {
+    const Sample sample = Synthesize(context, renderer_, 9, i);
+    ++counts[{sample.depth.width() * 100 + sample.depth.height(), sample.sensor}];
+  }
+  std::set<std::pair<int, std::string>> pairs;
+  for (const auto& [pair, count] : counts) {
+    pairs.insert(pair);
+    EXPECT_GE(count, 8) << pair.first << " " << pair.second;
+  }
+  const std::set<std::pair<int, std::string>> expected = {{4036, "azure_kinect_nfov_binned"},
+                                                          {6436, "realsense_d415"},
+                                                          {6448, "realsense_d415"},
+                                                          {6448, "kinect_v1"}};
+  EXPECT_EQ(pairs, expected);
+}
+
 TEST_F(SampleTest, SamplesWithoutTheStructureAreBackground) {
   SampleConfig config = SmallConfig();
   config.scene.structure_probability = 0;
@@ -191,6 +232,11 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
   config = SampleConfig();
   config.image_sizes = {"160x160"};
   EXPECT_NE(message(config).find("160x160"), std::string::npos) << message(config);
+  // Each size has a sensor, but a sensor that is named has no size.
+  config.image_sizes = {"160x144", "80x72"};
+  for (const char* part : {"realsense_d415 (1280x720, 640x480)", "[160x144, 80x72]"}) {
+    EXPECT_NE(message(config).find(part), std::string::npos) << message(config);
+  }
   config.image_sizes = {"big"};
   EXPECT_NE(message(config).find("big"), std::string::npos) << message(config);
   config = SampleConfig();

@@ -221,7 +221,7 @@ TEST(TrainOnADataset, SaysWhatDoesNotFit) {
   bad.run.batch_size = 4;
   expect(bad, {"run.batch_size = 4"});
   bad = config;
-  bad.data.image_sizes = {"40x36"};
+  bad.data.image_sizes = {"64x36", "40x36"};
   expect(bad, {"data.image_sizes"});
   bad = config;
   bad.run.validation_seed = 7;
@@ -236,6 +236,7 @@ TEST(TrainOnADataset, SaysWhatDoesNotFit) {
   bad.run.validation_samples = 5;
   expect(bad, {"run.validation_samples = 5", "the 4 samples"});
   TrainConfig single = config;
+  single.data.sensors = {"azure_kinect_nfov_binned"};
   single.data.image_sizes = {"40x36"};
   Write(folder / "few", single, 9, 3);
   single.run.dataset = folder / "few";

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "render/sample.h"
 
 namespace volalign {
 namespace {
@@ -37,6 +38,12 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.data.image_sizes, std::vector<std::string>{"320x180"});
     EXPECT_EQ(c.data.noise.model, "paper");
     EXPECT_EQ(c.data.scene.room_probability, 1);
+    EXPECT_EQ(c.data.scene.structure_probability, 1);
+    EXPECT_EQ(c.data.sensors, std::vector<std::string>{"realsense_d415"});
+    EXPECT_EQ(c.data.assembly.position_mm, 0);
+    EXPECT_EQ(c.data.assembly.yaw_deg, 0);
+    EXPECT_EQ(c.data.assembly.size_scale_percent, 0);
+    EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0);
     EXPECT_EQ(c.model.base_channels, 32);
     EXPECT_EQ(c.model.normalization, "none");
     EXPECT_EQ(c.model.input, "depth");
@@ -69,6 +76,18 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.model.base_channels, 8);
   EXPECT_EQ(c.loss.keypoints, "exposed");
   EXPECT_EQ(c.data.noise.model, "sensor");
+  EXPECT_EQ(c.data.assembly.position_mm, 3);
+  EXPECT_EQ(c.data.assembly.yaw_deg, 0.5);
+  EXPECT_EQ(c.data.assembly.size_scale_percent, 1);
+  EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0.5);
+}
+
+TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
+  EXPECT_NO_THROW(MakeSampleContext(SampleConfig(), 1));
+  for (const char* name : {"m01", "m05-lite", "ablation"}) {
+    const TrainConfig c = Read(std::string("configs/") + name + ".yaml");
+    EXPECT_NO_THROW(MakeSampleContext(c.data, 1)) << name;
+  }
 }
 
 TEST(TrainConfig, ResolvedYamlReadsBackEqual) {

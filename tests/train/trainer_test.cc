@@ -222,6 +222,10 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   other.run.seed = 7;
   ExpectError<ConfigError>([&] { TrainOn(data, other, options); }, {"run.seed", "7"});
   other = config;
+  other.run.samples = 120;  // one_cycle: another learning rate
+  ExpectError<ConfigError>([&] { TrainOn(data, other, options); },
+                           {"run.samples = 120", "80", "one_cycle", "run.init"});
+  other = config;
   other.run.log_every = 4;  // changes no step
   options.stop_at_samples = 8;
   EXPECT_EQ(TrainOn(data, other, options).samples, 8);
@@ -229,6 +233,19 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   const std::string state = ReadFile(folder / "run" / "last.state");
   WriteFileAtomically(folder / "run" / "last.state", state.substr(0, state.size() / 2));
   ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"last.state"});
+}
+
+TEST(Trainer, AConstantScheduleMayBeContinuedForLonger) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.optim.schedule = "constant";
+  config.run.samples = 4;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOptions options = Options(folder / "run");
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  config.run.samples = 8;
+  options.resume = true;
+  EXPECT_EQ(TrainOn(data, config, options).samples, 8);
 }
 
 TEST(Trainer, StopsCleanlyOnASignal) {
