@@ -6,7 +6,9 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -15,6 +17,12 @@
 #include "core/error.h"
 
 namespace volalign {
+
+namespace {
+
+std::atomic<std::uint64_t> next_temporary{0};
+
+}  // namespace
 
 std::string ReadFile(const std::filesystem::path& path) {
   std::error_code error;
@@ -38,15 +46,23 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
           fmt::format("cannot create folder {}: {}", path.parent_path().string(), error.message()));
     }
   }
-  const std::filesystem::path temporary = path.string() + fmt::format(".tmp-{}", ::getpid());
+  std::filesystem::path temporary;
   const auto fail = [&](const char* what) {
     const int reason = errno;
     std::error_code ignored;
     std::filesystem::remove(temporary, ignored);
     throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
   };
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) fail("create");
+  // Two writers never share a file: a name that is taken, by a writer of the same process number on
+  // another machine or by one that was killed, is passed over.
+  int file = -1;
+  do {
+    temporary = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
+    file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (file < 0 && errno == EEXIST);
+  if (file < 0) {
+    throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
+  }
   std::size_t written = 0;
   while (written < bytes.size()) {
     const ssize_t n = ::write(file, bytes.data() + written, bytes.size() - written);

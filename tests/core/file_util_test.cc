@@ -1,12 +1,15 @@
 #include "core/file_util.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <sys/resource.h>
 
+#include <atomic>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <string>
+#include <thread>
 
 #include "core/error.h"
 #include "tests/core/expect_error.h"
@@ -85,14 +88,43 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
   EXPECT_EQ(ReadFile(folder / "file"), "x");
 }
 
-// The device that is always full.
-TEST(FileUtil, AFullDiskIsAnError) {
-  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "this system has no /dev/full";
+// Each writer's bytes are alike: a mixture of two, or a file that another one renamed away, shows.
+TEST(FileUtil, WritersOfOneFileDoNotShareATemporary) {
   const TempFolder folder;
-  const auto temporary = folder / ("a.txt.tmp-" + std::to_string(::getpid()));
-  std::filesystem::create_symlink("/dev/full", temporary);
-  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", "x"); },
-                       {"write", (folder / "a.txt").string(), "No space left"});
+  std::atomic<int> failures{0}, mixtures{0};
+  const auto write = [&](char letter) {
+    const std::string bytes(200000, letter);
+    for (int i = 0; i < 100; ++i) {
+      try {
+        WriteFileAtomically(folder / "a.txt", bytes, /*sync=*/false);
+        const std::string read = ReadFile(folder / "a.txt");
+        if (read.size() != bytes.size() || read != std::string(bytes.size(), read[0])) ++mixtures;
+      } catch (const Error&) {
+        ++failures;
+      }
+    }
+  };
+  std::thread first(write, 'a'), second(write, 'b');
+  first.join();
+  second.join();
+  EXPECT_EQ(failures, 0);
+  EXPECT_EQ(mixtures, 0);
+  EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.txt"});
+}
+
+// A limit on the size of files does what a full disk does: the write fails half-way.
+TEST(FileUtil, AFullDiskIsAnError) {
+  const TempFolder folder;
+  rlimit old_limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 1000;
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", std::string(5000, 'x')); },
+                       {"write", (folder / "a.txt").string(), "File too large"});
+  ::setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
   EXPECT_TRUE(Listing(folder.path()).empty());
 }
 
