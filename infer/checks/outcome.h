@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 namespace volalign {
@@ -35,5 +36,12 @@ enum class SensorCode {
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);
 std::vector<SensorCode> AllOf(SensorCode);
+
+/// Why a sensor has no pose, or what to be wary of in one that has.
+struct Finding {
+  SensorCode code = SensorCode::kNone;
+  std::string reason;  ///< a sentence
+  std::string hint;    ///< what to do about it
+};
 
 }  // namespace volalign

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "core/structure.h"
-#include "infer/calibrate.h"
 #include "infer/io/extrinsics.h"
 #include "infer/io/report.h"
+#include "infer/result.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {

@@ -9,9 +9,9 @@
 #include "core/camera.h"
 #include "core/metrics.h"
 #include "core/structure.h"
-#include "infer/calibrate.h"
 #include "infer/checks/assembly.h"
 #include "infer/checks/outcome.h"
+#include "infer/result.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {

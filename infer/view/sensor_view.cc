@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "infer/view/camera_rays.h"
 
 namespace volalign {
@@ -33,6 +34,14 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
     if (!has_ray || !(view.depth[i] > 0) || !std::isfinite(view.depth[i])) view.depth[i] = 0;
   }
   return view;
+}
+
+std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads) {
+  std::vector<SensorView> views(frames.size());
+  ParallelFor(frames.size(), threads, [&](std::size_t i) {
+    views[i] = MakeSensorView(frames[i].depth, frames[i].intrinsics);
+  });
+  return views;
 }
 
 SensorView Corrected(SensorView view, double scale, double offset) {

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "core/camera.h"
 #include "core/image.h"
+#include "infer/view/sensor_frame.h"
 
 namespace volalign {
 
@@ -29,6 +31,9 @@ struct SensorView {
 /// Drops depths that are not finite and positive, and those of pixels without a ray. Throws
 /// DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
+
+/// MakeSensorView of every frame, on `threads` threads.
+std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads);
 
 /// The view with every measured depth z replaced by z * scale + offset (m).
 SensorView Corrected(SensorView view, double scale, double offset);

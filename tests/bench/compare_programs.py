@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Calibrates the same captures with two builds of the program in turn and prints how far their results are apart.
 
-    tests/bench/compare_programs.py OLD NEW MODEL CAPTURE.json... [--runs 3] [--set KEY=VALUE ...]
+    tests/bench/compare_programs.py OLD NEW MODEL CAPTURE.json... [--runs 3] [--set KEY=VALUE ...] [--save FOLDER]
+
+OLD may be a folder into which an earlier call saved what its NEW gave; times are then not compared.
 
 For each capture: sensors whose status differs, the largest difference of any element of a pose and of a covariance, of a
 residual (RMS), and the median time of `timings_s.total` with the ratio NEW / OLD. With --tolerance, exit status 1 where a status or
@@ -24,6 +26,10 @@ def calibrate(program, model, capture, settings, folder):
     if done.returncode not in (0, 2):
         sys.exit(f"{' '.join(command)}\n{done.stderr}")
     return json.loads((pathlib.Path(folder) / "extrinsics.json").read_text())
+
+
+def recall(folder, name):
+    return json.loads((pathlib.Path(folder) / f"{name}.json").read_text())
 
 
 def flat(value):
@@ -65,17 +71,25 @@ def main():
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--tolerance", type=float)
+    parser.add_argument("--save", type=pathlib.Path, help="folder for what NEW gives")
     options = parser.parse_args()
     wrong = False
     ratios = []
     for capture in options.captures:
+        name = pathlib.Path(capture).parent.name
         results, seconds = [None, None], [[], []]
         with tempfile.TemporaryDirectory() as folder:
             for _ in range(options.runs):
                 for i, program in enumerate((options.old, options.new)):
-                    results[i] = calibrate(program, options.model, capture, options.set, folder)
+                    if pathlib.Path(program).is_dir():
+                        results[i] = recall(program, name)
+                    else:
+                        results[i] = calibrate(program, options.model, capture, options.set, folder)
                     seconds[i].append(results[i]["timings_s"]["total"])
-        poses, changed = compare(pathlib.Path(capture).parent.name, *results, seconds)
+        if options.save:
+            options.save.mkdir(parents=True, exist_ok=True)
+            (options.save / f"{name}.json").write_text(json.dumps(results[1]))
+        poses, changed = compare(name, *results, seconds)
         ratios.append(statistics.median(seconds[1]) / statistics.median(seconds[0]))
         wrong = wrong or changed or (options.tolerance is not None and poses > options.tolerance)
     print(f"median time ratio {statistics.median(ratios):.3f}")

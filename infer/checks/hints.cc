@@ -1,0 +1,66 @@
+#include "infer/checks/hints.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+namespace volalign {
+
+namespace {
+
+constexpr int kBorder = 8;  // px: depth is often missing along the very border
+/// Share of a border's length along which labels have to reach it for it to cut the structure off.
+constexpr double kCutShare = 0.1;
+
+/// Borders of the stored image (0 left, 1 top, 2 right, 3 bottom) that labels reach.
+std::vector<int> CuttingBorders(const LabelImage& labels) {
+  const int w = labels.width(), h = labels.height();
+  std::vector<int> cut;
+  for (int border = 0; border < 4; ++border) {
+    const bool upright = border % 2 == 0;
+    const int length = upright ? h : w, across_length = upright ? w : h;
+    int marked = 0;
+    for (int along = 0; along < length; ++along) {
+      bool any = false;
+      for (int d = 0; d < std::min(kBorder, across_length); ++d) {
+        const int across = border < 2 ? d : across_length - 1 - d;
+        any = any || (upright ? labels(across, along) : labels(along, across)) > 0;
+      }
+      marked += any ? 1 : 0;
+    }
+    if (marked >= kCutShare * length) cut.push_back(border);
+  }
+  return cut;
+}
+
+}  // namespace
+
+std::optional<int> UprightTurnsOfNetwork(const std::vector<std::pair<Pose, int>>& placed) {
+  std::array<int, 4> votes{};
+  for (const auto& [pose, quarter_turns] : placed)
+    ++votes[static_cast<std::size_t>((UprightTurns(pose) - quarter_turns + 4) % 4)];
+  const auto most = std::max_element(votes.begin(), votes.end());
+  if (*most == 0) return std::nullopt;
+  return static_cast<int>(most - votes.begin());
+}
+
+std::string MoveHint(const LabelImage& labels, std::optional<int> upright_turns) {
+  const std::vector<int> cut = CuttingBorders(labels);
+  if (cut.empty()) {
+    return "move the sensor round the structure to the left or right, or up, until it sees sides "
+           "of more than one orientation";
+  }
+  if (cut.size() > 1 || !upright_turns) {
+    return "the image border cuts the structure off: move the sensor further away, or turn it so "
+           "that it sees most of the structure";
+  }
+  // Turning the picture clockwise sends its left border to the top.
+  static constexpr const char* kNames[] = {"to the left", "up", "to the right", "down"};
+  return fmt::format(
+      "the image border cuts the structure off: turn the sensor {}, or move it further away",
+      kNames[(cut.front() + *upright_turns) % 4]);
+}
+
+}  // namespace volalign

@@ -1,0 +1,186 @@
+#include "infer/checks/placement.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "core/parallel_for.h"
+#include "infer/checks/hints.h"
+#include "infer/checks/intrinsics_check.h"
+#include "infer/checks/verification.h"
+#include "infer/pose/agreement.h"
+
+namespace volalign {
+
+namespace {
+
+/// m: how far a measured point may lie from the side that the pose shows there, to be labelled with
+/// it. Boxes stray by centimetres.
+constexpr double kRelabelDistance = 0.04;
+
+/// Where many sides fit the structure badly: would they fit it with other intrinsics?
+std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
+                                                const Intrinsics& intrinsics,
+                                                const LabelledView& labelled,
+                                                const Structure& structure,
+                                                const PlacementOptions& options) {
+  const InitialPose& initial = labelled.initial;
+  const bool fits = initial.found && initial.agreement.score() >= options.verdict.suspicious_score;
+  if (fits || !SeesManySides(initial.evidence, options.verdict)) return std::nullopt;
+  return FindBetterIntrinsics(view.depth, intrinsics, labelled.segmentation, structure,
+                              options.initial);
+}
+
+struct OwnPose {
+  Pose structure_from_sensor = Pose::Identity();
+  double sigma_translation_m = 0;  // of the axis that is known least
+};
+
+/// The sensor's pose from its own view, everything that may be estimated being free.
+OwnPose RefineAlone(const RefineView& points, const InitialPose& initial,
+                    const Structure& structure, const RefineOptions& options) {
+  RefineOptions alone = options;
+  alone.max_overlap_points = 0;
+  alone.threads = 1;
+  alone.choose_estimates = false;
+  const RefinedSensor refined =
+      Refine(structure, {{&points, initial.from_keypoints, initial.structure_from_sensor, true}},
+             alone)
+          .sensors.front();
+  return {refined.structure_from_sensor,
+          std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff())};
+}
+
+Finding ExplainAlteredStack(const AssemblyReport& report) {
+  return {report.arrangement.code,
+          fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
+                      "{:.0f} %",
+                      report.arrangement.sentence, 100 * report.overlap,
+                      100 * report.described_overlap),
+          "stack the boxes as the structure file says, or describe them as they stand "
+          "(--structure)"};
+}
+
+/// See PlaceSensors. `intrinsics`: those of the view.
+Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
+                      const LabelledView& labelled, bool use_structure, const Structure& structure,
+                      const PlacementOptions& options) {
+  const InitialPose& initial = labelled.initial;
+  const std::optional<BetterIntrinsics> better =
+      CheckIntrinsics(view, intrinsics, labelled, structure, options);
+  if (!initial.found) return ExplainMissingPose(initial, options.verdict);
+
+  RefineView::Options view_options;
+  view_options.min_confidence = options.initial.evidence.min_confidence;
+  view_options.max_side_points = options.refine.max_side_points;
+  view_options.max_edge_points = options.refine.max_edge_points;
+  OwnPose own{initial.structure_from_sensor, 0};
+  if (use_structure) {
+    own = RefineAlone(RefineView(view, labelled.segmentation, structure, view_options), initial,
+                      structure, options.refine);
+  }
+
+  const Pose& pose = own.structure_from_sensor;
+  OwnPoseEvidence evidence;
+  evidence.agreement = CompareWithView(view, labelled.segmentation, structure, pose,
+                                       options.initial.evidence.min_confidence, kInlierDistance);
+  evidence.confirmed = ConfirmedLabels(view, initial.evidence, structure, pose);
+  evidence.sigma_translation_m = own.sigma_translation_m;
+  evidence.initial = &initial;
+  evidence.better_intrinsics = better ? &*better : nullptr;
+  const KeypointKind keypoints =
+      options.initial.keypoints == "centre" ? KeypointKind::kCentre : KeypointKind::kExposed;
+  if (std::optional<Finding> failure =
+          VerifyOwnPose(evidence, structure, keypoints, options.verdict)) {
+    return *std::move(failure);
+  }
+
+  PlacedSensor placed{pose,
+                      RefineView(view, LabelsFromPose(view, structure, pose, kRelabelDistance),
+                                 structure, view_options),
+                      std::nullopt};
+  if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
+  return placed;
+}
+
+/// Tells sensors that see too few sides where to move, which takes the others' orientation.
+void GiveMoveHints(const std::vector<LabelledView>& labelled, std::vector<Placement>* placements) {
+  std::vector<std::pair<Pose, int>> placed;
+  for (std::size_t i = 0; i < labelled.size(); ++i) {
+    if (const auto* sensor = std::get_if<PlacedSensor>(&(*placements)[i]))
+      placed.emplace_back(sensor->own_pose, labelled[i].quarter_turns);
+  }
+  const std::optional<int> network = UprightTurnsOfNetwork(placed);
+  for (std::size_t i = 0; i < labelled.size(); ++i) {
+    auto* failure = std::get_if<Finding>(&(*placements)[i]);
+    if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
+    std::optional<int> upright;
+    if (network) upright = *network + labelled[i].quarter_turns;
+    failure->hint = MoveHint(labelled[i].segmentation.labels, upright);
+  }
+}
+
+bool HasStructureTerms(const std::string& name, const RefineOptions& options) {
+  const auto& without = options.without_structure;
+  return std::find(without.begin(), without.end(), name) == without.end();
+}
+
+}  // namespace
+
+std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
+                                           const std::vector<LabelledView>& labelled,
+                                           const Structure& structure,
+                                           const PlacementOptions& options) {
+  std::vector<AssemblySensor> sensors;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (SeesManySides(labelled[i].initial.evidence, options.verdict))
+      sensors.push_back({&views[i], &labelled[i].segmentation, &labelled[i].initial});
+  }
+  if (!options.assembly.enabled || sensors.empty()) return std::nullopt;
+  return InspectAssembly(sensors, structure, options.initial, options.assembly, options.threads);
+}
+
+std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
+                                    const std::vector<SensorView>& views,
+                                    const std::vector<DepthFinding>& depths,
+                                    const std::vector<LabelledView>& labelled,
+                                    const std::optional<AssemblyReport>& assembly,
+                                    const Structure& structure, const PlacementOptions& options) {
+  std::vector<Placement> placements(frames.size());
+  const bool altered = assembly && assembly->altered();
+  ParallelFor(frames.size(), options.threads, [&](std::size_t i) {
+    if (depths[i].failure) {
+      placements[i] = *depths[i].failure;
+    } else if (altered && SeesManySides(labelled[i].initial.evidence, options.verdict)) {
+      placements[i] = ExplainAlteredStack(*assembly);
+    } else {
+      placements[i] =
+          PlaceSensor(views[i], frames[i].intrinsics, labelled[i],
+                      HasStructureTerms(frames[i].name, options.refine), structure, options);
+      if (altered && std::holds_alternative<PlacedSensor>(placements[i]))
+        placements[i] = ExplainAlteredStack(*assembly);
+    }
+  });
+  GiveMoveHints(labelled, &placements);
+  return placements;
+}
+
+std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
+                                          const std::vector<LabelledView>& labelled,
+                                          const std::vector<Placement>& placements,
+                                          const RefineOptions& options) {
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
+      sensors.push_back({&placed->points, labelled[i].initial.from_keypoints, placed->own_pose,
+                         HasStructureTerms(frames[i].name, options)});
+    }
+  }
+  return sensors;
+}
+
+}  // namespace volalign

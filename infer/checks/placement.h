@@ -1,0 +1,68 @@
+#pragma once
+
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/checks/assembly.h"
+#include "infer/checks/depth_checks.h"
+#include "infer/checks/outcome.h"
+#include "infer/checks/verdict.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/pose/orientation.h"
+#include "infer/refine/refine.h"
+#include "infer/refine/refine_view.h"
+#include "infer/view/sensor_frame.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// A sensor whose own view fixes its pose.
+struct PlacedSensor {
+  Pose own_pose = Pose::Identity();  ///< refined alone
+  RefineView points;                 ///< labelled by the own pose, for the joint refinement
+  std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
+};
+
+/// A placed sensor, or why it is not placed.
+using Placement = std::variant<Finding, PlacedSensor>;
+
+struct PlacementOptions {
+  const InitialPoseOptions& initial;
+  const RefineOptions& refine;
+  const VerdictOptions& verdict;
+  const AssemblyOptions& assembly;
+  int threads = 1;
+};
+
+/// InspectAssembly with the sensors that see many sides. Nothing where none does, or where
+/// options.assembly leaves it out.
+std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
+                                           const std::vector<LabelledView>& labelled,
+                                           const Structure& structure,
+                                           const PlacementOptions& options);
+
+/// Refines each sensor alone and decides, by what its view then explains, whether it sees the
+/// structure. A sensor in options.refine.without_structure, which its neighbours' overlap is to
+/// hold, is taken at its initial pose. Where the stack is built otherwise than described, no sensor
+/// is placed. One result a sensor; `depths`, `views` and `labelled` are
+/// the frames'.
+std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
+                                    const std::vector<SensorView>& views,
+                                    const std::vector<DepthFinding>& depths,
+                                    const std::vector<LabelledView>& labelled,
+                                    const std::optional<AssemblyReport>& assembly,
+                                    const Structure& structure, const PlacementOptions& options);
+
+/// The placed sensors, in order, as the joint refinement takes them, from their own poses on. What
+/// it has to beat on held-out points is the keypoint pose: one that was fitted to the sensor's own
+/// points has absorbed its warp and the boxes' offsets, and would win that comparison against
+/// better poses. The placements must outlive the result.
+std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
+                                          const std::vector<LabelledView>& labelled,
+                                          const std::vector<Placement>& placements,
+                                          const RefineOptions& options);
+
+}  // namespace volalign

@@ -1,0 +1,99 @@
+#include "infer/checks/pose_quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "core/visibility.h"
+#include "infer/pose/agreement.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kRmsDistance = 0.1;         // m: what is farther off is not the structure
+constexpr double kConfirmedShare = 0.6;      // of a patch's pixels, on their side
+constexpr std::size_t kMostPoints = 100000;  // that d1 and d2 compare
+constexpr double kSurfaceStep = 0.005;       // m, of the surface's samples
+
+}  // namespace
+
+SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
+                        const Structure& structure, const Pose& structure_from_sensor) {
+  SurfaceFit fit;
+  double squares = 0;
+  int near = 0, inliers = 0;
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      if (labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
+      ++fit.points;
+      const double distance =
+          DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
+      if (distance < kRmsDistance) {
+        squares += distance * distance;
+        ++near;
+      }
+      if (distance <= kInlierDistance) ++inliers;
+    }
+  }
+  if (near > 0) fit.rms_m = std::sqrt(squares / near);
+  if (fit.points > 0) fit.inlier_share = static_cast<double>(inliers) / fit.points;
+  return fit;
+}
+
+std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideEvidence>& evidence,
+                                 const Structure& structure, const Pose& structure_from_sensor) {
+  std::set<int> labels;
+  for (const SideEvidence& patch : evidence) {
+    const Side& side = structure.SideOfLabel(patch.label);
+    std::size_t on_side = 0;
+    for (const int pixel : patch.pixels) {
+      const Eigen::Vector3d p =
+          structure_from_sensor * view.Point(pixel % view.width(), pixel / view.width());
+      if ((side.ClosestPoint(p) - p).norm() <= kInlierDistance) ++on_side;
+    }
+    if (static_cast<double>(on_side) >= kConfirmedShare * static_cast<double>(patch.pixels.size()))
+      labels.insert(patch.label);
+  }
+  return std::vector<int>(labels.begin(), labels.end());
+}
+
+PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
+                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const Pose& structure_from_sensor, double min_confidence) {
+  PoseQuality quality;
+  quality.surface = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
+  const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
+                                              min_confidence, kInlierDistance);
+  quality.miou = agreement.miou;
+  quality.label_iou = agreement.score();
+  quality.explained_share = agreement.explained_share();
+  for (const int label : ConfirmedLabels(view, evidence, structure, structure_from_sensor))
+    quality.sides.push_back(structure.SideOfLabel(label).name);
+  return quality;
+}
+
+std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelImage& labels,
+                                            const Pose& structure_from_sensor) {
+  std::vector<Eigen::Vector3d> points;
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      if (labels(u, v) > 0 && view.depth(u, v) > 0)
+        points.push_back(structure_from_sensor * view.Point(u, v));
+    }
+  }
+  return points;
+}
+
+std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
+                                               const Structure& structure) {
+  std::vector<Eigen::Vector3d> near;
+  const std::size_t step = points.size() / kMostPoints + 1;
+  for (std::size_t i = 0; i < points.size(); i += step) {
+    if (DistanceToSurface(structure, points[i]).distance < kRmsDistance) near.push_back(points[i]);
+  }
+  if (near.empty()) return std::nullopt;
+  return CompareSets(near, SampleExposedSurface(structure, kSurfaceStep));
+}
+
+}  // namespace volalign

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/metrics.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/pose/side_evidence.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// m: a point that is nearer than this to a surface lies on it (inlier_share, on_side_share).
+inline constexpr double kInlierDistance = 0.03;
+
+/// Point-to-surface residuals of the pixels with a side label and depth.
+struct SurfaceFit {
+  int points = 0;
+  double rms_m = 0;         ///< over those within 10 cm of the structure
+  double inlier_share = 0;  ///< within kInlierDistance
+};
+SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
+                        const Structure& structure, const Pose& structure_from_sensor);
+
+/// How well a pose explains a frame.
+struct PoseQuality {
+  SurfaceFit surface;
+  double miou = 0;                 ///< predicted labels against those rendered at the pose
+  double label_iou = 0;            ///< Agreement::score
+  double explained_share = 0;      ///< of the pixels expected on the structure, whose depth matches
+  std::vector<std::string> sides;  ///< found, and most of their pixels on them
+};
+
+/// Of a pose of `structure`. `view`: with corrected depths. `evidence`: patches of the view's
+/// sides. Only labels with `min_confidence` count for label_iou.
+PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
+                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const Pose& structure_from_sensor, double min_confidence);
+
+/// Labels of the patches of which most pixels lie on their side, ascending.
+std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideEvidence>& evidence,
+                                 const Structure& structure, const Pose& structure_from_sensor);
+
+/// d1 and d2 of the paper (section "Results") between at most 100,000 of these points, evenly
+/// taken, of those within 10 cm of the structure, and its exposed surface sampled at 5 mm. Nothing
+/// where no point is near. `points`: structure frame, m.
+std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
+                                               const Structure& structure);
+
+/// The points of the pixels with a side label and depth, structure frame, m.
+std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelImage& labels,
+                                            const Pose& structure_from_sensor);
+
+}  // namespace volalign

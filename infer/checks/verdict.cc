@@ -1,0 +1,86 @@
+#include "infer/checks/verdict.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstddef>
+
+namespace volalign {
+
+Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance) {
+  return covariance.diagonal().head<3>().cwiseSqrt();
+}
+
+Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance) {
+  return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;
+}
+
+std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
+  if (!evidence.same_depth_as.empty()) {
+    return Finding{SensorCode::kDuplicateDepth,
+                   fmt::format("{} has the same depth map", evidence.same_depth_as),
+                   "check which of the two it belongs to"};
+  }
+  if (evidence.suspect_intrinsics) return evidence.suspect_intrinsics;
+  if (!evidence.other_pose.empty()) {
+    return Finding{
+        SensorCode::kAmbiguous,
+        fmt::format(
+            "its view fits the structure about as well {}, and shows no floor that would tell",
+            evidence.other_pose),
+        evidence.known_turns ? "let it see the floor under the structure"
+                             : "let it see the floor under the structure, or give its "
+                               "quarter_turns"};
+  }
+  const PoseQuality& quality = evidence.quality;
+  if (quality.surface.inlier_share < options.weak_inlier_share) {
+    return Finding{SensorCode::kFewInliers,
+                   fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
+                               100 * quality.surface.inlier_share),
+                   "look at pictures/ for what else was labelled, and clear it away"};
+  }
+  if (quality.surface.rms_m > options.weak_rms_m) {
+    return Finding{
+        SensorCode::kLargeResidual,
+        fmt::format("points are {:.1f} mm RMS off the structure", 1000 * quality.surface.rms_m),
+        "check the boxes' dimensions and placement, the intrinsics and the depth_scale"};
+  }
+  if (quality.label_iou < options.weak_label_iou) {
+    return Finding{
+        SensorCode::kLabelsDisagree,
+        fmt::format("labels as predicted and as seen from the pose overlap by {:.0f} %",
+                    100 * quality.label_iou),
+        "look at pictures/: something may hide the structure, or the sensor be too near or far"};
+  }
+  const double sigma_m = SigmaTranslation(evidence.covariance).maxCoeff();
+  const double sigma_deg = SigmaRotationDeg(evidence.covariance).maxCoeff();
+  if (!(sigma_m <= options.weak_sigma_translation_m) ||
+      !(sigma_deg <= options.weak_sigma_rotation_deg)) {
+    return Finding{SensorCode::kUncertain,
+                   fmt::format("the pose is known to {:.1f} mm and {:.2f} deg only", 1000 * sigma_m,
+                               sigma_deg),
+                   "let it see more sides, or more of what its neighbours see"};
+  }
+  return std::nullopt;
+}
+
+std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
+                                              const std::vector<std::optional<Pose>>& poses,
+                                              const VerdictOptions& options) {
+  std::vector<std::optional<Finding>> twins(poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    for (std::size_t j = 0; j < poses.size(); ++j) {
+      if (i == j || !poses[i] || !poses[j]) continue;
+      const PoseError gap = ComparePoses(*poses[i], *poses[j]);
+      if (gap.translation_m > options.same_place_m || gap.rotation_deg > options.same_direction_deg)
+        continue;
+      twins[i] = Finding{SensorCode::kSamePose,
+                         fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
+                                     names[j], 1000 * gap.translation_m, gap.rotation_deg),
+                         "check the sensors' depth files: one sensor seems to be given twice"};
+    }
+  }
+  return twins;
+}
+
+}  // namespace volalign

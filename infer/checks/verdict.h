@@ -1,0 +1,141 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+#include "core/pose.h"
+#include "infer/checks/outcome.h"
+#include "infer/checks/pose_quality.h"
+
+namespace volalign {
+
+/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
+/// neither a near nor a far sensor is favoured.
+struct VerdictOptions {
+  // Of the frame.
+  double min_valid_share = 0.01;
+  double max_median_depth_m = 10;
+  double min_far_depth_m = 0.9;
+  // Of what was labelled, before there is a pose.
+  double sure_confidence = 0.8;
+  double min_sure_area_m2 = 0.05;
+  int many_sides = 4;
+  double many_sides_area_m2 = 0.5;
+  double suspicious_score = 0.85;
+  double far_off_intrinsics = 0.08;
+  // Of the sensor's own pose, for it to be placed.
+  double min_on_side_share = 0.5;
+  double min_explained_share = 0.4;
+  double max_see_through_share = 0.2;
+  double min_label_iou = 0.25;
+  double max_sigma_translation_m = 0.25;
+  double some_on_side_share = 0.3;
+  // Of the reported pose, for the sensor to be ok.
+  double weak_inlier_share = 0.8;
+  double weak_label_iou = 0.5;
+  double weak_rms_m = 0.02;
+  double weak_sigma_translation_m = 0.02;
+  double weak_sigma_rotation_deg = 1.5;
+  double same_place_m = 0.02;
+  double same_direction_deg = 2;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("min_valid_share", min_valid_share,
+       "least share of pixels with depth; below it: failed, no_depth", Between(0, 1));
+    ar("max_median_depth_m", max_median_depth_m,
+       "largest median depth, m, of a frame in a room; above it: failed, wrong_units", Above(0));
+    ar("min_far_depth_m", min_far_depth_m,
+       "depth, m, that one pixel in twenty has to exceed, since nearer than that no sensor sees a "
+       "structure; otherwise: failed, wrong_units",
+       AtLeast(0));
+    ar("sure_confidence", sure_confidence,
+       "mean probability of a side's labels from which on the network is sure of the side",
+       Between(0, 1));
+    ar("min_sure_area_m2", min_sure_area_m2,
+       "least area, m^2, of sides that the network is sure of, for a frame without a pose to show "
+       "a structure at all; below it: failed, no_structure rather than degenerate_sides",
+       AtLeast(0));
+    ar("many_sides", many_sides,
+       "sides that the network is sure of from which on a misfit is put down to the stack or the "
+       "intrinsics rather than to what else is in the room",
+       AtLeast(1));
+    ar("many_sides_area_m2", many_sides_area_m2,
+       "least area of these sides, m^2; a structure that is seen from one corner shows over 1",
+       AtLeast(0));
+    ar("suspicious_score", suspicious_score,
+       "agreement of many sides with the structure below which other intrinsics are tried",
+       Between(0, 1));
+    ar("far_off_intrinsics", far_off_intrinsics,
+       "error of the intrinsics, in focal lengths, from which on a pose is decimetres off: failed, "
+       "intrinsics_suspect rather than weak",
+       Above(0));
+    ar("min_on_side_share", min_on_side_share,
+       "least share of confidently labelled pixels within 3 cm of the side that they name; chance "
+       "finds a side or two in a room, but not most of what the network marked",
+       Between(0, 1));
+    ar("min_explained_share", min_explained_share,
+       "least share of the pixels expected on the structure whose measured depth matches; under a "
+       "half leaves room for something that stands in front",
+       Between(0, 1));
+    ar("max_see_through_share", max_see_through_share,
+       "largest share of the pixels expected on the structure, those with something in front left "
+       "out, that measured something behind it, which at a true pose happens along borders only",
+       Between(0, 1));
+    ar("min_label_iou", min_label_iou,
+       "least intersection over union of side-labelled pixels, as predicted and as seen from the "
+       "pose",
+       Between(0, 1));
+    ar("max_sigma_translation_m", max_sigma_translation_m,
+       "standard deviation of the position, m, above which the sensor's own view fixes no pose",
+       Above(0));
+    ar("some_on_side_share", some_on_side_share,
+       "share of labelled pixels on their sides from which on a frame with many sides that does "
+       "not fit is called inconsistent rather than no_structure",
+       Between(0, 1));
+    ar("weak_inlier_share", weak_inlier_share, "inlier share below which a placed sensor is weak",
+       Between(0, 1));
+    ar("weak_label_iou", weak_label_iou,
+       "that intersection over union below which a placed sensor is weak", Between(0, 1));
+    ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
+       Above(0));
+    ar("weak_sigma_translation_m", weak_sigma_translation_m,
+       "standard deviation of the sensor's position, m, above which it is weak", Above(0));
+    ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
+       "standard deviation of its rotation, deg, above which it is weak", Above(0));
+    ar("same_place_m", same_place_m,
+       "distance, m, below which two sensors with one direction are one sensor under two names",
+       AtLeast(0));
+    ar("same_direction_deg", same_direction_deg,
+       "angle, deg, below which two sensors in one place are one sensor under two names",
+       AtLeast(0));
+  }
+};
+
+/// What is known about a placed sensor when it is judged.
+struct PlacedEvidence {
+  PoseQuality quality;                        ///< at the reported pose
+  Matrix6d covariance = Matrix6d::Zero();     ///< of it
+  std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
+  std::optional<Finding> suspect_intrinsics;  ///< where others fit better
+  std::string other_pose;                     ///< LabelledView::other_pose
+  bool known_turns = false;                   ///< the capture gives its quarter_turns
+};
+
+/// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most
+/// telling first.
+std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options);
+
+/// Standard deviations per axis, from a covariance of [translation; rotation vector], m and deg.
+Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance);
+Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
+
+/// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
+/// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.
+std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
+                                              const std::vector<std::optional<Pose>>& poses,
+                                              const VerdictOptions& options);
+
+}  // namespace volalign

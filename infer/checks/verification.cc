@@ -1,0 +1,100 @@
+#include "infer/checks/verification.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+
+#include "infer/checks/hints.h"
+
+namespace volalign {
+
+namespace {
+
+std::string CountSides(std::size_t count) {
+  return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
+}
+
+/// Why a pose that does not explain the view does not.
+Finding ExplainMisfit(const OwnPoseEvidence& evidence, bool seen, const VerdictOptions& options) {
+  if (evidence.better_intrinsics) return SuspectIntrinsics(*evidence.better_intrinsics);
+  const Agreement& agreement = evidence.agreement;
+  const std::string facts = fmt::format(
+      "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
+      "structure's view is measured on it and {:.0f} % of that is seen through",
+      100 * agreement.inlier_share(), 100 * agreement.explained_share(),
+      100 * agreement.see_through_share());
+  if (SeesManySides(evidence.initial->evidence, options) &&
+      (seen || agreement.inlier_share() > options.some_on_side_share)) {
+    return {SensorCode::kInconsistent,
+            "the sides that were found do not fit the structure together: " + facts,
+            "check that the boxes are stacked as the structure file says, and the intrinsics and "
+            "depth_scale"};
+  }
+  return {SensorCode::kNoStructure, "what looks like sides is not the structure: " + facts,
+          kLookHint};
+}
+
+}  // namespace
+
+SureSides CountSureSides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options) {
+  SureSides sure;
+  for (const SideEvidence& patch : evidence) {
+    if (patch.mean_confidence < options.sure_confidence) continue;
+    sure.area += patch.area;
+    ++sure.count;
+  }
+  return sure;
+}
+
+bool SeesManySides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options) {
+  const SureSides sure = CountSureSides(evidence, options);
+  return sure.count >= static_cast<std::size_t>(options.many_sides) &&
+         sure.area > options.many_sides_area_m2;
+}
+
+Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options) {
+  if (CountSureSides(initial.evidence, options).area < options.min_sure_area_m2)
+    return {SensorCode::kNoStructure, "no side of the structure was found", kLookHint};
+  return {SensorCode::kDegenerateSides,
+          fmt::format("{} found; that fixes no pose", CountSides(initial.evidence.size())),
+          kLookHint};
+}
+
+Finding SuspectIntrinsics(const BetterIntrinsics& better) {
+  return {SensorCode::kIntrinsicsSuspect,
+          fmt::format("its sides fit the structure {:.0f} % better with {} (labels and depth agree "
+                      "on {:.0f} % of the structure, {:.0f} % as given)",
+                      100 * (better.score / std::max(better.given_score, 0.01) - 1), better.change,
+                      100 * better.score, 100 * better.given_score),
+          "give the intrinsics of this sensor at this resolution and orientation"};
+}
+
+std::optional<Finding> VerifyOwnPose(const OwnPoseEvidence& evidence, const Structure& structure,
+                                     KeypointKind keypoints, const VerdictOptions& options) {
+  const Agreement& agreement = evidence.agreement;
+  const bool seen = agreement.explained_share() >= options.min_explained_share &&
+                    agreement.see_through_share() <= options.max_see_through_share;
+  if (!seen || agreement.inlier_share() < options.min_on_side_share)
+    return ExplainMisfit(evidence, seen, options);
+  if (!SidesFixPose(structure, evidence.confirmed, keypoints)) {
+    return Finding{
+        SensorCode::kDegenerateSides,
+        fmt::format(
+            "{} found; their keypoints lie on a line and their planes leave a direction free",
+            CountSides(evidence.confirmed.size())),
+        kLookHint};
+  }
+  if (agreement.score() < options.min_label_iou) return ExplainMisfit(evidence, seen, options);
+  if (!(evidence.sigma_translation_m <= options.max_sigma_translation_m)) {
+    return Finding{SensorCode::kDegenerateSides,
+                   fmt::format("{} found, which leave the sensor's position open to {:.2f} m",
+                               CountSides(evidence.confirmed.size()), evidence.sigma_translation_m),
+                   kLookHint};
+  }
+  if (evidence.better_intrinsics && evidence.better_intrinsics->size >= options.far_off_intrinsics)
+    return SuspectIntrinsics(*evidence.better_intrinsics);
+  return std::nullopt;
+}
+
+}  // namespace volalign

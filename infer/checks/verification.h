@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/checks/intrinsics_check.h"
+#include "infer/checks/outcome.h"
+#include "infer/checks/verdict.h"
+#include "infer/pose/agreement.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/pose/side_evidence.h"
+
+namespace volalign {
+
+/// Sides that the network is sure of.
+struct SureSides {
+  std::size_t count = 0;
+  double area = 0;  ///< m^2
+};
+SureSides CountSureSides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options);
+
+/// Enough of what looks like sides to ask why they do not fit.
+bool SeesManySides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options);
+
+/// Why a frame without an initial pose has none: one or two sides that the network is sure of are a
+/// structure seen too narrowly (degenerate_sides), less is none (no_structure).
+Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options);
+
+/// What a sensor's own pose is verified by.
+struct OwnPoseEvidence {
+  Agreement agreement;             ///< at the own pose, tolerance kInlierDistance
+  std::vector<int> confirmed;      ///< ConfirmedLabels at the own pose
+  double sigma_translation_m = 0;  ///< of the own pose, its largest axis
+  const InitialPose* initial = nullptr;
+  const BetterIntrinsics* better_intrinsics = nullptr;  ///< null: none fit better
+};
+
+/// Nothing if what the sensor saw is consistent with its own pose, or why the sensor is not placed.
+std::optional<Finding> VerifyOwnPose(const OwnPoseEvidence& evidence, const Structure& structure,
+                                     KeypointKind keypoints, const VerdictOptions& options);
+
+/// intrinsics_suspect, with what would fit better.
+Finding SuspectIntrinsics(const BetterIntrinsics& better);
+
+}  // namespace volalign

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/config.h"
+#include "core/stage_clock.h"
+#include "core/structure.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+struct OrientationOptions {
+  double decided_score = 0.6;
+  double good_score = 0.85;
+  double rival_score = 0.5;
+  double min_shape_overlap = 0.9;
+  double min_label_score = 0.4;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("decided_score", decided_score,
+       "agreement of labels and depth with the structure from which on an orientation whose pose "
+       "stands on a floor is taken without trying the others",
+       Between(0, 1));
+    ar("good_score", good_score,
+       "agreement from which on the network's labels are taken as they are: a single orientation "
+       "that reaches it on a floor is not compared with aliases, and its labels are not reconciled "
+       "with the pose",
+       Between(0, 1));
+    ar("rival_score", rival_score,
+       "share of the best orientation's agreement that another one needs to compete with it",
+       Between(0, 1));
+    ar("min_shape_overlap", min_shape_overlap,
+       "least overlap of what was seen with the structure for a pose that was chosen among "
+       "aliases; "
+       "below it the best orientation's own pose is taken",
+       Between(0, 1));
+    ar("min_label_score", min_label_score,
+       "least agreement of the labels, renamed as the alias has them, for such a pose: what is no "
+       "structure can be made to look like one by renaming its sides",
+       Between(0, 1));
+  }
+};
+
+/// A frame that is to be labelled. The referenced values must outlive the call.
+struct UnlabelledView {
+  const SensorView* view = nullptr;
+  const Intrinsics* intrinsics = nullptr;
+  /// Clockwise turns into the network's orientation, 0-3, or kAutoTurns where they are to be found.
+  int quarter_turns = 0;
+  bool usable = true;  ///< false: gets no labels and no pose
+};
+
+/// A frame with its labels, and the pose that follows from them.
+struct LabelledView {
+  SegmentationResult segmentation;  ///< full size, the frame's own orientation
+  int quarter_turns = 0;            ///< that brought the frame into the network's orientation
+  InitialPose initial;
+  /// How the structure would stand at another pose that explains the view about as well ("upside
+  /// down"); empty where there is none.
+  std::string other_pose;
+};
+
+/// Labels every view and finds its initial pose, one result a view, in order.
+///
+/// Where the turns are to be found, the network's own orientation is tried first. The first view
+/// that this does not decide is tried in the three others, and, sensors of a rig being mounted
+/// alike, the turn that it is decided by is tried on the rest; what stays open is tried in all
+/// four. Where not exactly one orientation is beyond doubt, the orientations' poses and their
+/// aliases (infer/pose/aliases.h) compete. Frames of one size go through the network together.
+/// Adds "segmentation" and "initial_pose" to `clock`.
+std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
+                                     const Structure& structure, Segmenter& segmenter,
+                                     const InitialPoseOptions& initial,
+                                     const OrientationOptions& options, int threads,
+                                     StageClock* clock);
+
+}  // namespace volalign

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/metrics.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/checks/assembly.h"
+#include "infer/checks/outcome.h"
+#include "infer/checks/verdict.h"
+#include "infer/refine/refine.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// One sensor's outcome, as extrinsics.json has it. Failed: code, reason and hint, no pose. Weak: a
+/// pose, and what to be wary of.
+struct SensorOutcome {
+  std::string name;
+  SensorStatus status = SensorStatus::kFailed;
+  SensorCode code = SensorCode::kNone;
+  std::string reason;  ///< a sentence
+  std::string hint;    ///< what to do about it
+
+  std::optional<Pose> structure_from_sensor;
+  Pose initial = Pose::Identity();  ///< of a placed sensor
+  bool refinement_accepted = false;
+  // Of a placed sensor, at the reported pose, of the structure as built.
+  std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
+  int points = 0;                  ///< side-labelled pixels with depth
+  double rms_to_structure_m = 0;
+  double initial_rms_to_structure_m = 0;
+  double inlier_share = 0;
+  double miou = 0;             ///< predicted labels against those rendered at the pose
+  double label_iou = 0;        ///< Agreement::score
+  double explained_share = 0;  ///< of the pixels expected on the structure, whose depth matches
+  Matrix6d covariance = Matrix6d::Zero();
+  /// True depth = measured depth * depth_gain + depth_offset_m; 1 and 0 where the capture does not
+  /// tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
+  double depth_offset_m = 0, depth_gain = 1;
+  double sigma_depth_offset_m = 0, sigma_depth_gain = 0;
+  std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
+
+  int quarter_turns = 0;
+
+  Eigen::Vector3d sigma_translation_m() const { return SigmaTranslation(covariance); }
+  Eigen::Vector3d sigma_rotation_deg() const { return SigmaRotationDeg(covariance); }
+};
+
+/// The outcome with the images that it comes from.
+struct SensorResult : SensorOutcome {
+  SegmentationResult segmentation;  ///< full size
+  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
+};
+
+struct PairResult {
+  std::string a, b;
+  double overlap = 0;
+  double rms_m = 0;
+};
+
+struct CalibrationResult {
+  std::vector<SensorResult> sensors;
+  std::vector<PairResult> pairs;
+  std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
+  std::optional<AssemblyReport> assembly;  ///< absent when no sensor sees four sides for sure
+  std::vector<std::pair<std::string, double>> timings_s;
+  /// The structure with its boxes where the capture shows them and the size that it shows, which
+  /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
+  Structure built;
+  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
+
+  /// The worst of the sensors' statuses.
+  SensorStatus verdict() const;
+  int placed() const;
+};
+
+}  // namespace volalign

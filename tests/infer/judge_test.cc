@@ -1,0 +1,93 @@
+#include "infer/judge.h"
+
+#include <gtest/gtest.h>
+
+#include <utility>
+#include <vector>
+
+#include "infer/calibrate.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+/// S0 and S2 are placed, S1 is not; refined poses are as given.
+struct Stages {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  CalibrateOptions options;
+  StageResults results;
+
+  Stages() {
+    for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
+    results.views = MakeSensorViews(rig.frames, 1);
+    results.depths.resize(3);
+    results.refined.built = rig.structure;
+    for (std::size_t i = 0; i < 3; ++i) {
+      LabelledView view;
+      view.segmentation = Certain(rig.labels[i]);
+      view.initial =
+          EstimateInitialPose(results.views[i], view.segmentation, rig.structure, options.initial);
+      if (i == 1) {
+        results.placements.emplace_back(Finding{SensorCode::kNoStructure, "reason", "hint"});
+      } else {
+        results.placements.emplace_back(PlacedSensor{
+            *rig.frames[i].ground_truth,
+            RefineView(results.views[i], view.segmentation, rig.structure, {}), std::nullopt});
+        RefinedSensor refined;
+        refined.accepted = true;
+        refined.structure_from_sensor = *rig.frames[i].ground_truth;
+        refined.covariance = 1e-6 * Matrix6d::Identity();
+        results.refined.sensors.push_back(refined);
+      }
+      results.labelled.push_back(std::move(view));
+    }
+    results.refined.pairs.push_back({0, 1, 0.25, 0.003});
+  }
+  CalibrationResult Judge() {
+    return JudgeSensors(rig.frames, rig.structure, std::move(results),
+                        {options.verdict, options.initial.evidence.min_confidence, 1});
+  }
+};
+
+TEST(JudgeSensors, EverySensorGetsWhatIsItsOwn) {
+  const CalibrationResult result = Stages().Judge();
+  ASSERT_EQ(result.sensors.size(), 3u);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  EXPECT_EQ(result.sensors[1].status, SensorStatus::kFailed);
+  EXPECT_EQ(result.sensors[1].code, SensorCode::kNoStructure);
+  EXPECT_FALSE(result.sensors[1].structure_from_sensor.has_value());
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+  EXPECT_NEAR(result.sensors[2].error->translation_m, 0, 1e-9);
+  // Pairs count placed sensors only: the second of those is S2.
+  ASSERT_EQ(result.pairs.size(), 1u);
+  EXPECT_EQ(result.pairs[0].a, "S0");
+  EXPECT_EQ(result.pairs[0].b, "S2");
+  EXPECT_EQ(result.placed(), 2);
+  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
+}
+
+TEST(JudgeSensors, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
+  Stages stages;
+  Pose& refined = stages.results.refined.sensors[1].structure_from_sensor;
+  refined.translation().y() += 0.1;
+  const SensorView view = stages.results.views[2];
+  const StructureView seen = CastView(stages.rig.structure, view.rays, refined);
+  MiouOptions options;
+  options.num_classes = stages.rig.structure.num_classes();
+  const double miou = MeanIou(stages.rig.labels[2], seen.labels, view.depth, options);
+  ASSERT_LT(miou, 0.95);
+  const std::size_t found = stages.results.labelled[2].initial.evidence.size();
+  const CalibrationResult result = stages.Judge();
+  EXPECT_NEAR(result.sensors[0].miou, 1, 1e-9);
+  EXPECT_NEAR(result.sensors[2].miou, miou, 1e-12);
+  EXPECT_LT(result.sensors[2].label_iou, 0.95);
+  EXPECT_LT(result.sensors[2].explained_share, 0.99);
+  EXPECT_LT(result.sensors[2].sides.size(), found);
+}
+
+}  // namespace
+}  // namespace volalign
