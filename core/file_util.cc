@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -10,8 +11,6 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 #include <system_error>
 
 #include "core/error.h"
@@ -22,19 +21,60 @@ namespace {
 
 std::atomic<std::uint64_t> next_temporary{0};
 
+/// Closes what ::open gave.
+class FileHandle {
+ public:
+  explicit FileHandle(int file) : file_(file) {}
+  ~FileHandle() {
+    if (file_ >= 0) ::close(file_);
+  }
+  FileHandle(const FileHandle&) = delete;
+  FileHandle& operator=(const FileHandle&) = delete;
+  int get() const { return file_; }
+
+ private:
+  int file_;
+};
+
 }  // namespace
 
-std::string ReadFile(const std::filesystem::path& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) {
+std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const auto fail = [&](const char* reason) {
+    throw IoError(fmt::format("cannot read {}: {}", path.string(), reason));
+  };
+  // Opening a pipe without O_NONBLOCK would wait for its writer.
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  if (file.get() < 0) fail(std::strerror(errno));
+  struct stat status {};
+  if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) {
     throw IoError(fmt::format("{} is a folder; a file is expected", path.string()));
   }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(fmt::format("cannot read {}: {}", path.string(), std::strerror(errno)));
-  std::ostringstream content;
-  content << file.rdbuf();
-  if (file.bad()) throw IoError(fmt::format("cannot read {}: input error", path.string()));
-  return content.str();
+  if (!S_ISREG(status.st_mode)) {
+    throw IoError(
+        fmt::format("{} is a device or a pipe; a file on disk is expected", path.string()));
+  }
+  const auto require_size = [&](std::uint64_t size) {
+    if (size <= max_bytes) return;
+    throw IoError(fmt::format("{} has {} bytes, more than the {} that are read of such a file",
+                              path.string(), size, max_bytes));
+  };
+  const auto announced = static_cast<std::uint64_t>(status.st_size);
+  require_size(announced);
+  // The size is a hint: files of /proc announce 0, and a file may grow while it is read.
+  std::string content(static_cast<std::size_t>(announced) + 1, '\0');
+  std::size_t at = 0;
+  for (;;) {
+    const ssize_t n = ::read(file.get(), content.data() + at, content.size() - at);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail(std::strerror(errno));
+    if (n == 0) break;
+    at += static_cast<std::size_t>(n);
+    require_size(at);
+    if (at == content.size()) content.resize(2 * content.size() + 4096);
+  }
+  content.resize(at);
+  return content;
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {

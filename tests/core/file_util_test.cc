@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <atomic>
 #include <csignal>
@@ -71,6 +72,30 @@ TEST(FileUtil, ReadErrorsNamePathAndReason) {
   ExpectError<IoError>([&] { ReadFile(folder / "missing.txt"); },
                        {(folder / "missing.txt").string(), "No such file"});
   ExpectError<IoError>([&] { ReadFile(folder.path()); }, {folder.path().string(), "folder"});
+}
+
+// What never ends, or never begins, is refused; a symbolic link to a file is that file.
+TEST(FileUtil, OnlyFilesOnDiskAreRead) {
+  const TempFolder folder;
+  const std::string pipe = (folder / "pipe").string();
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ExpectError<IoError>([&] { ReadFile(pipe); }, {pipe, "pipe"});
+  ExpectError<IoError>([] { ReadFile("/dev/zero", 1000); }, {"/dev/zero", "device"});
+  std::filesystem::create_symlink("/dev/zero", folder / "zero.png");
+  ExpectError<IoError>([&] { ReadFile(folder / "zero.png", 1000); }, {"zero.png", "device"});
+  WriteFileAtomically(folder / "a.txt", "content");
+  std::filesystem::create_symlink(folder / "a.txt", folder / "link.txt");
+  EXPECT_EQ(ReadFile(folder / "link.txt"), "content");
+  // Announces a size of 0.
+  EXPECT_GT(ReadFile("/proc/self/status").size(), 100u);
+}
+
+TEST(FileUtil, FilesThatAreTooLargeAreRefused) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.txt", "1234");
+  EXPECT_EQ(ReadFile(folder / "a.txt", 4), "1234");
+  ExpectError<IoError>([&] { ReadFile(folder / "a.txt", 3); }, {"a.txt", "4 bytes", "3"});
+  ExpectError<IoError>([] { ReadFile("/proc/self/status", 10); }, {"/proc/self/status", "10"});
 }
 
 TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
