@@ -7,7 +7,7 @@
 #include "cli/commands.h"
 #include "core/config.h"
 #include "core/error.h"
-#include "render/rig.h"
+#include "core/rig.h"
 #include "train/train_config.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/calibrate.h"

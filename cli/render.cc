@@ -21,22 +21,22 @@
 
 namespace volalign {
 
-Command AddRenderCommand(CLI::App& program) {
-  struct Options {
-    std::string rig, config, output;
-    std::vector<std::string> assignments;
-    std::optional<std::uint64_t> seed;
-    std::uint64_t index = 0;
-    std::uint64_t count = 24;
-    int threads = 0;
-    bool preview = false;
-    std::string real_frames;
-    double real_depth_scale = 0.001;
-    int device = -1;
-  };
-  auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand(
-      "render", "Render a multi-sensor capture, or a dataset of training samples");
+namespace {
+
+struct RenderOptions {
+  std::string rig, config, output;
+  std::vector<std::string> assignments;
+  std::optional<std::uint64_t> seed;
+  std::uint64_t index = 0;
+  std::uint64_t count = 24;
+  int threads = 0;
+  bool preview = false;
+  std::string real_frames;
+  double real_depth_scale = 0.001;
+  int device = -1;
+};
+
+void AddOptions(RenderOptions* options, CLI::App* app) {
   CLI::Option* rig =
       app->add_option("--rig", options->rig, "rig.yaml: write one capture with ground truth");
   app->add_option("--config", options->config,
@@ -69,69 +69,86 @@ Command AddRenderCommand(CLI::App& program) {
       ->capture_default_str();
   app->add_option("--device", options->device,
                   "EGL device; the first that works, or software, without it");
-  return {app, [options] {
-            if (options->rig.empty() == options->config.empty()) {
-              throw ConfigError(
-                  "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
-            }
-            ConfigSource source =
-                ConfigSource::FromFile(options->rig.empty() ? options->config : options->rig);
-            for (const std::string& assignment : options->assignments) source.Set(assignment);
-            EglContextOptions context_options;
-            context_options.device = options->device;
-            const EglContext egl(context_options);
-            fmt::print("renderer: {}\n", egl.Describe());
-            if (!options->rig.empty()) {
-              DepthRenderer renderer;
-              const RigCapture capture = RenderRig(ReadRig(source), renderer);
-              WriteCapture(options->output, capture);
-              for (const CapturedSensor& sensor : capture.sensors) {
-                const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
-                fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
-                           sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(),
-                           p.y(), p.z());
-              }
-              fmt::print("written: {}/capture.json, contact_sheet.png\n", options->output);
-              return 0;
-            }
-            const TrainConfig recipe = ReadTrainConfig(source);
-            const std::uint64_t seed =
-                options->seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
-            if (options->preview) {
-              DepthRenderer renderer;
-              PreviewOptions preview_options;
-              preview_options.seed = seed;
-              preview_options.first_index = options->index;
-              preview_options.count =
-                  static_cast<int>(std::min<std::uint64_t>(options->count, 10000));
-              preview_options.real_frames = options->real_frames;
-              preview_options.real_depth_scale = options->real_depth_scale;
-              fmt::print("\n{}written: {}/preview.png\n",
-                         WritePreview(options->output, recipe.data, preview_options, renderer),
-                         options->output);
-            } else {
-              DatasetOptions dataset;
-              dataset.seed = seed;
-              dataset.first_index = options->index;
-              dataset.count = options->count;
-              dataset.num_threads =
-                  options->threads > 0
-                      ? options->threads
-                      : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-              dataset.device = options->device;
-              dataset.progress = true;
-              const DatasetResult result =
-                  WriteDataset(options->output,
-                               std::make_shared<const SampleContext>(
-                                   MakeSampleContext(recipe.data, recipe.run.batch_size)),
-                               dataset);
-              fmt::print("written: {} samples", result.written);
-              if (result.found > 0) fmt::print(" after {} that were there", result.found);
-              fmt::print(" to {}/index.json: {} from index {} of seed {}; contact_sheet.png\n",
-                         options->output, options->count, options->index, dataset.seed);
-            }
-            return 0;
-          }};
+}
+
+void RenderOneRig(const RenderOptions& options, const ConfigSource& source) {
+  DepthRenderer renderer;
+  const RigCapture capture = RenderRig(ReadRig(source), renderer);
+  WriteCapture(options.output, capture);
+  for (const CapturedSensor& sensor : capture.sensors) {
+    const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
+    fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
+               sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(), p.y(),
+               p.z());
+  }
+  fmt::print("written: {}/capture.json, contact_sheet.png\n", options.output);
+}
+
+void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
+  constexpr std::uint64_t kMostSamples = 10000;
+  DepthRenderer renderer;
+  PreviewOptions preview;
+  preview.seed = seed;
+  preview.first_index = options.index;
+  preview.count = static_cast<int>(std::min(options.count, kMostSamples));
+  preview.real_frames = options.real_frames;
+  preview.real_depth_scale = options.real_depth_scale;
+  fmt::print("\n{}written: {}/preview.png\n",
+             WritePreview(options.output, recipe.data, preview, renderer), options.output);
+}
+
+void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
+  DatasetOptions dataset;
+  dataset.seed = seed;
+  dataset.first_index = options.index;
+  dataset.count = options.count;
+  dataset.num_threads = options.threads > 0
+                            ? options.threads
+                            : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  dataset.device = options.device;
+  dataset.progress = true;
+  const auto context =
+      std::make_shared<const SampleContext>(MakeSampleContext(recipe.data, recipe.run.batch_size));
+  const DatasetResult result = WriteDataset(options.output, context, dataset);
+  fmt::print("written: {} samples", result.written);
+  if (result.found > 0) fmt::print(" after {} that were there", result.found);
+  fmt::print(" to {}/index.json: {} from index {} of seed {}; contact_sheet.png\n", options.output,
+             options.count, options.index, seed);
+}
+
+int RunRender(const RenderOptions& options) {
+  if (options.rig.empty() == options.config.empty()) {
+    throw ConfigError(
+        "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
+  }
+  ConfigSource source = ConfigSource::FromFile(options.rig.empty() ? options.config : options.rig);
+  for (const std::string& assignment : options.assignments) source.Set(assignment);
+  EglContextOptions context_options;
+  context_options.device = options.device;
+  const EglContext egl(context_options);
+  fmt::print("renderer: {}\n", egl.Describe());
+  if (!options.rig.empty()) {
+    RenderOneRig(options, source);
+    return 0;
+  }
+  const TrainConfig recipe = ReadTrainConfig(source);
+  const std::uint64_t seed = options.seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
+  if (options.preview) {
+    RenderPreview(options, recipe, seed);
+  } else {
+    RenderDataset(options, recipe, seed);
+  }
+  return 0;
+}
+
+}  // namespace
+
+Command AddRenderCommand(CLI::App& program) {
+  auto options = std::make_shared<RenderOptions>();
+  CLI::App* app = program.add_subcommand(
+      "render", "Render a multi-sensor capture, or a dataset of training samples");
+  AddOptions(options.get(), app);
+  return {app, [options] { return RunRender(*options); }};
 }
 
 }  // namespace volalign

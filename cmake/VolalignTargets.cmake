@@ -9,7 +9,8 @@ if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
   # shares Eigen's inline functions with us at run time, would free them with plain free().
   target_compile_options(volalign_options INTERFACE -march=x86-64-v2)
 endif()
-# Same rounding whatever the processor's fused multiply-add (design section 4).
+# Same rounding whatever the processor's fused multiply-add: a training sample is the same on every
+# machine.
 target_compile_options(volalign_options INTERFACE -ffp-contract=off)
 if(VOLALIGN_ASAN)
   target_compile_options(volalign_options INTERFACE -fsanitize=address,undefined -fno-omit-frame-pointer)

@@ -6,7 +6,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libeigen3-dev libnanoflann-dev libceres-dev libopencv-dev
   libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
-  libcli11-dev libfmt-dev libspdlog-dev
+  libcli11-dev libfmt-dev
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev python3-torch)
 

@@ -22,7 +22,7 @@ struct Intrinsics {
   /// of distortion coefficients is 0, 4, 5 or 8.
   void Validate(const std::string& what) const;
 
-  /// For an image resized to width x height: cx' = (cx + .5) s - .5 (design section 1).
+  /// For an image resized to width x height: cx' = (cx + .5) s - .5 (integer pixel centres).
   Intrinsics Resized(int new_width, int new_height) const;
 
   /// For the image turned by `quarter_turns` (core/image.h, Turn); throws DataError with
@@ -48,7 +48,7 @@ struct RayTable {
 /// ComputeRays of infer/view/camera_rays.h, which inverts it with OpenCV.
 RayTable PinholeRays(const Intrinsics& intrinsics);
 
-/// A named sensor model's pool of measured intrinsics at one resolution (facts/intrinsics.yaml).
+/// A named sensor model's pool of measured intrinsics at one resolution (configs/intrinsics.yaml).
 struct IntrinsicsPoolEntry {
   std::string sensor;
   std::vector<Intrinsics> intrinsics;  ///< all of one resolution

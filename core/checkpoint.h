@@ -41,14 +41,14 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
 void AddModuleTensors(const torch::nn::Module& module, const std::string& prefix,
                       std::map<std::string, at::Tensor>* tensors);
 
-/// What a network was trained on: all that calibration has to know beside the weights (design
-/// section 5).
+/// What a network was trained on: all that calibration and validation have to know beside the
+/// weights.
 struct CheckpointMeta {
   StructureNetOptions network;
   Structure structure;
   std::pair<double, double> focal_px{0, 0};      ///< least and largest focal length in training, px
   std::vector<std::pair<int, int>> image_sizes;  ///< width, height
-  std::vector<double> roll_offsets_deg;          ///< design section 4
+  std::vector<double> roll_offsets_deg;          ///< mounting rolls in training (PoseConfig), deg
   std::int64_t samples = 0;  ///< number of training samples, those of run.init included
   std::string config_yaml;   ///< the resolved training configuration
   std::string tool;          ///< "volalign 0.1.0"; filled by SaveCheckpoint

@@ -26,7 +26,7 @@ int EncodedChannels(InputEncoding input);
 /// depth_mask: depth is centred here, m, where the structure stands in training.
 inline constexpr double kDepthCentre = 2.0;
 /// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
-/// far values (up to 16 m, facts/sensors.md) from dominating the batch statistics.
+/// far values (Azure Kinect reports up to 16 m) from dominating the batch statistics.
 inline constexpr double kDepthClamp = 6.0;
 
 /// Network input [B,C,H,W] float32 of depth maps [B,1,H,W] float32, m, 0 where there is none.
@@ -35,7 +35,7 @@ inline constexpr double kDepthClamp = 6.0;
 /// Throws Error for another shape or type.
 at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
 
-/// Design section 5; the defaults are the paper's.
+/// The defaults are the network of the paper (section "Semantic Correspondences").
 struct StructureNetOptions {
   int base_channels = 32;  ///< c >= 1
   int num_classes = 21;    ///< K >= 2, background included
@@ -68,7 +68,7 @@ class ConvUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ConvUnit);
 
-/// The paper's segmentation network (SemanticCorrespondences; design section 5): encoder of 14
+/// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
 /// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
 /// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0.
 class StructureNetImpl : public torch::nn::Module {

@@ -3,7 +3,7 @@
 namespace volalign {
 
 /// Functions with the same bits on every IEEE-754 machine, for what has to be exactly reproducible
-/// (sensor poses, design section 4). The C library's sine and cosine are no such functions: glibc
+/// (sensor poses of training samples). The C library's sine and cosine are no such functions: glibc
 /// picks variants by the processor, and those with and without fused multiply-add differ in the
 /// last bit of about one value in 1400. The build's -ffp-contract=off (cmake/VolalignTargets.cmake)
 /// is part of the promise.

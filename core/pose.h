@@ -15,8 +15,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 Eigen::Matrix3d RotationExp(const Eigen::Vector3d& rotation_vector);
 Eigen::Vector3d RotationLog(const Eigen::Matrix3d& rotation);
 
-/// Perturbs on the left as design section 9 has it: T = Exp(delta) T^ with delta = [translation;
-/// rotation vector] in the target frame: R = Exp(w) R^, t = Exp(w) t^ + v.
+/// Perturbs a pose on the left, T = Exp(delta) T^: delta = [v; w], a translation (m) and a rotation
+/// vector (rad) in the target frame, R = Exp(w) R^, t = Exp(w) t^ + v. Covariances are delta's.
 Pose PerturbLeft(const Vector6d& delta, const Pose& pose);
 
 struct PoseError {

@@ -13,8 +13,8 @@ struct ProcrustesResult {
   /// Singular values of the centred, weighted target set, largest first, each divided by the square
   /// root of the total weight (so a root-mean-square extent, m).
   Eigen::Vector3d extents = Eigen::Vector3d::Zero();
-  /// Second singular value (unnormalised, unit weights) of the centred target set, m. Design
-  /// section 2: keypoints fix a pose when it exceeds 5 cm.
+  /// Second singular value (unnormalised, unit weights) of the centred target set, m:
+  /// keypoints fix a pose when it exceeds kMinSecondSingularValue.
   double second_singular_value = 0;
 };
 
@@ -25,8 +25,8 @@ ProcrustesResult AlignPoints(const std::vector<Eigen::Vector3d>& source,
                              const std::vector<Eigen::Vector3d>& target,
                              const std::vector<double>& weights = {});
 
-/// Design section 2: keypoints fix a pose when the second singular value of their centred set
-/// exceeds 5 cm.
+/// Keypoints fix a pose when the second singular value of their centred set exceeds 5 cm, whatever
+/// their number: it vanishes for points on one line, as the centres of three sides may be.
 inline constexpr double kMinSecondSingularValue = 0.05;
 double SecondSingularValue(const std::vector<Eigen::Vector3d>& points);
 

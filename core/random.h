@@ -11,7 +11,7 @@ namespace volalign {
 std::array<std::uint32_t, 4> Philox4x32(std::array<std::uint32_t, 4> counter,
                                         std::array<std::uint32_t, 2> key);
 
-/// A stream of random numbers that depends on (seed, index, stage) alone (design section 4):
+/// A stream of random numbers that depends on (seed, index, stage) alone:
 /// switching one stage off leaves every other stage's draws as they were. Bit-equal on every
 /// machine up to the C library's log and cos in Normal().
 class RandomStream {

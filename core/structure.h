@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// Faces of a box by outward normal in its own frame (facts/structure.yaml).
+/// Faces of a box by outward normal in its own frame (configs/structure.yaml).
 enum class Face { kFront, kBack, kUp, kDown, kRight, kLeft };  // +x -x +y -y +z -z
 inline constexpr std::array<Face, 6> kFaces = {Face::kFront, Face::kBack,  Face::kUp,
                                                Face::kDown,  Face::kRight, Face::kLeft};
@@ -44,7 +44,7 @@ struct Side {
   Eigen::Vector3d ClosestPoint(const Eigen::Vector3d& p) const;
 };
 
-/// Which point of a side stands for it (design section 2).
+/// Which point of a side stands for it: its centre (the paper), or its exposed part's centroid.
 enum class KeypointKind { kCentre, kExposed };
 
 /// A stack of boxes with labelled sides. Immutable after construction; cheap to copy.

@@ -17,8 +17,8 @@
 
 namespace volalign {
 
-/// One sensor's outcome, as extrinsics.json has it. Failed: code, reason and hint, no pose. Weak: a
-/// pose, and what to be wary of.
+/// One sensor's outcome. Failed: code, reason and hint, no pose. Weak: a pose,
+/// and what to be wary of.
 struct SensorOutcome {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;

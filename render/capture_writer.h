@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// Writes a capture folder (design section 9): capture.json with ground truth (left out without a
+/// Writes a capture folder (docs/formats.md): capture.json with ground truth (left out without a
 /// structure), structure.glb and, per sensor, NAME_Depth.png (16 bits, mm) and NAME_labels.png (8
 /// bits, what the noise left); contact_sheet.png shows clean depth, depth and labels of every
 /// sensor, turned upright. Throws IoError.

@@ -9,23 +9,20 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <condition_variable>
 #include <cstdio>
 #include <cstring>
-#include <deque>
-#include <exception>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string_view>
-#include <thread>
 #include <utility>
 
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/picture.h"
+#include "core/strict_json.h"
 #include "render/capture_writer.h"
+#include "render/image_writers.h"
 #include "render/sample_stream.h"
 
 namespace volalign {
@@ -88,9 +85,17 @@ void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
   WriteFileAtomically(dir / "index.json", json.dump(2) + "\n");
 }
 
+std::uint64_t Unsigned(const JsonObject& object, const std::string& key) {
+  const nlohmann::json& value = object.Get(key);
+  if (value.is_number_unsigned()) return value.get<std::uint64_t>();
+  throw DataError(fmt::format("{}: {} = {} is not a whole number from 0 on", object.where(), key,
+                              value.dump()));
+}
+
 DatasetHeader ReadHeader(const fs::path& dir) {
   const fs::path path = dir / "index.json";
-  const Json json = Json::parse(ReadFile(path), nullptr, /*allow_exceptions=*/false);
+  const nlohmann::json json =
+      nlohmann::json::parse(ReadFile(path), nullptr, /*allow_exceptions=*/false);
   const std::string format = json.is_object() ? json.value("format", std::string()) : "";
   if (format != kFormat) {
     throw DataError(fmt::format(
@@ -98,29 +103,27 @@ DatasetHeader ReadHeader(const fs::path& dir) {
         "empty folder",
         path.string(), format, kFormat));
   }
-  try {
-    DatasetHeader h;
-    h.complete = json.at("complete").get<bool>();
-    h.count = json.at("count").get<std::uint64_t>();
-    h.seed = json.at("seed").get<std::uint64_t>();
-    h.first_index = json.at("first_index").get<std::uint64_t>();
-    h.batch_size = json.at("batch_size").get<int>();
-    h.samples_per_folder = json.at("samples_per_folder").get<int>();
-    h.structure_name = json.at("structure").at("name").get<std::string>();
-    h.structure_hash = json.at("structure").at("sha256").get<std::string>();
-    h.num_classes = json.at("structure").at("num_classes").get<int>();
-    h.intrinsics_hash = json.at("intrinsics_sha256").get<std::string>();
-    h.image_sizes = json.at("image_sizes").get<std::vector<std::string>>();
-    h.data_yaml = json.at("data").get<std::string>();
-    if (h.count < 1 || h.batch_size < 1 || h.samples_per_folder < 1) {
-      throw DataError(fmt::format(
-          "{}: count = {}, batch_size = {} and samples_per_folder = {} have to be positive",
-          path.string(), h.count, h.batch_size, h.samples_per_folder));
-    }
-    return h;
-  } catch (const Json::exception& e) {
-    throw DataError(fmt::format("{}: not a valid index ({})", path.string(), e.what()));
+  const JsonObject index(json, path.string());
+  DatasetHeader h;
+  h.complete = index.Bool("complete");
+  h.count = Unsigned(index, "count");
+  h.seed = Unsigned(index, "seed");
+  h.first_index = Unsigned(index, "first_index");
+  h.batch_size = index.Int("batch_size");
+  h.samples_per_folder = index.Int("samples_per_folder");
+  const JsonObject structure = index.Child("structure");
+  h.structure_name = structure.Text("name");
+  h.structure_hash = structure.Text("sha256");
+  h.num_classes = structure.Int("num_classes");
+  h.intrinsics_hash = index.Text("intrinsics_sha256");
+  h.image_sizes = index.Texts("image_sizes");
+  h.data_yaml = index.Text("data");
+  if (h.count < 1 || h.batch_size < 1 || h.samples_per_folder < 1) {
+    throw DataError(fmt::format(
+        "{}: count = {}, batch_size = {} and samples_per_folder = {} have to be positive",
+        path.string(), h.count, h.batch_size, h.samples_per_folder));
   }
+  return h;
 }
 
 std::string FolderName(const DatasetHeader& header, std::uint64_t index) {
@@ -194,83 +197,6 @@ class FolderLock {
   int fd_ = -1;
 };
 
-/// Compresses and writes images on threads of its own. A few samples a thread wait in memory.
-class ImageWriters {
- public:
-  explicit ImageWriters(int num_threads) : room_for_(4 * static_cast<std::size_t>(num_threads)) {
-    for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Work(); });
-  }
-
-  ~ImageWriters() {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      stop_ = true;
-    }
-    changed_.notify_all();
-    for (std::thread& thread : threads_) thread.join();
-  }
-
-  struct Job {
-    fs::path depth_path, labels_path;
-    DepthImage depth;
-    LabelImage labels;
-  };
-
-  /// Waits for room. Rethrows a thread's exception.
-  void Submit(Job job) {
-    std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait(lock, [this] { return failure_ || jobs_.size() < room_for_; });
-    if (failure_) std::rethrow_exception(failure_);
-    jobs_.push_back(std::move(job));
-    ++unfinished_;
-    lock.unlock();
-    changed_.notify_all();
-  }
-
-  /// Returns when all images are written. Rethrows a thread's exception.
-  void Finish() {
-    std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait(lock, [this] { return failure_ || unfinished_ == 0; });
-    if (failure_) std::rethrow_exception(failure_);
-  }
-
- private:
-  void Work() {
-    for (;;) {
-      std::unique_lock<std::mutex> lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
-      if (stop_) return;
-      const Job job = std::move(jobs_.front());
-      jobs_.pop_front();
-      lock.unlock();
-      std::exception_ptr failure;
-      try {
-        WriteFileAtomically(job.depth_path,
-                            EncodePng(FromMetres(job.depth, kDepthScale), PngEffort::kFast),
-                            /*sync=*/false);
-        WriteFileAtomically(job.labels_path, EncodePng(job.labels, PngEffort::kFast),
-                            /*sync=*/false);
-      } catch (...) {
-        failure = std::current_exception();
-      }
-      lock.lock();
-      --unfinished_;
-      if (failure && !failure_) failure_ = failure;
-      lock.unlock();
-      changed_.notify_all();
-    }
-  }
-
-  const std::size_t room_for_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<Job> jobs_;
-  std::size_t unfinished_ = 0;
-  std::exception_ptr failure_;
-  bool stop_ = false;
-  std::vector<std::thread> threads_;
-};
-
 /// A line that redraws itself on a terminal, and one every half minute elsewhere.
 class Progress {
  public:
@@ -310,7 +236,10 @@ class DatasetWriter {
   }
 
   DatasetResult Run() {
-    Adopt();
+    Adopted adopted = Adopt();
+    next_ = adopted.next;
+    rows_ = std::move(adopted.rows);
+    header_.complete = adopted.complete;
     DatasetResult result;
     result.found = next_ - header_.first_index;
     if (next_ < End()) {
@@ -327,33 +256,41 @@ class DatasetWriter {
   }
 
  private:
+  /// What an earlier run left.
+  struct Adopted {
+    std::uint64_t next = 0;  // first sample without a row
+    std::string rows;        // of the folder that `next` falls into
+    bool complete = false;
+  };
+
   std::uint64_t End() const { return header_.first_index + header_.count; }
 
-  /// Takes over what an earlier run left: next_ becomes the first sample without a row.
-  void Adopt() {
-    next_ = header_.first_index;
-    if (!fs::exists(dir_ / "index.json")) return;
+  Adopted Adopt() const {
+    Adopted adopted;
+    std::uint64_t& next = adopted.next = header_.first_index;
+    if (!fs::exists(dir_ / "index.json")) return adopted;
     const DatasetHeader old = ReadHeader(dir_);
     RequireSame(old);
-    while (next_ < End()) {
-      const fs::path path = dir_ / FolderName(header_, next_) / kRowsName;
+    while (next < End()) {
+      const fs::path path = dir_ / FolderName(header_, next) / kRowsName;
       if (!fs::exists(path)) break;
-      const std::uint64_t end = std::min(NextFolder(header_, next_), End());
+      const std::uint64_t end = std::min(NextFolder(header_, next), End());
       // Only the last folder that was begun can be partly filled.
-      const fs::path following = dir_ / FolderName(header_, NextFolder(header_, next_)) / kRowsName;
+      const fs::path following = dir_ / FolderName(header_, NextFolder(header_, next)) / kRowsName;
       if (end < End() && fs::exists(following)) {
-        next_ = end;
+        next = end;
         continue;
       }
       const std::string text = ReadFile(path);
       const std::vector<std::string_view> lines = Lines(text);
-      const std::size_t kept = std::min<std::size_t>(lines.size(), end - next_);
-      for (std::size_t i = 0; i < kept; ++i) rows_ += std::string(lines[i]) + "\n";
-      next_ += kept;
-      if (next_ == NextFolder(header_, next_ - 1)) rows_.clear();
-      if (next_ < end) break;
+      const std::size_t kept = std::min<std::size_t>(lines.size(), end - next);
+      for (std::size_t i = 0; i < kept; ++i) adopted.rows += std::string(lines[i]) + "\n";
+      next += kept;
+      if (next == NextFolder(header_, next - 1)) adopted.rows.clear();
+      if (next < end) break;
     }
-    header_.complete = old.complete && next_ == End() && old.count == header_.count;
+    adopted.complete = old.complete && next == End() && old.count == header_.count;
+    return adopted;
   }
 
   void RequireSame(const DatasetHeader& old) const {
@@ -443,8 +380,8 @@ class DatasetWriter {
     const std::string labels = fmt::format("{:08}_labels.png", sample.index);
     rows_ += RowText(sample, depth, labels);
     next_ = sample.index + 1;
-    writers->Submit(
-        {folder / depth, folder / labels, std::move(sample.depth), std::move(sample.labels)});
+    writers->Submit({folder / depth, folder / labels, std::move(sample.depth),
+                     std::move(sample.labels), kDepthScale});
   }
 
   /// Images first, then the rows that name them.
@@ -464,51 +401,56 @@ class DatasetWriter {
   std::string rows_;  // of the folder that next_ falls into
 };
 
-Sample ReadRow(std::string_view line, const fs::path& path) {
-  try {
-    const Json row = Json::parse(line);
-    Sample sample;
-    sample.index = row.at("index").get<std::uint64_t>();
-    sample.sensor = row.at("sensor").get<std::string>();
-    const Json& k = row.at("intrinsics");
-    sample.intrinsics.width = k.at("width").get<int>();
-    sample.intrinsics.height = k.at("height").get<int>();
-    sample.intrinsics.fx = k.at("fx").get<double>();
-    sample.intrinsics.fy = k.at("fy").get<double>();
-    sample.intrinsics.cx = k.at("cx").get<double>();
-    sample.intrinsics.cy = k.at("cy").get<double>();
-    sample.intrinsics.distortion = k.at("distortion").get<std::vector<double>>();
-    const std::string what = fmt::format("{}: sample {}", path.string(), sample.index);
-    sample.intrinsics.Validate(what);
-    using Rows = std::vector<std::vector<double>>;
-    sample.structure_from_sensor = PoseFromRows(row.at("structure_from_sensor").get<Rows>(), what);
-    for (const Json& offset : row.at("box_offsets")) {
-      sample.box_offsets.push_back(PoseFromRows(offset.get<Rows>(), what));
-    }
-    sample.size_scale = row.at("size_scale").get<double>();
-    const fs::path folder = path.parent_path();
-    const fs::path depth_path = folder / row.at("depth").get<std::string>();
-    const fs::path labels_path = folder / row.at("labels").get<std::string>();
-    const Image16 raw = ReadDepthFile(depth_path);
-    sample.labels = ReadPng8(labels_path);
-    const auto require_size = [&](const fs::path& image, int width, int height) {
-      if (width == sample.intrinsics.width && height == sample.intrinsics.height) return;
-      throw DataError(fmt::format("{}: {}x{} pixels, but {} says {}x{}", image.string(), width,
-                                  height, path.string(), sample.intrinsics.width,
-                                  sample.intrinsics.height));
-    };
-    require_size(depth_path, raw.width(), raw.height());
-    require_size(labels_path, sample.labels.width(), sample.labels.height());
-    // Single-precision like the sensor models' own rounding, so that training sees the very numbers
-    // that it would have rendered.
-    sample.depth = DepthImage(raw.width(), raw.height());
-    for (std::size_t i = 0; i < raw.size(); ++i) {
-      sample.depth[i] = static_cast<float>(raw[i]) * static_cast<float>(kDepthScale);
-    }
-    return sample;
-  } catch (const Json::exception& e) {
-    throw DataError(fmt::format("{}: not a valid row ({})", path.string(), e.what()));
+/// Depth of a row's PNG, m. Single precision like the sensor models' own rounding, so that training
+/// sees the very numbers that it would have rendered.
+DepthImage DepthFromSteps(const Image16& steps) {
+  DepthImage depth(steps.width(), steps.height());
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    depth[i] = static_cast<float>(steps[i]) * static_cast<float>(kDepthScale);
   }
+  return depth;
+}
+
+std::vector<Pose> PosesOf(const JsonObject& row, const std::string& key) {
+  const std::string where = row.where() + ": " + key;
+  std::vector<Pose> poses;
+  try {
+    for (const nlohmann::json& matrix : row.Get(key)) {
+      poses.push_back(PoseFromRows(matrix.get<std::vector<std::vector<double>>>(), where));
+    }
+  } catch (const nlohmann::json::exception&) {
+    throw DataError(where + " is not a list of 4x4 matrices");
+  }
+  return poses;
+}
+
+/// `line` is row `number` (from 1) of the samples.jsonl `path`.
+Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path) {
+  const std::string where = fmt::format("{}:{}", path.string(), number);
+  const nlohmann::json json = ParseStrictJson(std::string(line), where);
+  const JsonObject row(json, where);
+  Sample sample;
+  sample.index = Unsigned(row, "index");
+  sample.sensor = row.Text("sensor");
+  sample.intrinsics = ParseIntrinsics(row.Child("intrinsics"));
+  sample.structure_from_sensor =
+      PoseFromRows(row.Matrix("structure_from_sensor"), where + ": structure_from_sensor");
+  sample.box_offsets = PosesOf(row, "box_offsets");
+  sample.size_scale = row.Number("size_scale");
+  const fs::path depth_path = path.parent_path() / row.Text("depth");
+  const fs::path labels_path = path.parent_path() / row.Text("labels");
+  const Image16 steps = ReadDepthFile(depth_path);
+  sample.labels = ReadPng8(labels_path);
+  const auto require_size = [&](const fs::path& image, int width, int height) {
+    if (width == sample.intrinsics.width && height == sample.intrinsics.height) return;
+    throw DataError(fmt::format("{}: {}x{} pixels, but {} says {}x{}", image.string(), width,
+                                height, path.string(), sample.intrinsics.width,
+                                sample.intrinsics.height));
+  };
+  require_size(depth_path, steps.width(), steps.height());
+  require_size(labels_path, sample.labels.width(), sample.labels.height());
+  sample.depth = DepthFromSteps(steps);
+  return sample;
 }
 
 }  // namespace
@@ -594,7 +536,7 @@ std::vector<Sample> Dataset::Read(std::uint64_t first_index, int count) const {
       if (line >= lines.size()) {
         throw DataError(fmt::format("{}: the row of sample {} is missing", path.string(), i));
       }
-      Sample sample = ReadRow(lines[line], path);
+      Sample sample = ReadRow(lines[line], line + 1, path);
       if (sample.index != i) {
         throw DataError(fmt::format("{}: line {} is sample {}, not {}", path.string(), line + 1,
                                     sample.index, i));

@@ -20,6 +20,8 @@ struct DepthRenderer::Vertex {
 
 namespace {
 
+constexpr std::size_t kMostFaces = 65535;  // 16 bits of a pixel name its face
+
 // Window row 0 is image row 0, so no picture is ever flipped; z is reversed and infinite (1 at
 // kNear, 0 at infinity).
 const char* const kVertexShader = R"(#version 450 core
@@ -213,34 +215,11 @@ void DepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& int
   }
 }
 
-void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
-                           const Pose& structure_from_sensor, RenderedView* view) {
-  if (!intrinsics.distortion.empty()) {
-    throw Error(
-        "DepthRenderer: intrinsics with distortion cannot be drawn; render without and resample");
-  }
-  const int width = intrinsics.width, height = intrinsics.height;
-  if (width <= 0 || height <= 0 || width > max_size_ || height > max_size_) {
-    throw Error(fmt::format("DepthRenderer: image size {}x{} violates 1 <= size <= {}", width,
-                            height, max_size_));
-  }
-  if (mesh.faces.size() > 65535) {
-    throw Error(fmt::format("DepthRenderer: {} faces violate faces <= 65535; draw fewer objects",
-                            mesh.faces.size()));
-  }
-  if (view->depth.width() != width || view->depth.height() != height ||
-      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
-    view->depth = DepthImage(width, height);
-    view->labels = LabelImage(width, height);
-    view->faces = Image16(width, height);
-  }
-  Resize(width, height);
-  CollectVertices(mesh, intrinsics, structure_from_sensor);
-
+void DepthRenderer::ClearTargets() {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
   const GLenum targets[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, targets);
-  glViewport(0, 0, width, height);
+  glViewport(0, 0, width_, height_);
   glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_GREATER);
@@ -252,15 +231,20 @@ void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
   glClearBufferfv(GL_COLOR, 0, no_depth);
   glClearBufferuiv(GL_COLOR, 1, no_id);
   glClearBufferfv(GL_DEPTH, 0, far);
+}
 
+void DepthRenderer::SetCamera(const Intrinsics& intrinsics) {
   glUseProgram(program_);
   glUniform4f(camera_location_, static_cast<float>(1 / intrinsics.fx),
               static_cast<float>(1 / intrinsics.fy), static_cast<float>(intrinsics.cx + 0.5),
               static_cast<float>(intrinsics.cy + 0.5));
-  glUniform4f(projection_location_, static_cast<float>(2 * intrinsics.fx / width),
-              static_cast<float>(2 * intrinsics.fy / height),
-              static_cast<float>(2 * (intrinsics.cx + 0.5) / width - 1),
-              static_cast<float>(2 * (intrinsics.cy + 0.5) / height - 1));
+  glUniform4f(projection_location_, static_cast<float>(2 * intrinsics.fx / intrinsics.width),
+              static_cast<float>(2 * intrinsics.fy / intrinsics.height),
+              static_cast<float>(2 * (intrinsics.cx + 0.5) / intrinsics.width - 1),
+              static_cast<float>(2 * (intrinsics.cy + 0.5) / intrinsics.height - 1));
+}
+
+void DepthRenderer::DrawVertices() {
   glBindVertexArray(vertex_array_);
   glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices_.size() * sizeof(Vertex)),
@@ -278,21 +262,52 @@ void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
                  GL_STATIC_DRAW);
   }
   glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(6 * num_faces), GL_UNSIGNED_INT, nullptr);
+}
 
+void DepthRenderer::ReadBack(RenderedView* view) {
+  if (view->depth.width() != width_ || view->depth.height() != height_ ||
+      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
+    view->depth = DepthImage(width_, height_);
+    view->labels = LabelImage(width_, height_);
+    view->faces = Image16(width_, height_);
+  }
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadBuffer(GL_COLOR_ATTACHMENT0);
-  glReadPixels(0, 0, width, height, GL_RED, GL_FLOAT, view->depth.data());
+  glReadPixels(0, 0, width_, height_, GL_RED, GL_FLOAT, view->depth.data());
   ids_.resize(view->depth.size());
   glReadBuffer(GL_COLOR_ATTACHMENT1);
-  glReadPixels(0, 0, width, height, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
+  glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
   for (std::size_t i = 0; i < ids_.size(); ++i) {
     view->labels[i] = static_cast<std::uint8_t>(ids_[i] >> 16);
     view->faces[i] = static_cast<std::uint16_t>(ids_[i]);
   }
+}
+
+void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                           const Pose& structure_from_sensor, RenderedView* view) {
+  if (!intrinsics.distortion.empty()) {
+    throw Error(
+        "DepthRenderer: intrinsics with distortion cannot be drawn; render without and resample");
+  }
+  const int width = intrinsics.width, height = intrinsics.height;
+  if (width <= 0 || height <= 0 || width > max_size_ || height > max_size_) {
+    throw Error(fmt::format("DepthRenderer: image size {}x{} violates 1 <= size <= {}", width,
+                            height, max_size_));
+  }
+  if (mesh.faces.size() > kMostFaces) {
+    throw Error(fmt::format("DepthRenderer: {} faces violate faces <= {}; draw fewer objects",
+                            mesh.faces.size(), kMostFaces));
+  }
+  Resize(width, height);
+  CollectVertices(mesh, intrinsics, structure_from_sensor);
+  ClearTargets();
+  SetCamera(intrinsics);
+  DrawVertices();
+  ReadBack(view);
   const GLenum error = glGetError();
   if (error != GL_NO_ERROR) {
-    throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error, num_faces,
-                            width, height));
+    throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error,
+                            vertices_.size() / 4, width, height));
   }
 }
 

@@ -43,6 +43,10 @@ class DepthRenderer {
   void Resize(int width, int height);
   void CollectVertices(const SceneMesh& mesh, const Intrinsics& intrinsics,
                        const Pose& structure_from_sensor);
+  void ClearTargets();
+  void SetCamera(const Intrinsics& intrinsics);
+  void DrawVertices();
+  void ReadBack(RenderedView* view);
 
   std::vector<Vertex> vertices_;
   unsigned program_ = 0;

@@ -7,20 +7,36 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <utility>
 
 #include "core/error.h"
+#include "core/statistics.h"
 
 namespace volalign {
 namespace {
 
-constexpr int kWindow = 9;
+// Figures of the method; the header says what each is for.
 constexpr double kFocalBaseline = 51.9;  // px m, D415 at 1280x720
-constexpr float kJump = 0.3F;            // m
-constexpr std::size_t kLeastWindows = 60;
-constexpr int kLongestGap = 60;        // px; beyond it the zeros are no gap of an edge
-constexpr int kPlaneGrowths = 12;      // refits of a growing plane
-constexpr double kPlaneShare = 0.006;  // of the image, least size of a plane
+// Windows, for the noise of single pixels.
+constexpr int kWindow = 9, kHalfWindow = kWindow / 2, kWindowStep = 4;  // px
+constexpr std::size_t kLeastWindows = 60;  // of a cell of the table that says anything
+// Depth edges.
+constexpr float kJump = 0.3F;    // m
+constexpr int kLongestGap = 60;  // px; beyond it the zeros are no gap of an edge
+constexpr float kMixedLow = 0.2F, kMixedHigh = 0.8F;  // depth of a flying pixel between two others
+// Planes, for smooth errors: regions grow from the windows that are flattest.
+constexpr double kPlaneTolerance = 0.012;      // m from the plane
+constexpr double kPlaneDisparityNoise = 0.15;  // px, of stereo; 3.5 of it may be off
+constexpr int kPlaneGrowths = 12;              // refits of a growing plane
+constexpr std::size_t kFirstGrowth = 300,
+                      kGrowthFactor = 4;  // most pixels of the first, next growth
+constexpr std::size_t kLeastRegion = 30;  // pixels that a refit needs
+constexpr double kPlaneShare = 0.006;     // of the image, least size of a plane
+// Sides of the structure.
+constexpr double kSideOutlier = 0.04;  // m from the side's plane
+constexpr double kSideShare = 0.003;   // of the image, least size of a side
+constexpr int kSidePasses = 3;         // refits without outliers
 
 /// Inverse depth 1/z = a u + b v + c.
 struct InversePlane {
@@ -49,6 +65,86 @@ class PlaneFit {
   Eigen::Vector3d right_ = Eigen::Vector3d::Zero();
 };
 
+/// A window without holes and the plane through it.
+struct FlatWindow {
+  int u, v;           // its middle
+  double mean_depth;  // m
+  InversePlane plane;
+  double rms;          // m
+  double correlation;  // of neighbouring residuals along rows
+};
+
+/// None where a pixel has no depth.
+std::optional<FlatWindow> FitWindow(const DepthImage& depth, int u, int v) {
+  PlaneFit fit;
+  fit.SetOrigin(u, v);
+  double mean = 0;
+  for (int y = v - kHalfWindow; y <= v + kHalfWindow; ++y) {
+    for (int x = u - kHalfWindow; x <= u + kHalfWindow; ++x) {
+      const double z = depth(x, y);
+      if (z <= 0) return std::nullopt;
+      fit.Add(x, y, z);
+      mean += z;
+    }
+  }
+  constexpr double kPixels = kWindow * kWindow;
+  FlatWindow window{u, v, mean / kPixels, fit.Solve(), 0, 0};
+  double squares = 0, products = 0;
+  for (int y = v - kHalfWindow; y <= v + kHalfWindow; ++y) {
+    double before = 0;
+    for (int x = u - kHalfWindow; x <= u + kHalfWindow; ++x) {
+      const double e = depth(x, y) - window.plane.Depth(x, y);
+      squares += e * e;
+      products += e * before;
+      before = e;
+    }
+  }
+  window.rms = std::sqrt(squares / (kPixels - 3));
+  window.correlation = squares > 0 ? products / squares * kWindow / (kWindow - 1) : 0;
+  return window;
+}
+
+/// Distance from a plane within which a pixel of depth z (m) belongs to it, m.
+double PlaneTolerance(bool stereo, double z) {
+  if (!stereo) return kPlaneTolerance;
+  return std::max(kPlaneTolerance, 3.5 * kPlaneDisparityNoise * z * z / kFocalBaseline);
+}
+
+/// Pixels of the plane that `seed` lies on, but for those that another plane has taken.
+std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, bool stereo,
+                                           const Image<std::uint8_t>& taken,
+                                           const FlatWindow& seed) {
+  std::vector<std::pair<int, int>> region;
+  InversePlane plane = seed.plane;
+  std::size_t before = 0;
+  for (int growth = 0; growth < kPlaneGrowths; ++growth) {
+    // Not far beyond what the fit rests on: a few hundred pixels do not say where a wall ends.
+    const std::size_t limit = std::max(kGrowthFactor * before, kFirstGrowth);
+    Image<std::uint8_t> seen(depth.width(), depth.height());
+    region.assign(1, {seed.u, seed.v});
+    seen(seed.u, seed.v) = 1;
+    for (std::size_t next = 0; next < region.size() && region.size() < limit; ++next) {
+      const auto [u, v] = region[next];
+      for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+        const int x = u + du, y = v + dv;
+        if (!depth.Contains(x, y) || seen(x, y) || taken(x, y)) continue;
+        const double z = depth(x, y);
+        if (z <= 0 || std::abs(z - plane.Depth(x, y)) > PlaneTolerance(stereo, z)) continue;
+        seen(x, y) = 1;
+        region.emplace_back(x, y);
+      }
+    }
+    if (region.size() < kLeastRegion) break;
+    PlaneFit fit;
+    fit.SetOrigin(seed.u, seed.v);
+    for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+    plane = fit.Solve();
+    if (growth > 3 && region.size() <= before + before / 50) break;
+    before = region.size();
+  }
+  return region;
+}
+
 /// Angle between the plane's normal and the ray through (u, v), deg. In space 1/z = n.r / h.
 double Incidence(const InversePlane& p, const Intrinsics& k, double u, double v) {
   const Eigen::Vector3d n(p.a * k.fx, p.b * k.fy, p.c + p.a * k.cx + p.b * k.cy);
@@ -63,11 +159,9 @@ int Bin(const std::array<double, N>& edges, double x) {
   return static_cast<int>(std::upper_bound(edges.begin(), edges.end(), x) - edges.begin()) - 1;
 }
 
-double Quantile(std::vector<double> values, double q) {
-  if (values.empty()) return -1;
-  const auto n = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n), values.end());
-  return values[n];
+/// -1 of nothing.
+double QuantileOrNone(std::vector<double> values, double q) {
+  return values.empty() ? -1 : NearestQuantile(std::move(values), q);
 }
 
 /// Area in pixels of the convex hull of the row spans (Andrew's monotone chain).
@@ -141,7 +235,7 @@ void DepthStatistics::AddEdges(const DepthImage& depth) {
         }
         if (gap == 0 && last > 0) {
           const float a = at(last - 1), share = (before - a) / (z - a);
-          if (a > 0 && std::abs(z - a) > kJump && share > 0.2F && share < 0.8F) {
+          if (a > 0 && std::abs(z - a) > kJump && share > kMixedLow && share < kMixedHigh) {
             ++flying_;
             if (std::abs(z - before) <= kJump && std::abs(before - a) <= kJump) ++gaps_[0];
           }
@@ -158,97 +252,31 @@ void DepthStatistics::AddEdges(const DepthImage& depth) {
   }
 }
 
-double DepthStatistics::PlaneTolerance(double z) const {
-  return options_.stereo ? std::max(0.012, 3.5 * 0.15 * z * z / kFocalBaseline) : 0.012;
-}
-
 void DepthStatistics::AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics) {
-  struct Seed {
-    double rms;
-    int u, v;
-    InversePlane plane;
-  };
-  constexpr int kHalf = kWindow / 2;
-  const int width = depth.width(), height = depth.height();
-  std::vector<Seed> seeds;
-  for (int v = kHalf; v + kHalf < height; v += 4) {
-    for (int u = kHalf; u + kHalf < width; u += 4) {
-      PlaneFit fit;
-      fit.SetOrigin(u, v);
-      bool whole = true;
-      double mean = 0;
-      for (int y = v - kHalf; whole && y <= v + kHalf; ++y) {
-        for (int x = u - kHalf; x <= u + kHalf; ++x) {
-          const double z = depth(x, y);
-          if (z <= 0) {
-            whole = false;
-            break;
-          }
-          fit.Add(x, y, z);
-          mean += z;
-        }
-      }
-      if (!whole) continue;
-      mean /= kWindow * kWindow;
-      const InversePlane plane = fit.Solve();
-      double squares = 0, products = 0;
-      for (int y = v - kHalf; y <= v + kHalf; ++y) {
-        double before = 0;
-        for (int x = u - kHalf; x <= u + kHalf; ++x) {
-          const double e = depth(x, y) - plane.Depth(x, y);
-          squares += e * e;
-          products += e * before;
-          before = e;
-        }
-      }
-      constexpr double kPixels = kWindow * kWindow;
-      const double rms = std::sqrt(squares / (kPixels - 3));
-      const int d = Bin(kDistances, mean), i = Bin(kIncidences, Incidence(plane, intrinsics, u, v));
+  std::vector<FlatWindow> seeds;
+  for (int v = kHalfWindow; v + kHalfWindow < depth.height(); v += kWindowStep) {
+    for (int u = kHalfWindow; u + kHalfWindow < depth.width(); u += kWindowStep) {
+      const std::optional<FlatWindow> window = FitWindow(depth, u, v);
+      if (!window) continue;
+      const int d = Bin(kDistances, window->mean_depth);
+      const int i = Bin(kIncidences, Incidence(window->plane, intrinsics, u, v));
       if (d >= 0 && i >= 0) {
         windows_[static_cast<std::size_t>(d)][static_cast<std::size_t>(i)].push_back(
-            {1000 * rms, squares > 0 ? products / squares * kWindow / (kWindow - 1) : 0});
+            {1000 * window->rms, window->correlation});
       }
-      if (rms < 0.5 * PlaneTolerance(mean)) seeds.push_back({rms, u, v, plane});
+      if (window->rms < 0.5 * PlaneTolerance(options_.stereo, window->mean_depth))
+        seeds.push_back(*window);
     }
   }
-
-  std::sort(seeds.begin(), seeds.end(), [](const Seed& a, const Seed& b) { return a.rms < b.rms; });
-  Image<std::uint8_t> taken(width, height);
+  std::sort(seeds.begin(), seeds.end(),
+            [](const FlatWindow& a, const FlatWindow& b) { return a.rms < b.rms; });
+  Image<std::uint8_t> taken(depth.width(), depth.height());
   const auto least = static_cast<std::size_t>(kPlaneShare * static_cast<double>(depth.size()));
-  std::vector<std::pair<int, int>> region;
-  for (const Seed& seed : seeds) {
+  for (const FlatWindow& seed : seeds) {
     if (taken(seed.u, seed.v)) continue;
-    InversePlane plane = seed.plane;
-    std::size_t before = 0;
-    for (int growth = 0; growth < kPlaneGrowths; ++growth) {
-      // Not far beyond what the fit rests on: a few hundred pixels do not say where a wall ends.
-      const std::size_t limit = std::max<std::size_t>(4 * before, 300);
-      Image<std::uint8_t> seen(width, height);
-      region.assign(1, {seed.u, seed.v});
-      seen(seed.u, seed.v) = 1;
-      for (std::size_t next = 0; next < region.size() && region.size() < limit; ++next) {
-        const auto [u, v] = region[next];
-        for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
-          const int x = u + du, y = v + dv;
-          if (!depth.Contains(x, y) || seen(x, y) || taken(x, y)) continue;
-          const double z = depth(x, y);
-          if (z <= 0 || std::abs(z - plane.Depth(x, y)) > PlaneTolerance(z)) continue;
-          seen(x, y) = 1;
-          region.emplace_back(x, y);
-        }
-      }
-      PlaneFit fit;
-      fit.SetOrigin(seed.u, seed.v);
-      for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
-      if (region.size() < 30) break;
-      plane = fit.Solve();
-      if (growth > 3 && region.size() <= before + before / 50) break;
-      before = region.size();
-    }
+    const std::vector<std::pair<int, int>> region = GrowPlane(depth, options_.stereo, taken, seed);
     for (const auto& [u, v] : region) taken(u, v) = 1;
-    if (region.size() < least) continue;
-
-    planes_.push_back(Residuals(depth, region));
+    if (region.size() >= least) planes_.push_back(Residuals(depth, region));
   }
 }
 
@@ -285,7 +313,7 @@ DepthStatistics::Plane DepthStatistics::Residuals(const DepthImage& depth,
     ++count;
   }
   Plane out;
-  out.distance = Quantile(depths, 0.5);
+  out.distance = QuantileOrNone(depths, 0.5);
   out.pixels = static_cast<int>(region.size());
   out.rms_mm = 1000 * std::sqrt(squares / static_cast<double>(region.size()));
   out.smooth_mm = count > 0 ? 1000 * std::sqrt(smooth / count) : 0;
@@ -299,8 +327,6 @@ void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels
     throw Error(fmt::format("depth statistics: the frame is {}x{}, its labels {}x{}", depth.width(),
                             depth.height(), labels.width(), labels.height()));
   }
-  constexpr double kOutlier = 0.04;  // m
-  constexpr double kSideShare = 0.003;
   std::array<std::vector<std::pair<int, int>>, 256> regions;
   for (int v = 1; v + 1 < depth.height(); ++v) {
     for (int u = 1; u + 1 < depth.width(); ++u) {
@@ -314,7 +340,7 @@ void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels
   }
   const auto least = static_cast<std::size_t>(kSideShare * static_cast<double>(depth.size()));
   for (std::vector<std::pair<int, int>>& region : regions) {
-    for (int pass = 0; pass < 3 && region.size() > least; ++pass) {
+    for (int pass = 0; pass < kSidePasses && region.size() > least; ++pass) {
       PlaneFit fit;
       fit.SetOrigin(region.front().first, region.front().second);
       for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
@@ -322,7 +348,7 @@ void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels
       region.erase(std::remove_if(region.begin(), region.end(),
                                   [&](const std::pair<int, int>& p) {
                                     return std::abs(depth(p.first, p.second) -
-                                                    plane.Depth(p.first, p.second)) > kOutlier;
+                                                    plane.Depth(p.first, p.second)) > kSideOutlier;
                                   }),
                    region.end());
     }
@@ -339,7 +365,7 @@ double DepthStatistics::LocalResidual(std::size_t distance, std::size_t incidenc
   if (windows.size() < kLeastWindows) return -1;
   std::vector<double> values;
   for (const Window& w : windows) values.push_back(w.rms_mm);
-  return Quantile(std::move(values), 0.25);
+  return QuantileOrNone(std::move(values), 0.25);
 }
 
 double DepthStatistics::LocalCorrelation(std::size_t distance, std::size_t incidence) const {
@@ -348,7 +374,7 @@ double DepthStatistics::LocalCorrelation(std::size_t distance, std::size_t incid
   for (const Window& w : windows_[distance][incidence]) {
     if (w.rms_mm <= quartile) values.push_back(w.correlation);
   }
-  return values.empty() ? 0 : Quantile(std::move(values), 0.5);
+  return values.empty() ? 0 : NearestQuantile(std::move(values), 0.5);
 }
 
 double DepthStatistics::PlaneResidual(std::size_t distance, bool smooth) const {
@@ -358,7 +384,7 @@ double DepthStatistics::PlaneResidual(std::size_t distance, bool smooth) const {
       values.push_back(smooth ? plane.smooth_mm : plane.rms_mm);
     }
   }
-  return Quantile(std::move(values), 0.5);
+  return QuantileOrNone(std::move(values), 0.5);
 }
 
 int DepthStatistics::PlaneCount(std::size_t distance) const {
@@ -374,7 +400,7 @@ double DepthStatistics::SideResidual(bool in_disparity) const {
                          ? 0.001 * side.rms_mm * kFocalBaseline / (side.distance * side.distance)
                          : side.rms_mm);
   }
-  return Quantile(std::move(values), 0.5);
+  return QuantileOrNone(std::move(values), 0.5);
 }
 
 std::array<double, 6> DepthStatistics::GapShares() const {

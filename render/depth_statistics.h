@@ -11,22 +11,23 @@
 namespace volalign {
 
 /// Figures of depth frames that need no labels, so that rendered and real frames compare
-/// (facts/sensors.md: the rows marked [M] were measured in this way). Frames of one sensor kind are
-/// pooled with Add.
+/// (docs/sensor-models.md: "measured" figures of real frames come from here). Frames of one sensor
+/// kind are pooled with Add.
 ///
 /// - Local residual: 9x9 windows without holes, inverse depth fitted by a plane (a plane in space
 /// is
 ///   one in 1/z), residual in mm at the window's depth; a bin's figure is the lower quartile over
 ///   its windows, which leaves out edges and bent surfaces.
 /// - Whole faces: planes grown from the flattest windows, refitted while they grow, all pixels
-///   within `PlaneTolerance`; residual of the plane's pixels and of its 7x7 means.
+///   within 12 mm of it, or more where the noise of stereo is; residual of the plane's pixels and
+///   of its 7x7 means.
 /// - Edges: runs of zeros between two valid pixels of a row or column whose depths differ by more
 ///   than 300 mm.
 class DepthStatistics {
  public:
   struct Options {
-    bool stereo =
-        false;  ///< noise grows with z^2: planes are grown with a tolerance that does, too
+    /// Noise grows with z^2: planes are grown with a tolerance that does, too.
+    bool stereo = false;
   };
   explicit DepthStatistics(const Options& options) : options_(options) {}
 
@@ -85,7 +86,6 @@ class DepthStatistics {
   void AddEdges(const DepthImage& depth);
   static Plane Residuals(const DepthImage& depth, const std::vector<std::pair<int, int>>& region);
   void AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics);
-  double PlaneTolerance(double z) const;
 
   Options options_;
   int frames_ = 0;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "core/error.h"
 #include "core/random.h"
 #include "render/noise_models.h"
@@ -18,6 +20,17 @@ bool StartsWith(const std::string& text, const std::string& prefix) {
 bool HasSensorModel(const std::string& sensor) {
   return StartsWith(sensor, "azure_kinect") || StartsWith(sensor, "kinect_v2") ||
          StartsWith(sensor, "realsense_d4") || StartsWith(sensor, "kinect_v1");
+}
+
+void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    if (!keep[i] || view->depth[i] <= 0) {
+      view->depth[i] = 0;
+      view->labels[i] = 0;
+    } else {
+      view->depth[i] = std::nearbyint(view->depth[i] * 1000) * 0.001F;
+    }
+  }
 }
 
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,

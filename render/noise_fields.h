@@ -44,6 +44,21 @@ Image<float> SmoothField(int width, int height, double correlation_px, RandomStr
 /// and scales it back to its variance.
 void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise);
 
+/// Calls visit(u, v, p, q, pair) for each pixel (u, v) and its neighbour (p, q), first the right
+/// one, then the one below; `pair` is a number of the pair's own, for PixelRandom.
+template <class Visit>
+void ForEachNeighbourPair(int width, int height, const Visit& visit) {
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const std::uint64_t pair =
+          2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
+               static_cast<std::uint64_t>(u));
+      if (u + 1 < width) visit(u, v, u + 1, v, pair);
+      if (v + 1 < height) visit(u, v, u, v + 1, pair + 1);
+    }
+  }
+}
+
 /// Number of events of a Poisson process (Knuth), mean below 100.
 int DrawPoisson(double mean, RandomStream& random);
 

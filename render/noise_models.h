@@ -9,7 +9,11 @@ namespace volalign {
 /// edges, and elliptical holes.
 NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomStream& random);
 
-/// Time of flight (facts/sensors.md, section 1): white noise that grows with distance and
+/// Rounds depths to the millimetre, as sensors deliver them. Where `keep` is 0 or the depth is not
+/// positive, depth and label become 0.
+void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view);
+
+/// Time of flight (docs/sensor-models.md): white noise that grows with distance and
 /// incidence, a smooth warp, a bias of the frame, multipath in concave corners, gaps and few flying
 /// pixels at depth edges, dark and grazing surfaces lost.
 struct TofModel {
@@ -18,7 +22,7 @@ struct TofModel {
 };
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random);
 
-/// Stereo and structured light (facts/sensors.md, section 2): noise in disparity, z = f B / d.
+/// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d.
 struct StereoModel {
   double native_width = 1280;              ///< px, of the resolution that the next figures are for
   double focal_baseline = 51.9;            ///< f B, px m

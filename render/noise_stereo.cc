@@ -1,25 +1,54 @@
-#include "render/noise_models.h"
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "render/noise_fields.h"
+#include "render/noise_models.h"
 
 namespace volalign {
 namespace {
 
-// Pixel figures of facts/sensors.md, section 2, are for images 320 px wide.
+// The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
+// 320 px wide and scale with the width.
 constexpr double kReferenceWidth = 320;
+// Foreground as the matching window grows it.
+constexpr double kFattenCorrelation = 6;  // px, of the wavy outline
+constexpr float kForegroundStep = 0.05F;  // m, least depth step that counts as foreground
+// Depth edges: a stretch of them loses a strip, some of the others have mixed pixels.
+constexpr float kEdgeStep = 0.06F;                // m, least depth step of an edge
+constexpr double kEdgeLossCorrelation = 15;       // px
+constexpr float kEdgeLossThreshold = 0.75F;       // of a unit normal field
+constexpr double kWidestEdgeLoss = 2.5;           // px
+constexpr float kMixedShare = 0.10F;              // of the other jumps along rows
+constexpr float kMixLow = 0.2F, kMixHigh = 0.8F;  // weights of the first pixel in a mixed one
+// Disparity error.
+constexpr double kWarpCorrelation[2] = {10, 40};          // px
+constexpr double kLocalSigmaU = 1.2, kLocalSigmaV = 0.9;  // px, smoothing of the local noise
+constexpr float kLeastDisparity = 0.5F;                   // px, after the error
+// Whether a pixel finds its match: the sum of these terms has to be positive.
+constexpr double kCoarseCorrelation[2] = {40, 100}, kFineCorrelation[2] = {3, 10};  // px
+constexpr float kCoarseWeight = 0.9F, kFineWeight = 0.4F;  // of the two random fields
+constexpr double kQuality[2] = {-0.3, 1.0};          // of a frame, on everything but the structure
+constexpr double kStructureQuality[2] = {2.3, 3.6};  // of a frame, on the structure (cardboard)
+constexpr float kTextureGain = 2.2F, kMeanTexture = 0.45F;
+constexpr float kDistanceLoss = 0.25F, kFullQualityDistance = 2.5F;  // a metre; m
+constexpr float kGrazingLoss = 2.0F, kGrazingCosine = 0.35F;
+constexpr float kSteepLoss = 8.0F, kSteepCosine = 0.22F;
+constexpr double kOcclusionMargin = 0.5;  // px
 
-/// What the matcher sees: foreground grown by about a pixel, wavy. Labels follow the surface whose
-/// depth is taken.
-void Fatten(const NoiseInput& input, double scale, RandomStream& random, DepthImage* depth,
-            LabelImage* labels, Image16* faces) {
-  const RenderedView& view = input.view;
+/// What the left camera's matcher takes a pixel for.
+struct MatchedView {
+  NoisyView view;
+  Image16 faces;  // as RenderedView's
+};
+
+/// What the matcher sees: foreground grown by about a pixel, wavily. Labels follow the surface
+/// whose depth is taken.
+MatchedView Fatten(const RenderedView& view, double scale, RandomStream& random) {
   const int width = view.depth.width(), height = view.depth.height();
-  const Image<float> du = SmoothField(width, height, 6 * scale, random);
-  const Image<float> dv = SmoothField(width, height, 6 * scale, random);
+  MatchedView out{{DepthImage(width, height), LabelImage(width, height)}, Image16(width, height)};
+  const Image<float> du = SmoothField(width, height, kFattenCorrelation * scale, random);
+  const Image<float> dv = SmoothField(width, height, kFattenCorrelation * scale, random);
   const PixelRandom pixel(random);
   std::size_t i = 0;
   for (int v = 0; v < height; ++v) {
@@ -31,80 +60,70 @@ void Fatten(const NoiseInput& input, double scale, RandomStream& random, DepthIm
       const int q =
           std::clamp(v + static_cast<int>(std::nearbyint(reach * dv[i] + dither)), 0, height - 1);
       const float here = view.depth[i], there = view.depth(p, q);
-      const bool take =
-          there > 0 && (here == 0 || there < here - 0.05F) && view.faces(p, q) != view.faces[i];
-      (*depth)[i] = take ? there : here;
-      (*labels)[i] = take ? view.labels(p, q) : view.labels[i];
-      (*faces)[i] = take ? view.faces(p, q) : view.faces[i];
+      const bool take = there > 0 && (here == 0 || there < here - kForegroundStep) &&
+                        view.faces(p, q) != view.faces[i];
+      out.view.depth[i] = take ? there : here;
+      out.view.labels[i] = take ? view.labels(p, q) : view.labels[i];
+      out.faces[i] = take ? view.faces(p, q) : view.faces[i];
     }
   }
+  return out;
 }
 
-}  // namespace
-
-NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random) {
-  const RenderedView& view = input.view;
-  const int width = view.depth.width(), height = view.depth.height();
-  const double scale = width / kReferenceWidth;
-  const auto image_fb =
-      static_cast<float>(model.focal_baseline * width / model.native_width);  // px of this image
-  const auto native_fb = static_cast<float>(model.focal_baseline);
-
-  NoisyView out{DepthImage(width, height), LabelImage(width, height)};
-  Image16 faces(width, height);
-  Fatten(input, scale, random, &out.depth, &out.labels, &faces);
-
-  // Depth edges: 14 % have a pixel that averages both surfaces; a third loses a strip besides the
-  // half-occlusion below.
-  const Image<float> edge_loss = SmoothField(width, height, 15 * scale, random);
+/// Mixes both surfaces in some pixels at depth edges and clears strips along others, besides what
+/// half-occlusion takes.
+void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
+                Image<std::uint8_t>* keep) {
+  auto& [depth, labels] = matched->view;
+  const Image16& faces = matched->faces;
+  const int width = depth.width(), height = depth.height();
+  const Image<float> edge_loss = SmoothField(width, height, kEdgeLossCorrelation * scale, random);
   const PixelRandom edge_dice(random);
-  Image<std::uint8_t> keep(width, height, 1);
-  const auto visit_edge = [&](int u, int v, int p, int q) {
+  ForEachNeighbourPair(width, height, [&](int u, int v, int p, int q, std::uint64_t pair) {
     if (faces(u, v) == faces(p, q)) return;
-    const float a = out.depth(u, v), b = out.depth(p, q);
-    if (a == 0 || b == 0 || std::abs(a - b) < 0.06F) return;
+    const float a = depth(u, v), b = depth(p, q);
+    if (a == 0 || b == 0 || std::abs(a - b) < kEdgeStep) return;
     const int far_u = a > b ? u : p, far_v = a > b ? v : q;
-    const std::uint64_t id =
-        2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
-             static_cast<std::uint64_t>(u)) +
-        static_cast<std::uint64_t>(q - v);
-    const float dice = edge_dice.Uniform(id);
-    const float loss = edge_loss(u, v) - 0.75F;
+    const float dice = edge_dice.Uniform(pair);
+    const float loss = edge_loss(u, v) - kEdgeLossThreshold;
     if (loss > 0) {
-      const double r = scale * std::min(0.5 + 2.0 * loss, 2.5) - 0.4 + 0.4 * dice;
-      if (r > 0) ClearDisc(far_u, far_v, r, &keep);
-    } else if (dice < 0.10F && v == q) {
-      const float w = 0.2F + 0.6F * (dice / 0.10F);
-      out.depth(far_u, far_v) = w * a + (1 - w) * b;
-      out.labels(far_u, far_v) = 0;
+      const double r = scale * std::min(0.5 + 2.0 * loss, kWidestEdgeLoss) - 0.4 + 0.4 * dice;
+      if (r > 0) ClearDisc(far_u, far_v, r, keep);
+    } else if (dice < kMixedShare && v == q) {
+      const float w = kMixLow + (kMixHigh - kMixLow) * (dice / kMixedShare);
+      depth(far_u, far_v) = w * a + (1 - w) * b;
+      labels(far_u, far_v) = 0;
     }
-  };
-  for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u) {
-      if (u + 1 < width) visit_edge(u, v, u + 1, v);
-      if (v + 1 < height) visit_edge(u, v, u, v + 1);
-    }
-  }
+  });
+}
 
+/// Error of the disparity at the model's native resolution, px: local noise and a smooth warp.
+Image<float> DisparityError(const StereoModel& model, int width, int height, double scale,
+                            RandomStream& random) {
   const double local_sigma = random.Uniform(model.local_sigma[0], model.local_sigma[1]);
   const double warp_sigma = random.Uniform(model.warp_sigma[0], model.warp_sigma[1]);
-  const Image<float> warp = SmoothField(width, height, scale * random.Uniform(10, 40), random);
+  const Image<float> warp = SmoothField(
+      width, height, scale * random.Uniform(kWarpCorrelation[0], kWarpCorrelation[1]), random);
   const PixelRandom pixel(random);
-  Image<float> local(width, height);
-  for (std::size_t i = 0; i < local.size(); ++i) local[i] = pixel.Normal(i);
-  SmoothUnitNoise(1.2 * scale, 0.9 * scale, &local);
+  Image<float> error(width, height);
+  for (std::size_t i = 0; i < error.size(); ++i) error[i] = pixel.Normal(i);
+  SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
+  for (std::size_t i = 0; i < error.size(); ++i) {
+    error[i] =
+        static_cast<float>(local_sigma) * error[i] + static_cast<float>(warp_sigma) * warp[i];
+  }
+  return error;
+}
 
-  // Matching succeeds where texture outweighs distance, incidence and two random fields.
-  const Image<float> coarse = SmoothField(width, height, scale * random.Uniform(40, 100), random);
-  const Image<float> fine = SmoothField(width, height, scale * random.Uniform(3, 10), random);
-  const auto quality = static_cast<float>(random.Uniform(-0.3, 1.0));
-  const auto structure_quality = static_cast<float>(random.Uniform(2.3, 3.6));
+/// Of a face, what the matcher depends on.
+struct FaceInfo {
+  float height;  // distance of the eye from the plane, m
+  float texture;
+  bool is_structure;
+};
 
+std::vector<FaceInfo> FaceInfos(const NoiseInput& input) {
   const Eigen::Vector3d eye = input.structure_from_sensor.translation();
-  struct FaceInfo {
-    float height, texture;
-    bool is_structure;
-  };
   std::vector<FaceInfo> infos(input.mesh.faces.size());
   for (std::size_t i = 0; i < infos.size(); ++i) {
     const SceneFace& face = input.mesh.faces[i];
@@ -112,13 +131,58 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
     infos[i] = {static_cast<float>(face.normal.dot(eye) - face.offset), object.texture,
                 object.is_structure};
   }
+  return infos;
+}
+
+/// Whether a pixel finds its match: texture has to outweigh distance, incidence and two random
+/// fields.
+class MatchConfidence {
+ public:
+  MatchConfidence(int width, int height, double scale, RandomStream& random)
+      : coarse_(SmoothField(width, height,
+                            scale * random.Uniform(kCoarseCorrelation[0], kCoarseCorrelation[1]),
+                            random)),
+        fine_(SmoothField(width, height,
+                          scale * random.Uniform(kFineCorrelation[0], kFineCorrelation[1]),
+                          random)),
+        quality_(static_cast<float>(random.Uniform(kQuality[0], kQuality[1]))),
+        structure_quality_(
+            static_cast<float>(random.Uniform(kStructureQuality[0], kStructureQuality[1]))) {}
+
+  /// Of the pixel with index i that shows `face` at depth z, m; negative: no match.
+  float At(std::size_t i, const FaceInfo& face, float z, float cosine) const {
+    const float offset = face.is_structure
+                             ? structure_quality_
+                             : quality_ + kTextureGain * (face.texture - kMeanTexture) -
+                                   kDistanceLoss * std::max(z - kFullQualityDistance, 0.0F);
+    return offset - kGrazingLoss * std::max(kGrazingCosine - cosine, 0.0F) -
+           kSteepLoss * std::max(kSteepCosine - cosine, 0.0F) + kCoarseWeight * coarse_[i] +
+           kFineWeight * fine_[i];
+  }
+
+ private:
+  Image<float> coarse_, fine_;
+  float quality_, structure_quality_;
+};
+
+/// Matches each pixel of the left image with the right one: adds the disparity's error to the
+/// depth and clears in `keep` what finds no match.
+void Match(const StereoModel& model, const NoiseInput& input, double scale,
+           const MatchConfidence& confidence, const Image<float>& disparity_error,
+           MatchedView* matched, Image<std::uint8_t>* keep) {
+  DepthImage& depth = matched->view.depth;
+  const int width = depth.width(), height = depth.height();
+  const std::vector<FaceInfo> infos = FaceInfos(input);
+  const auto native_fb = static_cast<float>(model.focal_baseline);
+  const auto image_fb =
+      static_cast<float>(model.focal_baseline * width / model.native_width);  // px of this image
+  const auto largest_disparity =
+      static_cast<float>(model.largest_disparity * width / model.native_width);
+  const auto margin = static_cast<float>(kOcclusionMargin * scale);
   const auto fx = static_cast<float>(input.intrinsics.fx),
              cx = static_cast<float>(input.intrinsics.cx);
   const auto fy = static_cast<float>(input.intrinsics.fy),
              cy = static_cast<float>(input.intrinsics.cy);
-  const auto largest_image_disparity =
-      static_cast<float>(model.largest_disparity * width / model.native_width);
-  const auto margin = static_cast<float>(0.5 * scale);
   for (int v = 0; v < height; ++v) {
     const float y = (static_cast<float>(v) - cy) / fy;
     // Column of the right image that a surface further right covers already: what lies behind it is
@@ -127,43 +191,41 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
     for (int u = width - 1; u >= 0; --u) {
       const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
                             static_cast<std::size_t>(u);
-      const float z = out.depth[i];
-      if (faces[i] == 0 || z <= 0) {
-        keep[i] = 0;
+      const float z = depth[i];
+      if (matched->faces[i] == 0 || z <= 0) {
+        (*keep)[i] = 0;
         continue;
       }
-      const FaceInfo& face = infos[faces[i] - 1U];
+      const FaceInfo& face = infos[matched->faces[i] - 1U];
       const float x = (static_cast<float>(u) - cx) / fx;
       const float disparity = image_fb / z;
       const float column = static_cast<float>(u) - disparity;
       const bool occluded = column > covered + margin;
       covered = std::min(covered, column);
       const float cosine = std::min(face.height / (z * std::sqrt(x * x + y * y + 1)), 1.0F);
-      const float offset = face.is_structure ? structure_quality
-                                             : quality + 2.2F * (face.texture - 0.45F) -
-                                                   0.25F * std::max(z - 2.5F, 0.0F);
-      const float confidence = offset - 2.0F * std::max(0.35F - cosine, 0.0F) -
-                               8.0F * std::max(0.22F - cosine, 0.0F) + 0.9F * coarse[i] +
-                               0.4F * fine[i];
-      if (occluded || column < 0 || confidence < 0 || disparity > largest_image_disparity ||
-          v == 0) {
-        keep[i] = 0;
+      if (occluded || column < 0 || confidence.At(i, face, z, cosine) < 0 ||
+          disparity > largest_disparity || v == 0) {
+        (*keep)[i] = 0;
         continue;
       }
-      const auto error =
-          static_cast<float>(local_sigma) * local[i] + static_cast<float>(warp_sigma) * warp[i];
-      out.depth[i] = native_fb / std::max(native_fb / z + error, 0.5F);
+      depth[i] = native_fb / std::max(native_fb / z + disparity_error[i], kLeastDisparity);
     }
   }
-  for (std::size_t i = 0; i < keep.size(); ++i) {
-    if (!keep[i]) {
-      out.depth[i] = 0;
-      out.labels[i] = 0;
-    } else {
-      out.depth[i] = std::nearbyint(out.depth[i] * 1000) * 0.001F;
-    }
-  }
-  return out;
+}
+
+}  // namespace
+
+NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random) {
+  const int width = input.view.depth.width(), height = input.view.depth.height();
+  const double scale = width / kReferenceWidth;
+  MatchedView matched = Fatten(input.view, scale, random);
+  Image<std::uint8_t> keep(width, height, 1);
+  SpoilEdges(scale, random, &matched, &keep);
+  const Image<float> disparity_error = DisparityError(model, width, height, scale, random);
+  const MatchConfidence confidence(width, height, scale, random);
+  Match(model, input, scale, confidence, disparity_error, &matched, &keep);
+  RoundKept(keep, &matched.view);
+  return std::move(matched.view);
 }
 
 }  // namespace volalign

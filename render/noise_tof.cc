@@ -1,18 +1,55 @@
-#include "render/noise_models.h"
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "render/noise_fields.h"
+#include "render/noise_models.h"
 
 namespace volalign {
 namespace {
 
-// Figures of facts/sensors.md, section 1, are for images 320 px wide.
-constexpr double kReferenceWidth = 320;
-constexpr float kMultipathReach = 0.3F;  // m
-constexpr float kFillReach = 0.06F;      // m, of the spatial filter that rounds concave corners
+// The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
+// 320 px wide and scale with the width. A pair is the range that one number a frame is drawn from.
+constexpr double kReferenceWidth = 320, kReferenceHeight = 288;
+// Depth error.
+constexpr double kBias[2] = {-0.011, 0.011};                         // m
+constexpr double kWhiteGain[2] = {0.75, 1.25};                       // of the white noise
+constexpr float kWhiteNoise = 0.00012F, kWhiteNoiseSlope = 0.0001F;  // m, m a metre
+constexpr double kGrainSigma = 0.62;                                 // px, its smoothing
+constexpr float kLeastNoiseCosine = 0.15F;  // white noise grows no further at steeper incidence
+constexpr double kWarpRms[2] = {0.0014, 0.0056};  // m
+constexpr double kShortestWarp = 12;              // px of correlation
+constexpr double kWarpRatio = 5.0;                // of the longest to the shortest
+constexpr double kMultipath[2] = {0, 0.025};      // m, too far at a concave seam
+constexpr double kFill[2] = {0, 0.02};            // m, too near in the corner itself
+constexpr float kMultipathReach = 0.3F;           // m from the seam
+constexpr float kFillReach = 0.06F;  // m, of the spatial filter that rounds concave corners
+constexpr double kSeamRise = 0.02;   // m by which a box has to rise in front of a face
+// Weak returns.
+constexpr double kAmplitudeThreshold[2] = {0.001, 0.004};  // reflectivity cos / m^2, log-uniform
+constexpr double kPatchCorrelation[2] = {10, 30};          // px
+constexpr double kPatchLimit[2] = {1.2, 2.1};              // of a unit normal field, beyond: lost
+constexpr float kStructurePatchLimit = 1.3F;               // more of it on the structure
+constexpr float kPatchWave = 0.125F;  // of the threshold; its 4th power is close to exp(patch / 2)
+constexpr float kFarthest = 16.0F;    // m
+constexpr double kSpeckles = 25.0, kSpeckleGain[2] = {0.2, 2.0};  // mean number a frame
+constexpr double kSpeckleRadius[2] = {0.7, 3};                    // px
+// Depth edges.
+constexpr double kEdgeCorrelation = 25;                  // px along which gaps are alike
+constexpr float kLeastJump = 0.08F, kJumpRange = 0.22F;  // m; gaps are full from 0.3 m on
+constexpr float kGapDistance = 3.0F;  // m; gaps grow with the far depth, and are as stated here
+constexpr float kLeastGapGain = 0.5F, kMostGapGain = 1.2F;
+constexpr float kFlyingShare = 0.09F;  // of the edges without a gap: 3 % of all edges
+constexpr float kMixedJump = 0.3F;     // m, least jump of a mixed pixel that the vendor detects
+constexpr float kMixedLow = 0.15F, kMixedHigh = 0.85F;  // its depth between the neighbours'
+constexpr float kMixedDetected = 0.7F;                  // share of them that is dropped
+// Azure Kinect's illumination: |u - u0| <= half width - slope |v - v0| at 320x288.
+constexpr double kHexagonCentreU[2] = {158, 170}, kHexagonCentreV = 147.6;
+constexpr double kHexagonHalfWidth = 175.2, kHexagonSlopeAbove = 0.557, kHexagonSlopeBelow = 0.600;
+
+double Draw(const double (&range)[2], RandomStream& random) {
+  return random.Uniform(range[0], range[1]);
+}
 
 /// Face data that every pixel needs.
 struct FaceInfo {
@@ -64,7 +101,6 @@ std::vector<SeamBox> SeamBoxes(const NoiseInput& input) {
 }
 
 std::vector<FaceInfo> FaceInfos(const NoiseInput& input, const std::vector<SeamBox>& boxes) {
-  constexpr double kRise = 0.02;  // m
   const Eigen::Vector3d eye = input.structure_from_sensor.translation();
   const double floor = input.structure.FloorHeight();
   std::vector<FaceInfo> infos(input.mesh.faces.size());
@@ -79,7 +115,7 @@ std::vector<FaceInfo> FaceInfos(const NoiseInput& input, const std::vector<SeamB
     if (infos[i].height <= 0 || !(object.is_structure || is_floor)) continue;
     infos[i].meets_floor = object.is_structure && std::abs(face.normal.y()) < 0.5;
     for (std::size_t b = 0; b < boxes.size(); ++b) {
-      if (boxes[b].Support(face.normal.cast<float>()) > face.offset + kRise) {
+      if (boxes[b].Support(face.normal.cast<float>()) > face.offset + kSeamRise) {
         infos[i].seam_boxes |= std::uint64_t{1} << b;
       }
     }
@@ -104,12 +140,12 @@ float SeamDistance(const std::vector<SeamBox>& boxes, std::uint64_t seam_boxes,
 }
 
 void ClearOutsideHexagon(int width, int height, RandomStream& random, Image<std::uint8_t>* keep) {
-  constexpr double kCentreV = 147.6, kHalfWidth = 175.2, kAbove = 0.557, kBelow = 0.600;
-  const double centre_u = random.Uniform(158, 170);
-  const double su = 320.0 / width, sv = 288.0 / height;
+  const double centre_u = Draw(kHexagonCentreU, random);
+  const double su = kReferenceWidth / width, sv = kReferenceHeight / height;
   for (int v = 0; v < height; ++v) {
-    const double dv = (v + 0.5) * sv - 0.5 - kCentreV;
-    const double half = kHalfWidth - (dv < 0 ? -kAbove : kBelow) * dv;
+    const double dv = (v + 0.5) * sv - 0.5 - kHexagonCentreV;
+    const double half =
+        kHexagonHalfWidth - (dv < 0 ? -kHexagonSlopeAbove : kHexagonSlopeBelow) * dv;
     for (int u = 0; u < width; ++u) {
       if (std::abs((u + 0.5) * su - 0.5 - centre_u) > half) (*keep)(u, v) = 0;
     }
@@ -117,59 +153,46 @@ void ClearOutsideHexagon(int width, int height, RandomStream& random, Image<std:
 }
 
 /// Gaps along depth edges, and flying pixels where there is no gap.
-void SpoilEdges(const NoiseInput& input, double scale, RandomStream& random, DepthImage* depth,
-                LabelImage* labels, Image<std::uint8_t>* keep) {
-  const DepthImage& clean = input.view.depth;
-  const int width = clean.width(), height = clean.height();
-  const Image<float> coherence = SmoothField(width, height, 25 * scale, random);
+void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
+                Image<std::uint8_t>* keep) {
+  const int width = clean.depth.width(), height = clean.depth.height();
+  const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
-  const auto visit = [&](int u, int v, int du, int dv) {
-    if (input.view.faces(u, v) == input.view.faces(u + du, v + dv)) return;
-    const float a = clean(u, v), b = clean(u + du, v + dv);
+  ForEachNeighbourPair(width, height, [&](int u, int v, int p, int q, std::uint64_t pair) {
+    if (clean.faces(u, v) == clean.faces(p, q)) return;
+    const float a = clean.depth(u, v), b = clean.depth(p, q);
     const float jump = std::abs(a - b);
-    if (a == 0 || b == 0 || jump < 0.08F) return;
-    const std::uint64_t id =
-        2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
-             static_cast<std::uint64_t>(u)) +
-        static_cast<std::uint64_t>(dv);
-    const float share = std::min((jump - 0.08F) / 0.22F, 1.0F);
-    const float far = std::clamp(std::max(a, b) / 3.0F, 0.5F, 1.2F);
-    const float gap = GapWidth(NormalCdf(0.95F * coherence(u, v) + 0.31F * pixel.Normal(2 * id))) *
-                      share * far * static_cast<float>(scale);
-    const float dice = pixel.Uniform(2 * id + 1);
+    if (a == 0 || b == 0 || jump < kLeastJump) return;
+    const float share = std::min((jump - kLeastJump) / kJumpRange, 1.0F);
+    const float far = std::clamp(std::max(a, b) / kGapDistance, kLeastGapGain, kMostGapGain);
+    const float quantile = NormalCdf(0.95F * coherence(u, v) + 0.31F * pixel.Normal(2 * pair));
+    const float gap = GapWidth(quantile) * share * far * static_cast<float>(scale);
+    const float dice = pixel.Uniform(2 * pair + 1);
     const int count = static_cast<int>(gap + dice);
     const bool first_is_far = a > b;
-    const int far_u = first_is_far ? u : u + du, far_v = first_is_far ? v : v + dv;
+    const int far_u = first_is_far ? u : p, far_v = first_is_far ? v : q;
     if (count == 0) {
-      if (dice < 0.09F) {  // 3 % of all edges
-        const float near_z = std::min(a, b);
-        (*depth)(far_u, far_v) = near_z + jump * (0.2F + 0.6F * (dice / 0.09F));
-        (*labels)(far_u, far_v) = 0;
+      if (dice < kFlyingShare) {
+        noisy->depth(far_u, far_v) = std::min(a, b) + jump * (0.2F + 0.6F * (dice / kFlyingShare));
+        noisy->labels(far_u, far_v) = 0;
       }
       return;
     }
     const double toward_near = count % 2 == 0 ? 0.5 : 0.0;
     const double sign = first_is_far ? 1 : -1;
     const double r = 0.5 * count - 0.3;
-    ClearDisc(far_u + sign * toward_near * du, far_v + sign * toward_near * dv, r, keep);
-  };
-  for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u) {
-      if (u + 1 < width) visit(u, v, 1, 0);
-      if (v + 1 < height) visit(u, v, 0, 1);
-    }
-  }
+    ClearDisc(far_u + sign * toward_near * (p - u), far_v + sign * toward_near * (q - v), r, keep);
+  });
 }
 
 /// The vendor invalidates most pixels that mix two surfaces: at mid-depth between neighbours.
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
-  constexpr float kDetected = 0.7F;
   const PixelRandom pixel(random);
   const auto mixed = [](float a, float m, float b) {
     const float jump = b - a;
-    if (std::abs(jump) < 0.3F || a <= 0 || b <= 0) return false;
+    if (std::abs(jump) < kMixedJump || a <= 0 || b <= 0) return false;
     const float share = (m - a) / jump;
-    return share > 0.15F && share < 0.85F;
+    return share > kMixedLow && share < kMixedHigh;
   };
   for (int v = 0; v < depth.height(); ++v) {
     for (int u = 0; u < depth.width(); ++u) {
@@ -180,36 +203,44 @@ void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::u
       if (!found) continue;
       const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(depth.width()) +
                      static_cast<std::uint64_t>(u);
-      if (pixel.Uniform(i) < kDetected) (*keep)(u, v) = 0;
+      if (pixel.Uniform(i) < kMixedDetected) (*keep)(u, v) = 0;
     }
   }
 }
 
-}  // namespace
+/// What one frame has of each effect.
+struct FrameNoise {
+  float bias, white, warp_rms, multipath, fill, threshold;
+  Image<float> warp, patches;  // unit normal fields
+  float patch_limit;
+  Image<float> grain;  // of the white noise, unit variance
+};
 
-NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random) {
-  const RenderedView& view = input.view;
-  const int width = view.depth.width(), height = view.depth.height();
-  const double scale = width / kReferenceWidth;
-  NoisyView out{DepthImage(width, height), view.labels};
-  Image<std::uint8_t> keep(width, height, 1);
-
-  const auto bias = static_cast<float>(random.Uniform(-0.011, 0.011));
-  const auto white = static_cast<float>(random.Uniform(0.75, 1.25));
-  const auto warp_rms = static_cast<float>(random.Uniform(0.0014, 0.0056));
-  const auto multipath = static_cast<float>(random.Uniform(0, 0.025));
-  const auto fill = static_cast<float>(random.Uniform(0, 0.02));
-  const auto threshold =
-      static_cast<float>(std::exp(random.Uniform(std::log(0.001), std::log(0.004))));
-  const Image<float> warp =
-      SmoothField(width, height, scale * 12 * std::exp(random.Uniform(0, std::log(5.0))), random);
-  const Image<float> patches = SmoothField(width, height, scale * random.Uniform(10, 30), random);
-  const auto patch_limit = static_cast<float>(random.Uniform(1.2, 2.1));
+FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& random) {
+  FrameNoise frame;
+  frame.bias = static_cast<float>(Draw(kBias, random));
+  frame.white = static_cast<float>(Draw(kWhiteGain, random));
+  frame.warp_rms = static_cast<float>(Draw(kWarpRms, random));
+  frame.multipath = static_cast<float>(Draw(kMultipath, random));
+  frame.fill = static_cast<float>(Draw(kFill, random));
+  frame.threshold = static_cast<float>(
+      std::exp(random.Uniform(std::log(kAmplitudeThreshold[0]), std::log(kAmplitudeThreshold[1]))));
+  const double warp_correlation =
+      scale * kShortestWarp * std::exp(random.Uniform(0, std::log(kWarpRatio)));
+  frame.warp = SmoothField(width, height, warp_correlation, random);
+  frame.patches = SmoothField(width, height, scale * Draw(kPatchCorrelation, random), random);
+  frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
-  Image<float> grain(width, height);
-  for (std::size_t k = 0; k < grain.size(); ++k) grain[k] = pixel.Normal(k);
-  SmoothUnitNoise(0.62 * scale, 0.62 * scale, &grain);
+  frame.grain = Image<float>(width, height);
+  for (std::size_t k = 0; k < frame.grain.size(); ++k) frame.grain[k] = pixel.Normal(k);
+  SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
+  return frame;
+}
 
+/// Adds the depth errors of `frame`, and clears in `keep` what returns too little light.
+void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* depth,
+                  Image<std::uint8_t>* keep) {
+  const RenderedView& view = input.view;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<FaceInfo> infos = FaceInfos(input, boxes);
   const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
@@ -220,12 +251,12 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
   const auto fy = static_cast<float>(input.intrinsics.fy),
              cy = static_cast<float>(input.intrinsics.cy);
   std::size_t i = 0;
-  for (int v = 0; v < height; ++v) {
+  for (int v = 0; v < depth->height(); ++v) {
     const float y = (static_cast<float>(v) - cy) / fy;
-    for (int u = 0; u < width; ++u, ++i) {
+    for (int u = 0; u < depth->width(); ++u, ++i) {
       const float z = view.depth[i];
       if (view.faces[i] == 0) {
-        keep[i] = 0;
+        (*keep)[i] = 0;
         continue;
       }
       const FaceInfo& face = infos[view.faces[i] - 1U];
@@ -233,46 +264,59 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
       const float ray = std::sqrt(x * x + y * y + 1);
       const float range = z * ray;
       const float cosine = std::max(face.height / range, 0.01F);
-      const float inverse = 1 / std::max(cosine, 0.15F);
+      const float inverse = 1 / std::max(cosine, kLeastNoiseCosine);
       const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
-      float error =
-          bias + warp_rms * warp[i] + white * (0.00012F + 0.0001F * z) * grazing * grain[i];
+      float error = frame.bias + frame.warp_rms * frame.warp[i] +
+                    frame.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * frame.grain[i];
       if (face.meets_floor || face.seam_boxes != 0) {
         const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(x, y, 1));
         float seam = SeamDistance(boxes, face.seam_boxes, p);
         if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error +=
-            multipath * (1 - seam / kMultipathReach) - fill * std::max(1 - seam / kFillReach, 0.0F);
+        error += frame.multipath * (1 - seam / kMultipathReach) -
+                 frame.fill * std::max(1 - seam / kFillReach, 0.0F);
       }
-      out.depth[i] = z + error;
+      (*depth)[i] = z + error;
 
       const float amplitude = face.reflectivity * cosine / (range * range);
-      const float limit = face.is_structure ? patch_limit + 1.3F : patch_limit;
-      const float wave = 1 + 0.125F * patches[i];  // its 4th power is close to exp(patches / 2)
-      if (amplitude < threshold * wave * wave * wave * wave || patches[i] > limit || z > 16.0F) {
-        keep[i] = 0;
+      const float limit =
+          face.is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit;
+      const float wave = 1 + kPatchWave * frame.patches[i];
+      if (amplitude < frame.threshold * wave * wave * wave * wave || frame.patches[i] > limit ||
+          z > kFarthest) {
+        (*keep)[i] = 0;
       }
     }
   }
+}
 
-  SpoilEdges(input, scale, random, &out.depth, &out.labels, &keep);
-  DropMixedPixels(random, out.depth, &keep);
-  const int speckles = DrawPoisson(
-      25.0 * random.Uniform(0.2, 2.0) * width * height / (320.0 * 288.0) / (scale * scale), random);
+/// Clears small ellipses anywhere.
+void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep) {
+  const int width = keep->width(), height = keep->height();
+  const int speckles = DrawPoisson(kSpeckles * Draw(kSpeckleGain, random) * width * height /
+                                       (kReferenceWidth * kReferenceHeight) / (scale * scale),
+                                   random);
   for (int k = 0; k < speckles; ++k) {
     const double u = random.Uniform(0, width), v = random.Uniform(0, height);
-    const double a = scale * random.Uniform(0.7, 3), b = scale * random.Uniform(0.7, 3);
-    ClearEllipse(u, v, a, b, random.Uniform(0, 3.14159), &keep);
+    const double a = scale * Draw(kSpeckleRadius, random);
+    const double b = scale * Draw(kSpeckleRadius, random);
+    ClearEllipse(u, v, a, b, random.Uniform(0, 3.14159), keep);
   }
+}
+
+}  // namespace
+
+NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random) {
+  const int width = input.view.depth.width(), height = input.view.depth.height();
+  const double scale = width / kReferenceWidth;
+  NoisyView out{DepthImage(width, height), input.view.labels};
+  Image<std::uint8_t> keep(width, height, 1);
+  const FrameNoise frame = DrawFrameNoise(width, height, scale, random);
+  MeasureDepth(input, frame, &out.depth, &keep);
+  SpoilEdges(input.view, scale, random, &out, &keep);
+  DropMixedPixels(random, out.depth, &keep);
+  ClearSpeckles(scale, random, &keep);
   if (model.hexagon) ClearOutsideHexagon(width, height, random, &keep);
-  for (std::size_t k = 0; k < keep.size(); ++k) {
-    if (!keep[k] || out.depth[k] <= 0) {
-      out.depth[k] = 0;
-      out.labels[k] = 0;
-    } else {
-      out.depth[k] = std::nearbyint(out.depth[k] * 1000) * 0.001F;
-    }
-  }
+  RoundKept(keep, &out);
   return out;
 }
 

@@ -10,10 +10,10 @@
 
 #include "core/error.h"
 #include "core/image_io.h"
+#include "core/image_size.h"
 #include "core/picture.h"
 #include "render/depth_renderer.h"
 #include "render/depth_statistics.h"
-#include "render/image_size.h"
 #include "render/sample.h"
 
 namespace volalign {

@@ -1,88 +1,17 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "core/camera.h"
-#include "core/config.h"
 #include "core/image.h"
 #include "core/pose.h"
+#include "core/rig.h"
 #include "core/structure.h"
-#include "render/sample_config.h"
 
 namespace volalign {
 
 class DepthRenderer;
-
-/// One sensor of a rig. The rig's frame is the structure's at structure_yaw_deg = 0; the position
-/// is (rho cos phi, floor + height, rho sin phi).
-struct RigSensor {
-  std::string name;
-  std::string sensor = "realsense_d415";
-  double rho_cm = 200;
-  double phi_deg = 0;
-  double height_cm = 100;
-  double roll_deg = 90;
-  std::array<double, 3> look_at_cm{0, 0, 0};
-  std::string image_size;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("name", name, "unique; names the files");
-    ar("sensor", sensor, "of the intrinsics pool; also chooses the noise model");
-    ar("rho_cm", rho_cm, "horizontal distance from the rig's centre, cm", Above(0));
-    ar("phi_deg", phi_deg, "angle about the vertical from +x towards +z, deg");
-    ar("height_cm", height_cm, "height above the floor, cm", Above(0));
-    ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
-    ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
-    ar("image_size", image_size,
-       "WIDTHxHEIGHT; empty: the pool's own size, a quarter of it where that is wider than 640");
-  }
-};
-
-/// A simulated multi-sensor capture (design section 9, rig.yaml).
-struct Rig {
-  Rig() {
-    scene.clutter_count = {6, 20};
-    scene.tripod_count = {0, 0};
-    scene.occluder_probability = 0;
-    assembly = {0, 0, 0, 0};
-  }
-
-  std::string structure = "configs/structure.yaml";
-  std::string intrinsics = "configs/intrinsics.yaml";
-  double structure_yaw_deg = 0;
-  bool structure_present = true;
-  bool room = true;
-  bool tripods = true;
-  std::string noise = "sensor";
-  std::uint64_t seed = 1;
-  std::vector<RigSensor> sensors;
-  SceneConfig scene;
-  AssemblyConfig assembly;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("structure", structure, "structure file, .yaml or .glb");
-    ar("intrinsics", intrinsics, "pool of measured intrinsics");
-    ar("structure_yaw_deg", structure_yaw_deg,
-       "turn of the structure about the vertical in the rig, deg");
-    ar("structure_present", structure_present, "false: the room alone, to test failure");
-    ar("room", room, "false: nothing but the structure");
-    ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
-    ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
-    ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
-    ar("sensors", sensors, "the sensors");
-    ar("scene", scene, "the room's content; room_probability and structure_probability count as 1");
-    ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
-  }
-};
-
-/// Reads and checks a rig: at least one sensor, names unique and fit for file names. Throws
-/// ConfigError.
-Rig ReadRig(const ConfigSource& source);
 
 /// What one sensor of a rig measures. All images have the intrinsics' size.
 struct CapturedSensor {
@@ -108,8 +37,5 @@ struct RigCapture {
 /// of the rig. Throws ConfigError (a sensor that the pool lacks, an image size of another aspect
 /// ratio), IoError or DataError.
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer);
-
-/// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
-Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
 
 }  // namespace volalign

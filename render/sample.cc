@@ -7,10 +7,10 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/image_size.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
-#include "render/image_size.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/scene.h"

@@ -15,7 +15,7 @@ namespace volalign {
 
 class DepthRenderer;
 
-/// One training sample (design section 4). All images have the intrinsics' size.
+/// One training sample. All images have the intrinsics' size.
 struct Sample {
   std::uint64_t index = 0;
   DepthImage depth;         ///< m, what the sensor would deliver; 0 where it measures nothing
@@ -46,7 +46,7 @@ struct SampleContext {
 /// has the aspect ratio of, an unknown sensor), IoError or DataError.
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size);
 
-/// A pure function of its arguments (design section 4): same bytes whatever was drawn before and on
+/// A pure function of its arguments: same bytes whatever was drawn before and on
 /// whichever thread. The renderer's GL context must be current on the calling thread.
 Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
                   std::uint64_t index);

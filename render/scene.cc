@@ -151,25 +151,36 @@ class SceneBuilder {
 
   void AddRoom() {
     RandomStream random(seed_, index_, "room");
-    room_.present = random.Chance(config_.room_probability);
-    room_.yaw = random.Uniform(0, 0.5 * kPi);
+    room_ = DrawRoom(random);
+    if (!room_.present) return;
+    AppendShell(random);
+    AppendBaseboardsAndFixtures(random);
+  }
+
+  Room DrawRoom(RandomStream& random) const {
+    Room room;
+    room.present = random.Chance(config_.room_probability);
+    room.yaw = random.Uniform(0, 0.5 * kPi);
     for (int wall = 0; wall < 4; ++wall) {
-      double& d = room_.distance[static_cast<std::size_t>(wall)];
+      double& d = room.distance[static_cast<std::size_t>(wall)];
       d = random.Uniform(config_.wall_distance_m[0], config_.wall_distance_m[1]);
       for (const Pose& sensor : options_.structure_from_sensors) {
         const Eigen::Vector2d at(sensor.translation().x(), sensor.translation().z());
-        d = std::max(d, at.dot(room_.Direction(wall)) + kSensorClearance);
+        d = std::max(d, at.dot(room.Direction(wall)) + kSensorClearance);
       }
     }
-    room_.has_ceiling = random.Chance(config_.ceiling_probability);
-    room_.height = random.Uniform(config_.ceiling_height_m[0], config_.ceiling_height_m[1]);
+    room.has_ceiling = random.Chance(config_.ceiling_probability);
+    room.height = random.Uniform(config_.ceiling_height_m[0], config_.ceiling_height_m[1]);
     for (const Pose& sensor : options_.structure_from_sensors) {
-      room_.height = std::max(room_.height, sensor.translation().y() - floor_ + 0.2);
+      room.height = std::max(room.height, sensor.translation().y() - floor_ + 0.2);
     }
-    room_.height = std::max(room_.height, structure_.Height() + 0.1);
-    if (!room_.has_ceiling) room_.height += 3;
-    if (!room_.present) return;
+    room.height = std::max(room.height, structure_.Height() + 0.1);
+    if (!room.has_ceiling) room.height += 3;
+    return room;
+  }
 
+  /// Floor, walls and, perhaps, the ceiling.
+  void AppendShell(RandomStream& random) {
     const auto corner = [this](int wall, double y) {
       const auto w = static_cast<std::size_t>(wall % 4);
       const auto next = static_cast<std::size_t>((wall + 1) % 4);
@@ -200,26 +211,29 @@ class SceneBuilder {
       mesh_.AppendQuad({corner(0, h), corner(1, h), corner(2, h), corner(3, h)},
                        -Eigen::Vector3d::UnitY());
     }
+  }
+
+  /// Along the walls; fixtures are doors, windows, boards and shelves.
+  void AppendBaseboardsAndFixtures(RandomStream& random) {
     const bool baseboard = random.Chance(0.5);
     const double baseboard_height = random.Uniform(0.06, 0.25);
     SceneObject rubber;
     rubber.reflectivity = static_cast<float>(random.Uniform(0.01, 0.1));
     for (int wall = 0; wall < 4; ++wall) {
+      const double left = room_.distance[static_cast<std::size_t>((wall + 3) % 4)];
+      const double right = room_.distance[static_cast<std::size_t>((wall + 1) % 4)];
       if (baseboard) {
         mesh_.BeginObject(rubber);
-        AddOnWall(wall, 0, 0.5 * baseboard_height,
-                  2 * (room_.distance[static_cast<std::size_t>((wall + 1) % 4)] +
-                       room_.distance[static_cast<std::size_t>((wall + 3) % 4)]),
-                  baseboard_height, 0.02);
+        AddOnWall(wall, 0, 0.5 * baseboard_height, 2 * (right + left), baseboard_height, 0.02);
       }
-      const int fixtures = random.Below(4);  // doors, windows, boards, shelves
+      const int fixtures = random.Below(4);
       for (int i = 0; i < fixtures; ++i) {
         mesh_.BeginObject(Material(random));
         const double width = random.Uniform(0.3, 1.8), height = random.Uniform(0.2, 1.6);
-        const double along =
-            random.Uniform(-room_.distance[static_cast<std::size_t>((wall + 3) % 4)],
-                           room_.distance[static_cast<std::size_t>((wall + 1) % 4)]);
-        AddOnWall(wall, along, random.Uniform(0.3, 2.2), width, height, random.Uniform(0.01, 0.3));
+        const double along = random.Uniform(-left, right);
+        const double depth = random.Uniform(0.01, 0.3);
+        const double up = random.Uniform(0.3, 2.2);
+        AddOnWall(wall, along, up, width, height, depth);
       }
     }
   }
@@ -324,7 +338,7 @@ class SceneBuilder {
     }
     if (!free) return;
     if (kind != Furniture::kLamp) placed_.push_back(footprint);
-    AppendFurniture(kind, base, half_x, half_z, height, random);
+    AppendFurniture(kind, {base, half_x, half_z, height}, random);
   }
 
   void AppendLegs(const Pose& base, double half_x, double half_z, double height, double width) {
@@ -336,108 +350,147 @@ class SceneBuilder {
     }
   }
 
-  void AppendFurniture(Furniture kind, const Pose& base, double half_x, double half_z,
-                       double height, RandomStream& random) {
-    const double wx = 2 * half_x, wz = 2 * half_z;
+  /// A piece of furniture on its footprint: half extents and height, m.
+  struct Piece {
+    Pose base;
+    double half_x = 0, half_z = 0, height = 0;
+    double wx() const { return 2 * half_x; }
+    double wz() const { return 2 * half_z; }
+  };
+
+  void AppendFurniture(Furniture kind, const Piece& piece, RandomStream& random) {
     mesh_.BeginObject(Material(random));
     switch (kind) {
       case Furniture::kBox:
-        BoxAt(base, {0, 0.5 * height, 0}, {wx, height, wz});
+        BoxAt(piece.base, {0, 0.5 * piece.height, 0}, {piece.wx(), piece.height, piece.wz()});
         break;
       case Furniture::kTable:
-      case Furniture::kDesk: {
-        const double top = random.Uniform(0.02, 0.06);
-        BoxAt(base, {0, height - 0.5 * top, 0}, {wx, top, wz});
-        AppendLegs(base, half_x, half_z, height - top, random.Uniform(0.03, 0.08));
-        const int things = random.Below(4);
-        for (int i = 0; i < things; ++i) {
-          mesh_.BeginObject(Material(random));
-          const double x = random.Uniform(-0.7, 0.7) * half_x,
-                       z = random.Uniform(-0.6, 0.6) * half_z;
-          if (kind == Furniture::kDesk) {  // monitors
-            const double w = random.Uniform(0.35, 0.65), h = random.Uniform(0.25, 0.4);
-            BoxAt(base, {x, height + 0.1 + 0.5 * h, z}, {w, h, 0.03});
-            BoxAt(base, {x, height + 0.06, z + 0.03}, {0.06, 0.12, 0.03});
-          } else {
-            const double w = random.Uniform(0.08, 0.4), h = random.Uniform(0.05, 0.4);
-            BoxAt(base, {x, height + 0.5 * h, z}, {w, h, random.Uniform(0.08, 0.3)});
-          }
-        }
+        AppendTable(piece, /*monitors=*/false, random);
         break;
-      }
-      case Furniture::kCabinet: {
-        if (random.Chance(0.5)) {
-          BoxAt(base, {0, 0.5 * height, 0}, {wx, height, wz});
-          break;
-        }
-        const int boards = 2 + random.Below(4);
-        for (int i = 0; i <= boards; ++i) {
-          BoxAt(base, {0, 0.015 + (height - 0.03) * i / boards, 0}, {wx, 0.03, wz});
-        }
-        for (const double x : {-1.0, 1.0}) {
-          BoxAt(base, {x * (half_x - 0.01), 0.5 * height, 0}, {0.02, height, wz});
-        }
+      case Furniture::kDesk:
+        AppendTable(piece, /*monitors=*/true, random);
         break;
-      }
-      case Furniture::kChair: {
-        const double seat = std::min(0.5, 0.55 * height);
-        BoxAt(base, {0, seat, 0}, {wx, 0.06, wz});
-        BoxAt(base, {0, 0.5 * (seat + height), half_z - 0.03}, {wx, height - seat, 0.05});
-        AppendLegs(base, half_x, half_z, seat - 0.03, 0.04);
+      case Furniture::kCabinet:
+        AppendCabinet(piece, random);
         break;
-      }
+      case Furniture::kChair:
+        AppendChair(piece);
+        break;
       case Furniture::kPole:
-        mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, height, 0),
-                             half_x, 10);
+        mesh_.AppendCylinder(piece.base * Eigen::Vector3d::Zero(),
+                             piece.base * Eigen::Vector3d(0, piece.height, 0), piece.half_x, 10);
         break;
-      case Furniture::kBall: {
-        const double raised = random.Chance(0.3) ? random.Uniform(0, 1.5) : 0;
-        mesh_.AppendSphere(base * Eigen::Vector3d(0, half_x + raised, 0), half_x, 10);
-        if (raised > 0) {
-          mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, raised, 0),
-                               0.03, 6);
-        }
+      case Furniture::kBall:
+        AppendBall(piece, random);
         break;
-      }
-      case Furniture::kPerson: {
-        const double hip = 0.5 * height, shoulder = 0.8 * height;
-        const double sway = random.Uniform(-0.15, 0.15);
-        for (const double side : {-1.0, 1.0}) {
-          mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.1, 0.06, side * sway),
-                              base * Eigen::Vector3d(side * 0.09, hip, 0), 0.08, 7);
-          mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.21, shoulder - 0.04, 0),
-                              base * Eigen::Vector3d(side * random.Uniform(0.2, 0.3), hip,
-                                                     random.Uniform(-0.2, 0.2)),
-                              0.05, 6);
-        }
-        mesh_.AppendCapsule(base * Eigen::Vector3d(0, hip + 0.05, 0),
-                            base * Eigen::Vector3d(0, shoulder - 0.12, 0), 0.17, 9);
-        mesh_.AppendSphere(base * Eigen::Vector3d(0, height - 0.12, 0), 0.12, 9);
+      case Furniture::kPerson:
+        AppendPerson(piece, random);
         break;
-      }
-      case Furniture::kStack: {
-        double y = 0;
-        const int boxes = 1 + random.Below(3);
-        for (int i = 0; i < boxes; ++i) {
-          const double h = height / 3 * random.Uniform(0.6, 1);
-          Pose turned = base;
-          turned.linear() *= Eigen::AngleAxisd(random.Uniform(-0.2, 0.2), Eigen::Vector3d::UnitY())
-                                 .toRotationMatrix();
-          BoxAt(turned, {0, y + 0.5 * h, 0},
-                {wx * random.Uniform(0.7, 1), h, wz * random.Uniform(0.7, 1)});
-          y += h;
-        }
+      case Furniture::kStack:
+        AppendStack(piece, random);
         break;
-      }
-      case Furniture::kLamp: {
-        const double end = random.Uniform(1.9, 2.3);
-        const double top = std::max(room_.height, end + 0.1);
-        mesh_.AppendCylinder(base * Eigen::Vector3d(0, end, 0), base * Eigen::Vector3d(0, top, 0),
-                             random.Uniform(0.015, 0.05), 6);
-        BoxAt(base, {0, end, 0}, {0.3 * wx + 0.1, random.Uniform(0.04, 0.2), 0.3 * wz + 0.1});
+      case Furniture::kLamp:
+        AppendLamp(piece, random);
         break;
+    }
+  }
+
+  /// With things, or monitors, standing on it.
+  void AppendTable(const Piece& piece, bool monitors, RandomStream& random) {
+    const auto& [base, half_x, half_z, height] = piece;
+    const double top = random.Uniform(0.02, 0.06);
+    BoxAt(base, {0, height - 0.5 * top, 0}, {piece.wx(), top, piece.wz()});
+    AppendLegs(base, half_x, half_z, height - top, random.Uniform(0.03, 0.08));
+    const int things = random.Below(4);
+    for (int i = 0; i < things; ++i) {
+      mesh_.BeginObject(Material(random));
+      const double x = random.Uniform(-0.7, 0.7) * half_x, z = random.Uniform(-0.6, 0.6) * half_z;
+      if (monitors) {
+        const double w = random.Uniform(0.35, 0.65), h = random.Uniform(0.25, 0.4);
+        BoxAt(base, {x, height + 0.1 + 0.5 * h, z}, {w, h, 0.03});
+        BoxAt(base, {x, height + 0.06, z + 0.03}, {0.06, 0.12, 0.03});
+      } else {
+        const double w = random.Uniform(0.08, 0.4), h = random.Uniform(0.05, 0.4);
+        BoxAt(base, {x, height + 0.5 * h, z}, {w, h, random.Uniform(0.08, 0.3)});
       }
     }
+  }
+
+  /// Closed, or open shelves.
+  void AppendCabinet(const Piece& piece, RandomStream& random) {
+    const auto& [base, half_x, half_z, height] = piece;
+    if (random.Chance(0.5)) {
+      BoxAt(base, {0, 0.5 * height, 0}, {piece.wx(), height, piece.wz()});
+      return;
+    }
+    const int boards = 2 + random.Below(4);
+    for (int i = 0; i <= boards; ++i) {
+      BoxAt(base, {0, 0.015 + (height - 0.03) * i / boards, 0}, {piece.wx(), 0.03, piece.wz()});
+    }
+    for (const double x : {-1.0, 1.0}) {
+      BoxAt(base, {x * (half_x - 0.01), 0.5 * height, 0}, {0.02, height, piece.wz()});
+    }
+  }
+
+  void AppendChair(const Piece& piece) {
+    const auto& [base, half_x, half_z, height] = piece;
+    const double seat = std::min(0.5, 0.55 * height);
+    BoxAt(base, {0, seat, 0}, {piece.wx(), 0.06, piece.wz()});
+    BoxAt(base, {0, 0.5 * (seat + height), half_z - 0.03}, {piece.wx(), height - seat, 0.05});
+    AppendLegs(base, half_x, half_z, seat - 0.03, 0.04);
+  }
+
+  /// On the floor, or on a stick.
+  void AppendBall(const Piece& piece, RandomStream& random) {
+    const double radius = piece.half_x;
+    const double raised = random.Chance(0.3) ? random.Uniform(0, 1.5) : 0;
+    mesh_.AppendSphere(piece.base * Eigen::Vector3d(0, radius + raised, 0), radius, 10);
+    if (raised > 0) {
+      mesh_.AppendCylinder(piece.base * Eigen::Vector3d::Zero(),
+                           piece.base * Eigen::Vector3d(0, raised, 0), 0.03, 6);
+    }
+  }
+
+  void AppendPerson(const Piece& piece, RandomStream& random) {
+    const Pose& base = piece.base;
+    const double hip = 0.5 * piece.height, shoulder = 0.8 * piece.height;
+    const double sway = random.Uniform(-0.15, 0.15);
+    for (const double side : {-1.0, 1.0}) {
+      mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.1, 0.06, side * sway),
+                          base * Eigen::Vector3d(side * 0.09, hip, 0), 0.08, 7);
+      const double hand_z = random.Uniform(-0.2, 0.2);
+      const double hand_x = random.Uniform(0.2, 0.3);
+      mesh_.AppendCapsule(base * Eigen::Vector3d(side * 0.21, shoulder - 0.04, 0),
+                          base * Eigen::Vector3d(side * hand_x, hip, hand_z), 0.05, 6);
+    }
+    mesh_.AppendCapsule(base * Eigen::Vector3d(0, hip + 0.05, 0),
+                        base * Eigen::Vector3d(0, shoulder - 0.12, 0), 0.17, 9);
+    mesh_.AppendSphere(base * Eigen::Vector3d(0, piece.height - 0.12, 0), 0.12, 9);
+  }
+
+  /// One to three boxes, each turned a little.
+  void AppendStack(const Piece& piece, RandomStream& random) {
+    double y = 0;
+    const int boxes = 1 + random.Below(3);
+    for (int i = 0; i < boxes; ++i) {
+      const double h = piece.height / 3 * random.Uniform(0.6, 1);
+      Pose turned = piece.base;
+      turned.linear() *=
+          Eigen::AngleAxisd(random.Uniform(-0.2, 0.2), Eigen::Vector3d::UnitY()).toRotationMatrix();
+      BoxAt(turned, {0, y + 0.5 * h, 0},
+            {piece.wx() * random.Uniform(0.7, 1), h, piece.wz() * random.Uniform(0.7, 1)});
+      y += h;
+    }
+  }
+
+  /// Hangs from the ceiling.
+  void AppendLamp(const Piece& piece, RandomStream& random) {
+    const double end = random.Uniform(1.9, 2.3);
+    const double top = std::max(room_.height, end + 0.1);
+    mesh_.AppendCylinder(piece.base * Eigen::Vector3d(0, end, 0),
+                         piece.base * Eigen::Vector3d(0, top, 0), random.Uniform(0.015, 0.05), 6);
+    BoxAt(piece.base, {0, end, 0},
+          {0.3 * piece.wx() + 0.1, random.Uniform(0.04, 0.2), 0.3 * piece.wz() + 0.1});
   }
 
   void AddTripods() {
@@ -451,10 +504,11 @@ class SceneBuilder {
         const double rho =
             random.Uniform(config_.tripod_distance_m[0], config_.tripod_distance_m[1]);
         const double phi = random.Uniform(0, 2 * kPi);
-        place =
-            LookAt({rho * std::cos(phi), floor_ + random.Uniform(0.9, 1.5), rho * std::sin(phi)},
-                   {random.Uniform(-0.2, 0.2), floor_ + 0.8, random.Uniform(-0.2, 0.2)},
-                   random.Chance(0.5) ? 0.5 * kPi : 0);
+        const double roll = random.Chance(0.5) ? 0.5 * kPi : 0;
+        const double look_x = random.Uniform(-0.2, 0.2), look_z = random.Uniform(-0.2, 0.2);
+        const double height = random.Uniform(0.9, 1.5);
+        place = LookAt({rho * std::cos(phi), floor_ + height, rho * std::sin(phi)},
+                       {look_x, floor_ + 0.8, look_z}, roll);
         const Footprint footprint =
             FootprintOf(Upright(place.translation().x(), 0, place.translation().z(), 0), 0.3, 0.3);
         free = Free(footprint, config_.clutter_clearance_m, /*keep_corridors=*/true);

@@ -15,7 +15,7 @@ namespace volalign {
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples);
 
 /// Markdown table: all samples, each sensor, and each band of horizontal distance 150-225, 225-275
-/// and 275-350 cm (design section 7) that has samples.
+/// and 275-350 cm that has samples: what each of the paper's three ranges adds to the one before.
 std::string ValidationTable(const ValidationResult& result);
 
 }  // namespace volalign

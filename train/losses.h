@@ -23,7 +23,7 @@ struct LossTerms {
   at::Tensor degenerate;    ///< int64 scalar, samples that added nothing to `procrustes`
 };
 
-/// L = L_seg + lambda L_3D (paper, eq. loss_function; design section 6).
+/// L = L_seg + lambda L_3D (paper, section "Soft Procrustes").
 class TrainingLoss {
  public:
   TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);

@@ -23,7 +23,8 @@
 namespace volalign {
 namespace {
 
-/// facts/sensors.md section 5, "Practice": relative to the largest singular value.
+/// Least (s2 + d s3) / s1 at which the rotation counts as determined: its derivative grows with the
+/// inverse, and float32 keypoints are no better than this.
 constexpr double kMinSigmaSum = 1e-3;
 /// Under this total probability a keypoint counts as absent; log-softmax in float32 reaches it only
 /// at saturation.

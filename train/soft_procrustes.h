@@ -17,7 +17,7 @@ at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& intrinsics);
 at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points);
 
 /// The proper rotation R [B,3,3] that maximises tr(R^T M) for M [B,3,3] (orthogonal Procrustes
-/// problem), with the closed- form adjoint dL/dM = U' Z V^T, Z_ij = (Y_ij - Y_ji) / (sigma_i +
+/// problem), with the closed-form adjoint dL/dM = U' Z V^T, Z_ij = (Y_ij - Y_ji) / (sigma_i +
 /// sigma_j), Y = U'^T dL/dR V. Unlike the backward of an SVD it is finite for repeated and
 /// vanishing singular values. Computed in float64; type of `m`. Where the rotation is not
 /// determined (DeterminedRotation is false) the gradient is zero.
@@ -36,7 +36,7 @@ struct ProcrustesLoss {
       degenerate;  ///< int64 scalar: samples whose keypoints fix no rotation; they add nothing
 };
 
-/// Design section 6: L_3D = ||M . (S^ - Omega C^)||_F per sample, with C [B,K-1,3] sensor frame, S
+/// The paper's loss (section "Soft Procrustes"): L_3D = ||M . (S^ - Omega C^)||_F per sample, with C [B,K-1,3] sensor frame, S
 /// [K-1,3] structure frame, visible [B,K-1] bool; both sets are centred over the visible sides,
 /// Omega aligns C^ to S^. A sample adds nothing and is counted where the second singular value of
 /// its visible centred S is below kMinSecondSingularValue (core/procrustes.h) or the rotation is

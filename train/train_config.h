@@ -33,7 +33,7 @@ struct ModelConfig {
   StructureNetOptions Options(int num_classes) const;
 };
 
-/// Design section 6.
+/// L = L_seg + lambda L_3D, the paper's loss; the defaults are the paper's.
 struct LossConfig {
   bool procrustes = true;
   double lambda = 0.1;
@@ -112,13 +112,13 @@ struct RunConfig {
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
     ar("seed", seed, "of weights and training samples", AtLeast(0));
-    ar("validation_seed", validation_seed, "of validation samples, other than seed", AtLeast(0));
+    ar("validation_seed", validation_seed, "of validation samples; has to differ from run.seed", AtLeast(0));
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
        AtLeast(0));
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
     ar("checkpoint_every", checkpoint_every, "samples between checkpoints", AtLeast(1));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
-    ar("precision", precision, "fp32, or bf16 for all that design section 5 allows",
+    ar("precision", precision, "fp32, or bf16 for everything but depth, the first convolution and the soft Procrustes term",
        OneOf({"fp32", "bf16"}));
     ar("channels_last", channels_last, "memory layout of the activations");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");

@@ -40,12 +40,13 @@ struct TrainingData {
   std::function<std::unique_ptr<SampleSource>(std::uint64_t seed, std::uint64_t first_index)> open;
 };
 
-/// Trains a network (design sections 5-7) on samples rendered as it goes, or on run.dataset, and
+/// Trains a network on samples rendered as it goes, or on run.dataset, and
 /// fills the run folder:
 ///   config.yaml    the resolved configuration
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
-///   validation last.state     all that --resume needs (format volalign.training/1) model.pt the
-///   deployable checkpoint (core/checkpoint.h) of the averaged weights
+///                  validation
+///   last.state     all that --resume needs (format volalign.training/1)
+///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
 /// SIGINT and SIGTERM stop it after the current step, with the state saved.
 /// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
 /// run is there already; loss or gradient is not finite), IoError, DataError.

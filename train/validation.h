@@ -25,9 +25,9 @@ struct ValidationResult {
   int samples = 0;
   double loss_seg = 0;
   double loss_3d = 0;
-  double miou = 0;             ///< design section 10
-  double miou_authors = 0;     ///< design section 10
-  int posed = 0;               ///< samples whose predicted keypoints fix a pose (design section 2)
+  double miou = 0;             ///< over the classes present in an image (core/metrics.h)
+  double miou_authors = 0;     ///< over all classes
+  int posed = 0;               ///< samples whose predicted keypoints fix a pose (core/procrustes.h)
   double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
   double median_translation_error_m = 0;  ///< over posed samples
   double median_rotation_error_deg = 0;   ///< over posed samples
@@ -39,7 +39,7 @@ ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
 /// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
 /// source. A predicted side is used from 20 pixels on; its keypoint is the mean of the argmax
-/// pixels' points, weighted by z^3, their area on a plane (facts/sensors.md, section 6).
+/// pixels' points, weighted by z^3, their area on a plane up to a constant.
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
                           const at::Device& device, bool channels_last);

@@ -41,7 +41,7 @@ struct OwnPose {
 };
 
 /// The sensor's pose from its own view, everything that may be estimated being free.
-OwnPose RefineAlone(const RefineView& points, const InitialPose& initial,
+OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial,
                     const Structure& structure, const RefineOptions& options) {
   RefineOptions alone = options;
   alone.max_overlap_points = 0;
@@ -74,13 +74,13 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
       CheckIntrinsics(view, intrinsics, labelled, structure, options);
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
-  RefineView::Options view_options;
-  view_options.min_confidence = options.initial.evidence.min_confidence;
-  view_options.max_side_points = options.refine.max_side_points;
-  view_options.max_edge_points = options.refine.max_edge_points;
+  SamplingOptions sampling;
+  sampling.min_confidence = options.initial.evidence.min_confidence;
+  sampling.max_side_points = options.refine.max_side_points;
+  sampling.max_edge_points = options.refine.max_edge_points;
   OwnPose own{initial.structure_from_sensor, 0};
   if (use_structure) {
-    own = RefineAlone(RefineView(view, labelled.segmentation, structure, view_options), initial,
+    own = RefineAlone(SamplePoints(view, labelled.segmentation, structure, sampling), initial,
                       structure, options.refine);
   }
 
@@ -100,8 +100,8 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
   }
 
   PlacedSensor placed{pose,
-                      RefineView(view, LabelsFromPose(view, structure, pose, kRelabelDistance),
-                                 structure, view_options),
+                      SamplePoints(view, LabelsFromPose(view, structure, pose, kRelabelDistance),
+                                   structure, sampling),
                       std::nullopt};
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
   return placed;

@@ -13,7 +13,7 @@
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/orientation.h"
 #include "infer/refine/refine.h"
-#include "infer/refine/refine_view.h"
+#include "infer/refine/sensor_points.h"
 #include "infer/view/sensor_frame.h"
 #include "infer/view/sensor_view.h"
 
@@ -22,7 +22,7 @@ namespace volalign {
 /// A sensor whose own view fixes its pose.
 struct PlacedSensor {
   Pose own_pose = Pose::Identity();  ///< refined alone
-  RefineView points;                 ///< labelled by the own pose, for the joint refinement
+  SensorPoints points;               ///< labelled by the own pose, for the joint refinement
   std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
 };
 

@@ -1,73 +1,24 @@
 #pragma once
 
-// Cost functions and manifold of the joint refinement, apart from the problem so that tests can
-// differentiate them. Not for callers.
+// Terms of the joint refinement over single points, and priors. Not for callers of Refine.
 
-#include <ceres/manifold.h>
 #include <ceres/sized_cost_function.h>
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <vector>
 
 #include "core/pose.h"
 #include "core/structure.h"
+#include "infer/refine/pose_block.h"
 
 namespace volalign::refine_internal {
 
-/// structure_from_sensor as a parameter block: unit quaternion x y z w, then translation.
-struct PoseBlock {
-  double values[7];
-
-  PoseBlock() : PoseBlock(Pose::Identity()) {}
-  explicit PoseBlock(const Pose& pose) {
-    const Eigen::Vector4d q = Eigen::Quaterniond(pose.linear()).normalized().coeffs();
-    const Eigen::Vector3d t = pose.translation();
-    std::copy_n(q.data(), 4, values);
-    std::copy_n(t.data(), 3, values + 4);
-  }
-  Pose ToPose() const {
-    Pose pose = Pose::Identity();
-    pose.linear() = Eigen::Quaterniond(values).normalized().toRotationMatrix();
-    pose.translation() = Eigen::Map<const Eigen::Vector3d>(values + 4);
-    return pose;
-  }
-};
-
-inline Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
-/// d (R(q) p) / d (x y z w), 3x4, for R(q) p = p + 2 w (u x p) + 2 u x (u x p), q = (u, w).
-inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const Eigen::Vector3d& p) {
-  const Eigen::Vector3d u(q[0], q[1], q[2]);
-  Eigen::Matrix<double, 3, 4> jacobian;
-  jacobian.leftCols<3>() = -2 * q[3] * Cross(p) + 2 * (u.dot(p) * Eigen::Matrix3d::Identity() +
-                                                       u * p.transpose() - 2 * p * u.transpose());
-  jacobian.col(3) = 2 * u.cross(p);
-  return jacobian;
-}
-
-/// T = Exp(delta) T^ with delta = [translation; rotation vector] in the structure frame: the
-/// tangent space in which design section 9 wants the covariance.
-class LeftPoseManifold : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return 7; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
-  bool PlusJacobian(const double* x, double* jacobian) const override;
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
-  bool MinusJacobian(const double* x, double* jacobian) const override;
-};
-
-/// A sensor's depth offset o as a parameter block of one: z is read as z + o, so p becomes p + o p
-/// / p.z.
-///
 /// weight * (T p - closest point of the finite side), in the side's axes (u, v, normal): in-plane
 /// parts vanish where the foot lies inside, so that it is point-to-plane there and point-to-edge or
-/// point-to-corner outside.
+/// point-to-corner outside. The sensor's depth offset o is a parameter block of one: z is read as
+/// z + o, so that p becomes p + o p / p.z.
 class SideCost : public ceres::SizedCostFunction<3, 7, 1> {
  public:
   SideCost(const Eigen::Vector3d& p, const Side& side, double weight)
@@ -128,5 +79,24 @@ class PosePriorCost : public ceres::SizedCostFunction<6, 7> {
   Eigen::Vector3d origin_;  // sensor frame
   double sigma_translation_, sigma_rotation_;
 };
+
+/// parameters / sigma, element by element.
+class PriorCost : public ceres::CostFunction {
+ public:
+  explicit PriorCost(std::vector<double> sigmas);
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  std::vector<double> sigmas_;
+};
+
+/// Cauchy's cost, by which held-out points are compared: log(1 + (distance / scale)^2), of
+/// distances up to 10 cm; what is farther off is no part of the surface. m.
+inline double RobustCost(double distance, double scale) {
+  constexpr double kFarthest = 0.1;
+  const double x = std::min(std::abs(distance), kFarthest) / scale;
+  return std::log1p(x * x);
+}
 
 }  // namespace volalign::refine_internal

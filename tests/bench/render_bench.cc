@@ -7,7 +7,7 @@
 
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
-#include "render/image_size.h"
+#include "core/image_size.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/sample.h"

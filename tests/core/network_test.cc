@@ -26,7 +26,7 @@ StructureNetOptions Small() {
   return options;
 }
 
-/// Design section 5 in closed form, by hand: convolution weights and biases for width c, K classes,
+/// The paper's network in closed form, by hand: convolution weights and biases for width c, K classes,
 /// r blocks.
 std::int64_t ClosedFormParameters(std::int64_t c, std::int64_t k, std::int64_t r, bool attention) {
   const std::int64_t encoder3 =
@@ -50,7 +50,7 @@ TEST(StructureNet, HasTheParametersOfTheClosedForm) {
       const StructureNet net(options);
       EXPECT_EQ(CountParameters(*net), ClosedFormParameters(c, 21, 4, attention)) << c;
       const double millions = static_cast<double>(CountParameters(*net)) * 1e-6;
-      EXPECT_NEAR(millions, c == 32 ? 49.3 : 3.1, 0.05);  // design section 5
+      EXPECT_NEAR(millions, c == 32 ? 49.3 : 3.1, 0.05);
     }
   }
 }

@@ -174,7 +174,7 @@ TEST_F(StructureGltf, RoundTripOfTheLargestStructure) {
   ExpectEqual(structure, ReadStructureGlb(folder_ / "a.glb"));
 }
 
-// Design section 2: one named node a box, one primitive a side, extras with side, label and
+// One named node a box, one primitive a side, extras with side, label and
 // keypoints.
 TEST_F(StructureGltf, TheFileIsWhatTheDesignSays) {
   for (const Structure& structure : {PaperStructure(), RandomStructure(3, 3)}) {

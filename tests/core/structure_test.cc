@@ -88,7 +88,7 @@ void ExpectExposureAsBruteForce(const Structure& structure, int n, double tolera
   }
 }
 
-// Names in the order of facts/structure.yaml, written out once more.
+// Names in the order of configs/structure.yaml, written out once more.
 TEST(PaperStructure, HasTheAuthorsLabels) {
   const Structure structure = PaperStructure();
   EXPECT_EQ(structure.num_classes(), 21);
@@ -169,7 +169,7 @@ TEST(PaperStructure, ExposedCentroidInClosedForm) {
   EXPECT_EQ(structure.Keypoint(3, KeypointKind::kCentre), up.centre);
 }
 
-// Design section 2: three sides are not always enough.
+// Three sides are not always enough.
 TEST(PaperStructure, SomeTriplesOfCentresAreCollinear) {
   const Structure structure = PaperStructure();
   const auto spread = [&](const std::vector<std::string>& names) {

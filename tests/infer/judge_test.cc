@@ -36,7 +36,7 @@ struct Stages {
       } else {
         results.placements.emplace_back(PlacedSensor{
             *rig.frames[i].ground_truth,
-            RefineView(results.views[i], view.segmentation, rig.structure, {}), std::nullopt});
+            SamplePoints(results.views[i], view.segmentation, rig.structure, {}), std::nullopt});
         RefinedSensor refined;
         refined.accepted = true;
         refined.structure_from_sensor = *rig.frames[i].ground_truth;

@@ -271,7 +271,7 @@ TEST(Dataset, SaysWhatIsWrongWithAFolder) {
   expect(rows, good_rows.substr(0, good_rows.find('\n') + 1),
          {rows.string(), "sample 9 is missing"});
   expect(rows, good_rows.substr(good_rows.find('\n') + 1), {rows.string(), "sample 9, not 8"});
-  expect(rows, "{\n" + good_rows, {rows.string(), "not a valid row"});
+  expect(rows, "{\n" + good_rows, {rows.string() + ":1", "not valid JSON"});
   EXPECT_EQ(dataset.Read(8, 4).size(), 4u);
   fs::remove(labels);
   ExpectError<IoError>([&] { dataset.Read(9, 1); }, {labels.string()});

@@ -17,7 +17,7 @@
 namespace volalign {
 namespace {
 
-// An analytic ray-caster of its own: numbers of facts/structure.yaml typed in again, slab tests,
+// An analytic ray-caster of its own: numbers of configs/structure.yaml typed in again, slab tests,
 // plain arrays. It shares no code with core or render.
 
 using Vec = std::array<double, 3>;

@@ -1,5 +1,5 @@
-// Samples against those recorded in tests/render/golden, on whichever machine this runs (design
-// section 4). Sensor poses and intrinsics are equal to the last bit: they come from Philox and from
+// Samples against those recorded in tests/render/golden, on whichever machine this runs.
+// Sensor poses and intrinsics are equal to the last bit: they come from Philox and from
 // arithmetic that IEEE-754 fixes (core/portable_math.h, no contraction to fused multiply-add).
 // Images pass through OpenGL and the C library's functions, so they are compared within bounds:
 //   - depth before a sensor's rounding (noise model paper) within 0.1 mm on 99.9 % of the pixels;

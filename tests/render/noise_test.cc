@@ -154,7 +154,7 @@ TEST(NoiseFieldsTest, PoissonHasItsMeanAndVariance) {
   EXPECT_NEAR(squares / 4000 - std::pow(sum / 4000, 2), 6, 0.8);
 }
 
-// facts/sensors.md, section 1: white 0.2 to 0.5 mm (neighbour differences hold 0.29 mm of rounding
+// docs/sensor-models.md: white 0.2 to 0.5 mm (neighbour differences hold 0.29 mm of rounding
 // too), smooth 1.4 to 5.6 mm rms, bias within 11 mm; mask about 82 %.
 TEST_F(NoiseTest, TimeOfFlightHasTheMeasuredMagnitudes) {
   const Intrinsics k = Camera(320, 288, 252);

@@ -294,7 +294,7 @@ TEST(SoftProcrustesLoss, DegenerateSamplesAddNothingAndAreCounted) {
     const std::vector<std::string> names = structure.SideNames();
     return static_cast<std::int64_t>(std::find(names.begin(), names.end(), name) - names.begin());
   };
-  // Design section 2: these three centres are exactly collinear.
+  // These three centres are exactly collinear.
   at::Tensor visible = at::zeros({5, 20}, at::kBool);
   for (const char* name : {"mid_bottom/front", "mid_top/front", "top/front"}) {
     visible[0][label(name)] = true;

@@ -13,7 +13,7 @@ namespace {
 TrainConfig Read(const std::string& path) { return ReadTrainConfig(ConfigSource::FromFile(path)); }
 
 TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
-  struct Row {  // design section 7
+  struct Row {  // paper, Results, table of models
     const char* name;
     bool attention, procrustes;
     double rho_max;

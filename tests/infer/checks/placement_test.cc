@@ -114,7 +114,7 @@ TEST(SensorsToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {
   placements[0] = Finding{SensorCode::kNoStructure, "", ""};
   sensors = SensorsToRefine(rig.frames, frames.labelled, placements, frames.options.refine);
   ASSERT_EQ(sensors.size(), 1u);
-  EXPECT_EQ(sensors[0].view, &std::get<PlacedSensor>(placements[1]).points);
+  EXPECT_EQ(sensors[0].points, &std::get<PlacedSensor>(placements[1]).points);
 }
 
 }  // namespace

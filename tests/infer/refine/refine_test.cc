@@ -1,111 +1,37 @@
 #include "infer/refine/refine.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include <Eigen/Cholesky>
 #include <cmath>
-#include <memory>
 #include <vector>
 
-#include "core/error.h"
 #include "core/random.h"
-#include "tests/core/expect_error.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::Certain;
-using testing_infer::Kinect;
+using testing_infer::Displaced;
 using testing_infer::PaperStructure;
+using testing_infer::PointsOf;
 using testing_infer::Rig;
 using testing_infer::RingOfEight;
 using testing_infer::RingPose;
 
-std::vector<RefineView> Views(const Rig& rig) {
-  std::vector<RefineView> views;
-  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-    views.emplace_back(MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics),
-                       Certain(rig.labels[i]), rig.structure, RefineView::Options());
-  }
-  return views;
-}
-
-/// A displacement of exactly this size in a random direction, about the sensor itself.
-Pose Displaced(const Pose& pose, double translation, double rotation_deg, std::uint64_t seed) {
-  RandomStream random(seed, 0, "displaced");
-  const auto direction = [&] {
-    return Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
-  };
-  Pose moved = pose;
-  moved.translation() += translation * direction();
-  moved.linear() = moved.linear() * RotationExp(rotation_deg * M_PI / 180 * direction());
-  return moved;
-}
-
-TEST(PixelNormals, AreTheFacesOwn) {
-  const Structure structure = PaperStructure();
-  const Pose pose = RingPose(40);
-  const auto rendered = testing_infer::Render(structure, Kinect(), pose);
-  const SensorView view = MakeSensorView(rendered.depth, Kinect());
-  int tested = 0;
-  for (int v = 4; v < view.height() - 4; v += 3) {
-    for (int u = 4; u < view.width() - 4; u += 3) {
-      const int label = rendered.labels(u, v);
-      if (label == 0) continue;
-      bool whole = true;
-      for (int dv = -3; dv <= 3; ++dv) {
-        for (int du = -3; du <= 3; ++du) whole = whole && rendered.labels(u + du, v + dv) == label;
-      }
-      Eigen::Vector3d normal;
-      const bool found = PixelNormal(view, u, v, 3, &normal);
-      if (!whole) continue;
-      ASSERT_TRUE(found) << u << " " << v;
-      const Eigen::Vector3d truth = pose.linear().transpose() * structure.SideOfLabel(label).normal;
-      EXPECT_LT((normal - truth).norm(), 1e-3) << u << " " << v;
-      ++tested;
-    }
-  }
-  EXPECT_GT(tested, 300);
-}
-
-TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
-  const Rig rig = RingOfEight();
-  const std::vector<RefineView> views = Views(rig);
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    double sum = 0;
-    int count = 0;
-    for (const EdgePoint& edge : views[i].edge_points) {
-      const Side& side = rig.structure.SideOfLabel(edge.label);
-      const Eigen::Vector3d p = *rig.frames[i].ground_truth * edge.p;
-      // Closed form: signed distance from the nearest of the rectangle's four edge lines.
-      const double du = std::abs(side.axis_u.dot(p - side.centre)) - side.half_u;
-      const double dv = std::abs(side.axis_v.dot(p - side.centre)) - side.half_v;
-      const double distance = std::abs(du) < std::abs(dv) ? du : dv;
-      EXPECT_LT(std::abs(side.normal.dot(p - side.centre)), 5e-3);
-      EXPECT_LT(std::abs(distance), 3 * edge.sigma + 2e-3) << side.name;
-      sum += distance;
-      ++count;
-    }
-    ASSERT_GT(count, 100) << i;
-    EXPECT_LT(std::abs(sum / count), 1e-3) << "silhouettes are biased";
-  }
-}
-
 TEST(Refine, NoiseFreeRigComesBackExactly) {
   const Rig rig = RingOfEight();
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    sensors.push_back({&views[i], start, start, true});
+    sensors.push_back({&points[i], start, start, true});
   }
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
   const RefineResult result = Refine(rig.structure, sensors, {});
   for (const RefineResult& of : {result, Refine(rig.structure, sensors, poses_alone)}) {
-    for (std::size_t i = 0; i < views.size(); ++i) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
       const PoseError error =
           ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth);
       EXPECT_TRUE(of.sensors[i].accepted);
@@ -131,13 +57,13 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
 
 TEST(Refine, OverlapAloneBringsASensorBack) {
   const Rig rig = RingOfEight();
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   for (const std::size_t lost : {0, 3, 6}) {
     std::vector<RefineSensor> sensors;
-    for (std::size_t i = 0; i < views.size(); ++i) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      sensors.push_back({&views[i], start, start, i != lost});
+      sensors.push_back({&points[i], start, start, i != lost});
     }
     const RefineResult result = Refine(rig.structure, sensors, {});
     const PoseError error =
@@ -156,13 +82,13 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
   for (std::uint8_t& label : rig.labels[0]) {
     if (label && rig.structure.SideOfLabel(label).face != Face::kRight) label = 0;
   }
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
   for (const Eigen::Vector3d& shift :
        {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(-0.02, 0.02, 0)}) {
     Pose start = truth;
     start.translation() += shift;
-    const RefineResult result = Refine(rig.structure, {{&views[0], start, start, true}}, {});
+    const RefineResult result = Refine(rig.structure, {{&points[0], start, start, true}}, {});
     const PoseError error = ComparePoses(result.sensors[0].structure_from_sensor, truth);
     // Half a pixel of silhouette.
     EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
@@ -176,14 +102,14 @@ TEST(Refine, FindsADepthOffset) {
   for (float& z : rig.frames[3].depth) {
     if (z > 0) z += 0.008f;
   }
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&views[i], start, start, true});
+    sensors.push_back({&points[i], start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     EXPECT_NEAR(result.sensors[i].depth_offset, i == 3 ? -0.008 : 0, 2e-3) << i;
     EXPECT_LT(ComparePoses(result.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
                   .translation_m,
@@ -202,15 +128,15 @@ TEST(Refine, NeverWorse) {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(85));
-  std::vector<RefineView> views = Views(rig);
+  std::vector<SensorPoints> points = PointsOf(rig);
   // What the solution sees is 2 cm off; what it is judged by is not.
-  for (SidePoint& point : views[0].side_points) {
+  for (SidePoint& point : points[0].side_points) {
     if (!point.held_out) point.p.z() += 0.02;
   }
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    sensors.push_back({&views[i], start, start, true});
+    sensors.push_back({&points[i], start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
   EXPECT_FALSE(result.sensors[0].accepted);
@@ -245,11 +171,11 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   rig.structure = nominal.Displaced(offsets, size);
   for (int i = 0; i < 8; ++i)
     rig.Add("S" + std::to_string(i), RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), {true, 3.5});
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&views[i], start, start, true});
+    sensors.push_back({&points[i], start, start, true});
   }
   const RefineResult result = Refine(nominal, sensors, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -272,7 +198,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_LT(farthest, 3e-3);
   const auto worst = [&](const RefineResult& of) {
     double most = 0;
-    for (std::size_t i = 0; i < views.size(); ++i)
+    for (std::size_t i = 0; i < points.size(); ++i)
       most = std::max(most,
                       ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
                           .translation_m);
@@ -305,22 +231,11 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   for (std::uint8_t& label : rig.labels[0]) {
     if (label && rig.structure.SideOfLabel(label).box != 0) label = 0;
   }
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
-  const RefineResult result = Refine(rig.structure, {{&views[0], truth, truth, true}}, {});
+  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, true}}, {});
   for (const RefinedBox& box : result.boxes) EXPECT_FALSE(box.estimated);
   EXPECT_FALSE(result.size_estimated);
-}
-
-TEST(Refine, EstimateNamesItsWords) {
-  EXPECT_TRUE(ParseEstimate("auto").boxes);
-  EXPECT_TRUE(ParseEstimate("auto").depth_offset);
-  EXPECT_FALSE(ParseEstimate("none").size);
-  const EstimateSet two = ParseEstimate("size, depth_gain");
-  EXPECT_TRUE(two.size && two.depth_gain);
-  EXPECT_FALSE(two.boxes || two.depth_offset);
-  for (const char* bad : {"", "boxes,,size", "box", "auto,size", "size,"})
-    ExpectError<ConfigError>([&] { ParseEstimate(bad); }, {"refine.estimate", "depth_offset"});
 }
 
 TEST(UnconstrainedDirections, AreNamed) {
@@ -379,16 +294,16 @@ TEST(Refine, CovarianceCoversSmoothDepthErrors) {
       if (depth[k] > 0) depth[k] += 0.004f * error[k];
     }
   }
-  const std::vector<RefineView> views = Views(rig);
+  const std::vector<SensorPoints> points = PointsOf(rig);
   RefineOptions options;
   options.max_overlap_points = 0;
   options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
   options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose& truth = *rig.frames[i].ground_truth;
     const Pose start = Displaced(truth, 0.01, 0.5, i);
     const RefinedSensor sensor =
-        Refine(rig.structure, {{&views[i], start, start, true}}, options).sensors[0];
+        Refine(rig.structure, {{&points[i], start, start, true}}, options).sensors[0];
     EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
     EXPECT_EQ(Eigen::LLT<Matrix6d>(sensor.covariance).info(), Eigen::Success);
     const Pose difference = truth * sensor.structure_from_sensor.inverse();

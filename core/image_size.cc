@@ -1,4 +1,4 @@
-#include "render/image_size.h"
+#include "core/image_size.h"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,57 @@
+#include "core/rig.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <set>
+
+#include "core/error.h"
+#include "core/image_size.h"
+
+namespace volalign {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace
+
+Rig ReadRig(const ConfigSource& source) {
+  Rig rig = ReadConfig<Rig>(source);
+  if (rig.sensors.empty()) {
+    throw ConfigError("sensors = [] has no sensor; give at least one {name: A, phi_deg: 0}");
+  }
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
+    const RigSensor& sensor = rig.sensors[i];
+    const bool plain = std::all_of(sensor.name.begin(), sensor.name.end(), [](unsigned char c) {
+      return std::isalnum(c) || c == '_' || c == '-';
+    });
+    if (sensor.name.empty() || !plain) {
+      throw ConfigError(fmt::format(
+          "sensors[{}].name = \"{}\" is not made of letters, digits, _ and -", i, sensor.name));
+    }
+    if (!names.insert(sensor.name).second) {
+      throw ConfigError(
+          fmt::format("sensors[{}].name = {} stands twice; names are unique", i, sensor.name));
+    }
+    if (!sensor.image_size.empty()) ParseImageSize(sensor.image_size);
+  }
+  return rig;
+}
+
+Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height) {
+  const double phi = sensor.phi_deg * kPi / 180;
+  const Eigen::Vector3d position(0.01 * sensor.rho_cm * std::cos(phi),
+                                 floor_height + 0.01 * sensor.height_cm,
+                                 0.01 * sensor.rho_cm * std::sin(phi));
+  const Eigen::Vector3d target(0.01 * sensor.look_at_cm[0], 0.01 * sensor.look_at_cm[1],
+                               0.01 * sensor.look_at_cm[2]);
+  const Pose structure_from_rig(
+      Eigen::AngleAxisd(-structure_yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
+  return structure_from_rig * LookAt(position, target, sensor.roll_deg * kPi / 180);
+}
+
+}  // namespace volalign

@@ -1,0 +1,136 @@
+#include "infer/refine/acceptance.h"
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <utility>
+
+#include "infer/refine/costs.h"
+#include "infer/refine/fine.h"
+#include "infer/refine/noise.h"
+#include "infer/refine/observations.h"
+#include "infer/refine/residuals.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+constexpr double kNeighbourScale = 0.01;  // m, of the robust cost against neighbours
+constexpr double kNeighbourGate = 0.1;    // m
+constexpr double kNeighbourCosine = 0.7;  // between normals
+
+HeldOutFit Fit(const JointProblem& problem, const State& state, std::size_t i, const Pose& pose,
+               const SensorEvidence& held_out) {
+  if (problem.HasStructureTerms(i))
+    return FitToStructure(problem.model, problem.priors, state, i, pose, held_out);
+  const double cost = FitToNeighbours(problem, state, i, pose);
+  return {cost, cost};
+}
+
+}  // namespace
+
+HeldOutFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
+                          std::size_t sensor, const Pose& pose, const SensorEvidence& held_out) {
+  if (held_out.faces.empty()) return {};
+  const PoseBlock block(pose);
+  constexpr std::array<double, kNuisances> kNone = {};
+  const double no_offset = 0;
+  Eigen::VectorXd r;
+  Eigen::MatrixXd jacobian;
+  Residuals(model, held_out, {block.values, &no_offset, kNone.data(), state.build.data()}, &r,
+            &jacobian);
+  constexpr Eigen::Index kOwn = SensorColumns::kOwn;
+  const Eigen::VectorXd sigmas =
+      SharedPriorSigmas(priors, held_out.noise.multipath, 0).head<kOwn>();
+  const Eigen::MatrixXd shared =
+      jacobian.middleCols<kOwn>(SensorColumns::kOffset) * sigmas.asDiagonal();
+  const auto faces = static_cast<Eigen::Index>(held_out.faces.size());
+  const auto edges = static_cast<Eigen::Index>(held_out.edges.size());
+  Eigen::MatrixXd covariance = shared * shared.transpose();
+  covariance.topLeftCorner(faces, faces) += held_out.face_root * held_out.face_root.transpose();
+  covariance.bottomRightCorner(edges, edges) += held_out.edge_root * held_out.edge_root.transpose();
+  HeldOutFit fit;
+  fit.misfit = r.dot(covariance.llt().solve(r)) / static_cast<double>(r.size());
+  SensorParameters estimated = state.Parameters(sensor);
+  estimated.pose = block.values;
+  Residuals(model, held_out, estimated, &r, nullptr);
+  fit.distance = r.cwiseAbs().mean();
+  return fit;
+}
+
+double FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
+                       const Pose& pose) {
+  OverlapView own = problem.Overlap(sensor, state);
+  double sum = 0;
+  int count = 0;
+  for (std::size_t other = 0; other < problem.size(); ++other) {
+    if (other == sensor) continue;
+    const OverlapView neighbour = problem.Overlap(other, state);
+    const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
+    for (const int j : *own.chosen) {
+      const CloudPoint& from = own.Cloud(j);
+      if (!from.held_out) continue;
+      const Eigen::Vector3d p = other_from_this * own.state.Corrected(from.p);
+      const int nearest = neighbour.points->Nearest(p, kNeighbourGate);
+      if (nearest < 0) continue;
+      const CloudPoint& to = neighbour.Cloud(nearest);
+      if ((other_from_this.linear() * from.normal).dot(to.normal) < kNeighbourCosine) continue;
+      sum += RobustCost(to.normal.dot(p - neighbour.state.Corrected(to.p)), kNeighbourScale);
+      ++count;
+    }
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution) {
+  std::vector<SensorEvidence> held_out(problem.size());
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!problem.HasStructureTerms(i)) continue;
+    const State& state = solution.state;
+    const Pose pose = state.poses[i].ToPose();
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
+                       {pose, problem.sensors[i].initial}, FineGates(problem.options),
+                       &held_out[i]);
+    WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
+    held_out[i].noise = solution.evidence[i].noise;
+    SetCovariance(problem.model, pose, &held_out[i]);
+  }
+  return held_out;
+}
+
+Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
+  const std::vector<SensorEvidence> held_out = GatherHeldOut(problem, solution);
+  Acceptance result;
+  result.kept_initial.assign(problem.size(), 0);
+  result.before.resize(problem.size());
+  result.refused.assign(problem.size(), Vector6d::Zero());
+  State& state = solution.state;
+  for (std::size_t round = 0; round < problem.size(); ++round) {
+    bool changed = false;
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (result.kept_initial[i]) continue;
+      const Pose& initial = problem.sensors[i].initial;
+      result.before[i] = Fit(problem, state, i, initial, held_out[i]);
+      const HeldOutFit after = Fit(problem, state, i, state.poses[i].ToPose(), held_out[i]);
+      if (Better(after, result.before[i])) continue;
+      const Pose apart = state.poses[i].ToPose() * initial.inverse();
+      result.refused[i] << apart.translation(), RotationLog(apart.linear());
+      state.poses[i] = PoseBlock(initial);
+      state.offsets[i] = 0;
+      state.nuisances[i] = {};
+      result.kept_initial[i] = 1;
+      changed = true;
+    }
+    if (!changed) break;
+    state =
+        SolveFine(problem, solution.evidence, result.kept_initial, solution.free, std::move(state));
+  }
+  result.after = result.before;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!result.kept_initial[i])
+      result.after[i] = Fit(problem, state, i, state.poses[i].ToPose(), held_out[i]);
+  }
+  result.solution = std::move(solution);
+  return result;
+}
+
+}  // namespace volalign::refine_internal

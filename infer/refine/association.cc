@@ -1,0 +1,54 @@
+#include "infer/refine/association.h"
+
+#include <cmath>
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// Cosines from which on two directions agree: of a point's or silhouette's normal with its side's,
+/// and of a silhouette with an edge.
+constexpr double kNormalAgrees = 0.7, kEdgeAgrees = 0.6;
+
+}  // namespace
+
+bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
+                 double gate, EdgeLine* line) {
+  double best = gate;
+  bool found = false;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector3d direction = (i % 2 ? -1.0 : 1.0) * (i < 2 ? side.axis_u : side.axis_v);
+    if (direction.dot(outward) < kEdgeAgrees) continue;
+    const double offset = direction.dot(side.centre) + (i < 2 ? side.half_u : side.half_v);
+    const double distance = std::abs(direction.dot(p) - offset);
+    if (distance < best) {
+      best = distance;
+      *line = {direction, offset, i};
+      found = true;
+    }
+  }
+  return found;
+}
+
+bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const SidePoint& point,
+                   double gate) {
+  const Side& side = structure.SideOfLabel(point.label);
+  const Eigen::Vector3d p = sensor.InStructure(point.p);
+  if ((side.ClosestPoint(p) - p).norm() > gate) return false;
+  // A label that leaks round an edge would pull its side sideways; the point's own normal gives
+  // it away.
+  return point.normal.isZero() ||
+         (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kNormalAgrees;
+}
+
+bool LiesOnAnEdge(const Structure& structure, const SensorState& sensor, const EdgePoint& edge,
+                  double gate, EdgeLine* line) {
+  const Side& side = structure.SideOfLabel(edge.label);
+  const Eigen::Matrix3d rotation = sensor.structure_from_sensor.linear();
+  const Eigen::Vector3d p = sensor.InStructure(edge.p);
+  if (std::abs(side.normal.dot(p - side.centre)) > gate) return false;
+  if ((rotation * edge.normal).dot(side.normal) < kNormalAgrees) return false;
+  return NearestEdge(side, p, rotation * edge.outward, gate, line);
+}
+
+}  // namespace volalign::refine_internal

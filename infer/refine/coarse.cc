@@ -1,0 +1,161 @@
+#include "infer/refine/coarse.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "core/statistics.h"
+#include "infer/refine/costs.h"
+#include "infer/refine/solver.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+// Gates: the first iteration's, what each keeps of the last one's, and the least.
+constexpr double kShrink = 0.6;
+constexpr double kSideGate = 0.15, kLeastSideGate = 0.06;        // m
+constexpr double kOverlapGate = 0.12, kLeastOverlapGate = 0.02;  // m
+constexpr double kAngleGate = 45, kLeastAngleGate = 20;          // deg
+// Standard deviations, m, that residuals are divided by.
+constexpr double kFirstScale = 0.03, kScaleShrink = 0.5;  // the least one, by iteration
+constexpr double kStartSigma = 0.005;                     // a sensor's own, before it is measured
+constexpr double kLeastSigma = 5e-4;  // below it the depth's own resolution counts
+/// How far a real box's edges stray from where the structure has them, beyond what its faces do. On
+/// three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
+/// cardboard bulges, and sensors fatten edges.
+constexpr double kEdgeTolerance = 0.008;
+constexpr double kFewestMatches = 20;  // of two sensors
+/// A silhouette point and the face round the corner that another sensor sees: how far behind the
+/// edge it is sought, m, and the cosine of its normal with the silhouette's direction.
+constexpr double kRoundTheCorner = 0.02, kFacesOutward = 0.7;
+
+double LeastScale(int iteration) { return kFirstScale * std::pow(kScaleShrink, iteration); }
+
+/// One solution of the coarse stage.
+struct Coarse {
+  const JointProblem& problem;
+  const std::vector<double>& sigmas;  // m, of each sensor's points
+  Gates gates;
+  double least_scale;
+  State* state;  // what Ceres moves, where it is before that
+  CeresProblem* ceres;
+};
+
+void AddStructureTerms(const Coarse& coarse, std::size_t i) {
+  const JointProblem& problem = coarse.problem;
+  const SensorState sensor = coarse.state->Sensor(i);
+  const double sigma = std::max(coarse.sigmas[i], coarse.least_scale);
+  double* pose = coarse.state->poses[i].values;
+  double* offset = &coarse.state->offsets[i];
+  for (const SidePoint& point : problem.sensors[i].points->side_points) {
+    if (point.held_out || !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
+      continue;
+    coarse.ceres->problem->AddResidualBlock(
+        new SideCost(point.p, problem.structure.SideOfLabel(point.label), 1 / sigma),
+        coarse.ceres->loss.get(), pose, offset);
+  }
+  const double weight = std::sqrt(problem.options.edge_weight);
+  for (const EdgePoint& edge : problem.sensors[i].points->edge_points) {
+    EdgeLine line;
+    if (edge.held_out || !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
+      continue;
+    coarse.ceres->problem->AddResidualBlock(
+        new LineCost(edge.p, line.direction, line.offset,
+                     weight / std::hypot(sigma, edge.sigma, kEdgeTolerance)),
+        coarse.ceres->loss.get(), pose, offset);
+  }
+}
+
+/// a's points against the planes that b measured.
+void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
+  const JointProblem& problem = coarse.problem;
+  const OverlapView from_view = problem.Overlap(a, *coarse.state),
+                    to_view = problem.Overlap(b, *coarse.state);
+  const std::vector<Match> matches =
+      FindMatches(from_view, to_view, coarse.gates.overlap, coarse.gates.min_cosine);
+  const double fewest = problem.options.min_overlap * static_cast<double>(from_view.chosen->size());
+  if (static_cast<double>(matches.size()) < std::max(kFewestMatches, fewest)) return;
+  const double sigma = std::max(std::hypot(coarse.sigmas[a], coarse.sigmas[b]), coarse.least_scale);
+  const double weight = std::sqrt(problem.options.overlap_weight) / sigma;
+  const auto add = [&](const Eigen::Vector3d& p, const CloudPoint& to, double its_weight) {
+    State& state = *coarse.state;
+    coarse.ceres->problem->AddResidualBlock(
+        new OverlapCost(p, to.p, to.normal, its_weight), coarse.ceres->loss.get(),
+        state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
+  };
+  for (const Match& match : matches) {
+    const CloudPoint& from = from_view.Cloud(match.from);
+    if (!from.held_out) add(from.p, to_view.Cloud(match.to), weight);
+  }
+  if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b)) return;
+  // Where the structure does not hold a sensor, its silhouettes do: a convex edge also lies on
+  // the face that only the other sensor sees, whose normal points across the silhouette.
+  const Pose b_from_a =
+      to_view.state.structure_from_sensor.inverse() * from_view.state.structure_from_sensor;
+  for (const EdgePoint& edge : from_view.points->edge_points) {
+    if (edge.held_out) continue;
+    const Eigen::Vector3d p = b_from_a * from_view.state.Corrected(edge.p);
+    // Just behind the edge, where the other face is nearer than the common one.
+    const Eigen::Vector3d probe = p - b_from_a.linear() * edge.normal * kRoundTheCorner;
+    const int j = to_view.points->Nearest(probe, coarse.gates.overlap + kRoundTheCorner);
+    if (j < 0) continue;
+    const CloudPoint& to = to_view.Cloud(j);
+    if ((b_from_a.linear() * edge.outward).dot(to.normal) < kFacesOutward) continue;
+    if (std::abs(to.normal.dot(p - to_view.state.Corrected(to.p))) > coarse.gates.overlap) continue;
+    add(edge.p, to, weight * sigma / std::hypot(sigma, edge.sigma, kEdgeTolerance));
+  }
+}
+
+/// Standard deviation, m, of a sensor's points about the structure.
+double MeasureSigma(const JointProblem& problem, const State& state, std::size_t i,
+                    double side_gate) {
+  const SensorState sensor = state.Sensor(i);
+  std::vector<double> distances;
+  for (const SidePoint& point : problem.sensors[i].points->side_points) {
+    if (!LiesOnItsSide(state.built, sensor, point, side_gate)) continue;
+    const Eigen::Vector3d p = sensor.InStructure(point.p);
+    distances.push_back((state.built.SideOfLabel(point.label).ClosestPoint(p) - p).norm());
+  }
+  return std::max(kLeastSigma, kMadToSigma * Median(std::move(distances)));
+}
+
+}  // namespace
+
+Gates CoarseGates(int iteration) {
+  const double shrink = std::pow(kShrink, iteration);
+  return {std::max(kSideGate * shrink, kLeastSideGate),
+          std::max(kOverlapGate * shrink, kLeastOverlapGate),
+          std::cos(std::max(kAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
+}
+
+State SolveCoarse(const JointProblem& problem, State state) {
+  std::vector<double> sigmas(problem.size(), kStartSigma);
+  for (int iteration = 0; iteration < problem.options.outer_iterations; ++iteration) {
+    CeresProblem ceres;
+    const Coarse coarse{problem, sigmas, CoarseGates(iteration), LeastScale(iteration),
+                        &state,  &ceres};
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      double *pose = state.poses[i].values, *offset = &state.offsets[i];
+      ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
+      ceres.problem->AddResidualBlock(new PosePriorCost(state.poses[i].ToPose(), 1, 1), nullptr,
+                                      pose);
+      ceres.problem->AddParameterBlock(offset, 1);
+      ceres.problem->SetParameterBlockConstant(offset);
+      if (problem.HasStructureTerms(i)) AddStructureTerms(coarse, i);
+    }
+    for (std::size_t a = 0; a < problem.size(); ++a) {
+      for (std::size_t b = 0; b < problem.size(); ++b) {
+        if (a != b && problem.HasOverlapTerms()) AddOverlapTerms(coarse, a, b);
+      }
+    }
+    Minimise(problem.options, ceres.problem.get());
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (problem.HasStructureTerms(i))
+        sigmas[i] = MeasureSigma(problem, state, i, coarse.gates.side);
+    }
+  }
+  return state;
+}
+
+}  // namespace volalign::refine_internal

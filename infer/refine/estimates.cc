@@ -1,0 +1,123 @@
+#include "infer/refine/estimates.h"
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <utility>
+
+#include "infer/refine/costs.h"
+#include "infer/refine/fine.h"
+#include "infer/refine/residuals.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// A parameter is observable when its posterior standard deviation is below this share of the
+/// prior's.
+constexpr double kObservable = 0.7;
+constexpr double kGaugeOnly = 1e-12;    // m^2, a prior variance that is none: of a single box
+constexpr double kUnseenScale = 0.005;  // m, of the robust cost
+/// Share of the unseen cost that is its own noise: within it, what the posterior says decides.
+constexpr double kCostNoise = 0.03;
+
+double Square(double x) { return x * x; }
+
+/// Clears all flags. Was any set?
+bool Clear(std::vector<char>* flags) {
+  const bool any = std::any_of(flags->begin(), flags->end(), [](char f) { return f != 0; });
+  std::fill(flags->begin(), flags->end(), 0);
+  return any;
+}
+
+/// Solves again with less free, from where the solution is.
+Solution SolveWith(const JointProblem& problem, const FreeSet& free, Solution solution) {
+  const std::vector<char> kept_initial(problem.size(), 0);
+  solution.free = free;
+  problem.layout.SetNominal(free, &solution.state);
+  UpdateLineTolerance(problem, solution.state, free, &solution.evidence);
+  solution.state =
+      SolveFine(problem, solution.evidence, kept_initial, free, std::move(solution.state));
+  return solution;
+}
+
+}  // namespace
+
+FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
+                   const Structure& structure, const Priors& priors,
+                   const std::vector<char>& constant, const FreeSet& free) {
+  FreeSet kept = free;
+  Posterior posterior = ComputePosterior(normal, layout, constant, priors.edge_shift);
+  const auto observable = [&](Eigen::Index column, double prior) {
+    return posterior.Sigma(column) < kObservable * prior;
+  };
+  kept.size = free.size && observable(layout.Size(), priors.size);
+  const Eigen::MatrixXd projection = GaugeProjection(structure, priors);
+  const auto boxes = static_cast<int>(layout.boxes());
+  const Eigen::VectorXd variances =
+      SharedPriorSigmas(priors, 0, boxes).unaryExpr(&Positive).tail(3 * boxes).cwiseAbs2();
+  const Eigen::VectorXd prior =
+      (projection * variances.asDiagonal() * projection.transpose()).diagonal();
+  const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, projection);
+  for (std::size_t b = 0; b < layout.boxes(); ++b) {
+    const auto x = static_cast<Eigen::Index>(3 * b);
+    for (const Eigen::Index j : {x, x + 1}) {
+      // A single box is nothing but gauge.
+      const bool clear =
+          prior[j] > kGaugeOnly && Square(sigmas[j]) < Square(kObservable) * prior[j];
+      kept.boxes[b] = kept.boxes[b] && clear;
+    }
+  }
+  for (std::size_t i = 0; i < layout.sensors(); ++i)
+    kept.gain[i] = free.gain[i] && observable(layout.Nuisance(i, kDepthGain), priors.gain);
+  // A gain that is held leaves the offset to stand for both at the structure's distance.
+  FreeSet without_gain = free;
+  without_gain.gain = kept.gain;
+  posterior = ConditionalPosterior(normal, layout.Constant(without_gain));
+  for (std::size_t i = 0; i < layout.sensors(); ++i)
+    kept.offset[i] = free.offset[i] && observable(layout.Offset(i), priors.offset);
+  return kept;
+}
+
+double UnseenCost(const JointProblem& problem, const State& state,
+                  const std::vector<SensorEvidence>& unseen) {
+  double sum = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!problem.HasStructureTerms(i)) continue;
+    Eigen::VectorXd r;
+    Residuals(problem.model, unseen[i], state.Parameters(i), &r, nullptr);
+    for (const double distance : r) sum += RobustCost(distance, kUnseenScale);
+    count += static_cast<int>(r.size());
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEvidence>& unseen,
+                         Solution solution) {
+  const std::vector<char> kept_initial(problem.size(), 0);
+  const NormalEquations normal =
+      ComputeNormalEquations(problem, solution.evidence, kept_initial, solution.state);
+  const FreeSet observable = Observable(normal, problem.layout, problem.structure, problem.priors,
+                                        problem.layout.Constant(solution.free), solution.free);
+  solution = SolveWith(problem, observable, std::move(solution));
+
+  const std::array<std::function<bool(FreeSet*)>, 4> kinds = {
+      [](FreeSet* f) { return Clear(&f->boxes); },
+      [](FreeSet* f) { return std::exchange(f->size, false); },
+      [](FreeSet* f) { return Clear(&f->gain); }, [](FreeSet* f) { return Clear(&f->offset); }};
+  for (const auto& drop : kinds) {
+    FreeSet less = solution.free;
+    if (!drop(&less)) continue;
+    const double cost = UnseenCost(problem, solution.state, unseen);
+    Solution without = SolveWith(problem, less, solution);
+    if (UnseenCost(problem, without.state, unseen) < (1 - kCostNoise) * cost) {
+      solution = std::move(without);
+    } else {
+      UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
+    }
+  }
+  return solution;
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,36 @@
+#pragma once
+
+// What is estimated beside the poses: what the capture tells. Not for callers of Refine.
+
+#include <vector>
+
+#include "infer/refine/evidence.h"
+#include "infer/refine/posterior.h"
+#include "infer/refine/problem.h"
+
+namespace volalign::refine_internal {
+
+/// Of `free`, those parameters that the capture tells clearly more about than their priors do.
+/// `constant`: columns that were never asked for, see ComputePosterior.
+FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
+                   const Structure& structure, const Priors& priors,
+                   const std::vector<char>& constant, const FreeSet& free);
+
+/// Mean robust cost of observations that no solution sees, under the whole model.
+double UnseenCost(const JointProblem& problem, const State& state,
+                  const std::vector<SensorEvidence>& unseen);
+
+/// A solution: what was free, the values, and the evidence as it was trusted.
+struct Solution {
+  FreeSet free;
+  State state;
+  std::vector<SensorEvidence> evidence;
+};
+
+/// Keeps those parameters that the capture tells clearly more about than their priors do, of
+/// kinds (boxes, size, gain, offset) without which the unseen observations do not fit as well. The
+/// others are nominal in the solution that is returned. `solution.free` is what was asked for.
+Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEvidence>& unseen,
+                         Solution solution);
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,218 @@
+#include "infer/refine/fine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "core/parallel_for.h"
+#include "core/statistics.h"
+#include "core/visibility.h"
+#include "infer/refine/coarse.h"
+#include "infer/refine/costs.h"
+#include "infer/refine/noise.h"
+#include "infer/refine/observations.h"
+#include "infer/refine/residuals.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// m: how far a real box's edges stray from where the structure has them, beyond what its faces do,
+/// where boxes are not estimated. On three real captures it was 10-30 mm for faces that fit to 4
+/// mm.
+constexpr double kHeldEdge = 0.012;
+// Overlap off the structure.
+constexpr double kOverlapGate = 0.06;  // m
+/// Share of its distance from the optical axis by which a point is off for errors of the
+/// intrinsics, which the structure, in the middle of the frame, hardly shows.
+constexpr double kIntrinsicsError = 0.002;
+constexpr double kLeastWarp = 1e-3;         // m at 2 m
+constexpr std::size_t kFewestMatches = 20;  // of two sensors
+/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
+constexpr double kOffStructure = 0.05;
+
+/// Two points of the same surface, seen by two sensors.
+struct WeightedMatch {
+  const CloudPoint *from, *to;
+  double sigma;     // m
+  double residual;  // m
+};
+
+/// Standard deviation, m, of a cloud point's depth.
+double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
+  return std::hypot(std::max(noise.warp, kLeastWarp) * p.z() * p.z() / 4,
+                    kIntrinsicsError * p.head<2>().norm());
+}
+
+/// Matches of a's points with b's that say more than the structure does.
+std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
+                                              const std::vector<SensorEvidence>& evidence,
+                                              const State& state, std::size_t a, std::size_t b) {
+  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
+  const OverlapView from_view = problem.Overlap(a, state), to_view = problem.Overlap(b, state);
+  std::vector<WeightedMatch> informative;
+  for (const Match& match :
+       FindMatches(from_view, to_view, kOverlapGate, FineGates(problem.options).min_cosine)) {
+    const CloudPoint& from = from_view.Cloud(match.from);
+    const CloudPoint& to = to_view.Cloud(match.to);
+    if (from.held_out) continue;
+    const double sigma =
+        std::hypot(PointSigma(evidence[a].noise, from.p), PointSigma(evidence[b].noise, to.p));
+    if (both_on_structure) {
+      if (sigma > kOverlapGate / 2) continue;
+      const Eigen::Vector3d p = from_view.state.InStructure(from.p);
+      if (DistanceToSurface(state.built, p).distance < kOffStructure) continue;
+    }
+    informative.push_back({&from, &to, sigma, match.residual});
+  }
+  return informative;
+}
+
+/// Cells of one correlation length of the depth errors, rad, that the points of `from` lie in.
+std::size_t CountCells(const std::vector<WeightedMatch>& matches, double cell) {
+  std::set<std::pair<int, int>> cells;
+  for (const WeightedMatch& match : matches) {
+    const Eigen::Vector3d& p = match.from->p;
+    cells.insert({static_cast<int>(std::floor(p.x() / p.z() / cell)),
+                  static_cast<int>(std::floor(p.y() / p.z() / cell))});
+  }
+  return cells.size();
+}
+
+/// Points that two sensors see, and that the structure does not hold already. Errors within a
+/// correlation length are one error.
+void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
+                     const std::vector<char>& kept_initial, std::size_t a, std::size_t b,
+                     State* state, CeresProblem* ceres) {
+  if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b) &&
+      (kept_initial[a] || kept_initial[b]))
+    return;
+  const std::vector<WeightedMatch> matches = InformativeMatches(problem, evidence, *state, a, b);
+  if (matches.size() < kFewestMatches) return;
+  const std::size_t cells =
+      CountCells(matches, std::max(evidence[a].noise.warp_length, evidence[b].noise.warp_length));
+  std::vector<double> sizes;
+  for (const WeightedMatch& match : matches)
+    sizes.push_back(std::abs(match.residual) / match.sigma);
+  const double excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
+  const double share =
+      std::sqrt(static_cast<double>(cells) / static_cast<double>(matches.size())) / excess;
+  for (const WeightedMatch& match : matches) {
+    ceres->problem->AddResidualBlock(
+        new OverlapCost(match.from->p, match.to->p, match.to->normal, share / match.sigma),
+        ceres->loss.get(), state->poses[a].values, state->poses[b].values, &state->offsets[a],
+        &state->offsets[b]);
+  }
+}
+
+/// Priors and residuals of one sensor. `sigmas`: of all priors.
+void AddSensorTerms(const JointProblem& problem, const SensorEvidence& evidence,
+                    const Eigen::VectorXd& sigmas, std::size_t i, State* state,
+                    CeresProblem* ceres) {
+  double *pose = state->poses[i].values, *offset = &state->offsets[i],
+         *nuisance = state->nuisances[i].data();
+  const double* prior = sigmas.data();
+  const double* of_nuisances = prior + problem.layout.Nuisance(i, 0);
+  ceres->problem->AddResidualBlock(new PriorCost({prior[problem.layout.Offset(i)]}), nullptr,
+                                   offset);
+  ceres->problem->AddResidualBlock(
+      new PriorCost(std::vector<double>(of_nuisances, of_nuisances + kNuisances)), nullptr,
+      nuisance);
+  if (problem.HasStructureTerms(i) && !evidence.faces.empty()) {
+    ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr, pose, offset,
+                                     nuisance, state->build.data());
+  }
+}
+
+/// Tells Ceres which parameters stay as they are.
+void HoldConstant(const ParameterLayout& layout, const std::vector<char>& constant, State* state,
+                  CeresProblem* ceres) {
+  for (const ParameterLayout::Block& block : layout.Blocks(state)) {
+    std::vector<int> elements;
+    for (int k = 0; k < block.tangent_size; ++k) {
+      if (constant[static_cast<std::size_t>(block.column + k)]) elements.push_back(k);
+    }
+    ceres->HoldConstant(block.values, block.tangent_size, elements);
+  }
+}
+
+}  // namespace
+
+Gates FineGates(const RefineOptions& options) { return CoarseGates(options.outer_iterations); }
+
+double LineTolerance(const FreeSet& free) { return free.AllBoxes() ? 0 : kHeldEdge; }
+
+std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const State& state,
+                                           const FreeSet& free,
+                                           std::vector<SensorEvidence> previous) {
+  std::vector<SensorEvidence> evidence = std::move(previous);
+  evidence.resize(problem.size());
+  const Gates gates = FineGates(problem.options);
+  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
+    if (!problem.HasStructureTerms(i)) return;
+    evidence[i].noise.line = LineTolerance(free);
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, false,
+                       {state.poses[i].ToPose()}, gates, &evidence[i]);
+    WidenOutliers(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
+    FitNoise(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
+  });
+  return evidence;
+}
+
+void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
+                         std::vector<SensorEvidence>* evidence) {
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!problem.HasStructureTerms(i)) continue;
+    (*evidence)[i].noise.line = LineTolerance(free);
+    SetCovariance(problem.model, state.poses[i].ToPose(), &(*evidence)[i]);
+  }
+}
+
+CeresProblem BuildFineProblem(const JointProblem& problem,
+                              const std::vector<SensorEvidence>& evidence,
+                              const std::vector<char>& kept_initial,
+                              const std::vector<char>& constant, State* state) {
+  CeresProblem ceres;
+  const ParameterLayout& layout = problem.layout;
+  std::vector<double> multipath;
+  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
+  const Eigen::VectorXd sigmas = layout.PriorSigmas(problem.priors, multipath);
+  double* build = state->build.data();
+  ceres.problem->AddParameterBlock(build, problem.model.size());
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    double* pose = state->poses[i].values;
+    ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
+    ceres.problem->AddParameterBlock(&state->offsets[i], 1);
+    ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
+    const Eigen::Index column = layout.Pose(i);
+    ceres.problem->AddResidualBlock(
+        new PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr,
+        pose);
+    if (!constant[static_cast<std::size_t>(column)])
+      AddSensorTerms(problem, evidence[i], sigmas, i, state, &ceres);
+  }
+  const double* of_build = sigmas.data() + layout.Build();
+  ceres.problem->AddResidualBlock(
+      new PriorCost(std::vector<double>(of_build, of_build + problem.model.size())), nullptr,
+      build);
+  HoldConstant(layout, constant, state, &ceres);
+  for (std::size_t a = 0; a < problem.size(); ++a) {
+    for (std::size_t b = 0; b < problem.size(); ++b) {
+      if (a != b && problem.HasOverlapTerms())
+        AddOverlapTerms(problem, evidence, kept_initial, a, b, state, &ceres);
+    }
+  }
+  return ceres;
+}
+
+State SolveFine(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
+                const std::vector<char>& kept_initial, const FreeSet& free, State state) {
+  const CeresProblem ceres = BuildFineProblem(problem, evidence, kept_initial,
+                                              problem.layout.Constant(free, kept_initial), &state);
+  Minimise(problem.options, ceres.problem.get());
+  state.built = problem.model.Built(state.build.data());
+  return state;
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,284 @@
+#include "infer/refine/noise.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "infer/refine/residuals.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+// The covariance.
+constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
+constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
+constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
+constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
+/// A depth error moves a side that is seen at grazing incidence little, but there errors across the
+/// ray, of a pixel or less, count instead.
+constexpr double kLeastLever = 0.2;
+constexpr double kLateral = 0.0003;   // rad, under a tenth of a pixel
+constexpr double kLeastSigma = 3e-4;  // m: 1 mm steps
+
+// The fit. Warps of real sensors are 3-6 mm for time of flight, 8-20 mm for stereo: a log-normal
+// prior of 5 mm and a factor of e^0.8. Free of it, a warp can explain a tilt.
+constexpr double kUsualWarp = 0.005, kWarpSpread = 0.8;  // m, of the logarithm
+constexpr double kLeastWarp = 3e-4, kMostWarp = 0.02;    // m
+constexpr int kWarpSteps = 8;
+constexpr std::array<double, 3> kWarpLengths = {0.05, 0.1, 0.18};     // rad
+constexpr std::array<double, 3> kMultipaths = {0.001, 0.005, 0.012};  // m
+constexpr double kUsualMultipath = 0.012;                             // m, while the warp is sought
+constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;   // of NoiseModel::edge
+constexpr int kEdgeSteps = 6;
+constexpr std::size_t kMostObservations = 110;  // of each kind: enough for three numbers
+constexpr Eigen::Index kFewestFaces = 12, kFewestEdges = 8;  // that tell more than the defaults
+
+/// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
+double Correlation(double distance, double length) {
+  const double x = 1.7320508 * distance / length;
+  return (1 + x) * std::exp(-x);
+}
+
+Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
+
+/// How far a depth error of 1 m moves each observation along its side's normal, times the growth of
+/// the error with depth.
+Eigen::VectorXd WarpLever(const BuildModel& model, const Pose& pose,
+                          const SensorEvidence& evidence) {
+  Eigen::VectorXd lever(static_cast<Eigen::Index>(evidence.faces.size()));
+  for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
+    const FaceObservation& face = evidence.faces[i];
+    const Eigen::Vector3d& normal = model.structure().SideOfLabel(face.label).normal;
+    const double along = normal.dot(pose.linear() * face.p) / face.p.z();
+    lever[static_cast<Eigen::Index>(i)] =
+        -std::hypot(along, kLeastLever) * face.p.z() / kReferenceDepth;
+  }
+  return lever;
+}
+
+Eigen::MatrixXd WarpCorrelation(const SensorEvidence& evidence, const Eigen::VectorXd& lever,
+                                double length) {
+  const auto n = static_cast<Eigen::Index>(evidence.faces.size());
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Vector2d at = Bearing(evidence.faces[static_cast<std::size_t>(i)].p);
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const Eigen::Vector2d other = Bearing(evidence.faces[static_cast<std::size_t>(j)].p);
+      covariance(i, j) = covariance(j, i) =
+          lever[i] * lever[j] * Correlation((at - other).norm(), length);
+    }
+  }
+  return covariance;
+}
+
+Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
+                              const SensorEvidence& evidence) {
+  Eigen::VectorXd variances(static_cast<Eigen::Index>(evidence.faces.size()));
+  for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
+    const FaceObservation& face = evidence.faces[i];
+    const double cosine =
+        model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
+    const double lateral = kLateral * face.p.z();
+    variances[static_cast<Eigen::Index>(i)] =
+        face.variance + (1 - cosine * cosine) * lateral * lateral + kLeastSigma * kLeastSigma;
+  }
+  return variances;
+}
+
+/// Of the edges, for scale 1.
+Eigen::MatrixXd EdgeCovariance(const SensorEvidence& evidence) {
+  const double tolerance = std::hypot(kLineTolerance, evidence.noise.line);
+  const auto n = static_cast<Eigen::Index>(evidence.edges.size());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const EdgeObservation& a = evidence.edges[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const EdgeObservation& b = evidence.edges[static_cast<std::size_t>(j)];
+      if (a.label != b.label || a.edge != b.edge) continue;
+      const double correlation = Correlation((Bearing(a.p) - Bearing(b.p)).norm(), kEdgeLength);
+      covariance(i, j) = covariance(j, i) =
+          a.pixel * b.pixel * kEdgeCommon * kEdgeCommon * correlation + tolerance * tolerance;
+    }
+    covariance(i, i) += a.pixel * a.pixel * a.variance;
+  }
+  return covariance;
+}
+
+/// Negative logarithm of the restricted likelihood of residuals r under covariance C, when the
+/// parameters of J are unknown.
+double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
+                      const Eigen::MatrixXd& jacobian) {
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
+  const Eigen::VectorXd y = root.matrixL().solve(r);
+  const Eigen::MatrixXd a = root.matrixL().solve(jacobian);
+  Eigen::MatrixXd information = a.transpose() * a;
+  information.diagonal().array() += 1e-3 * (1 + information.diagonal().maxCoeff() * 1e-9);
+  const Eigen::LLT<Eigen::MatrixXd> inner(information);
+  const Eigen::VectorXd projected = inner.matrixL().solve(a.transpose() * y);
+  double log_root = 0, log_inner = 0;
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) log_root += std::log(root.matrixLLT()(i, i));
+  for (Eigen::Index i = 0; i < information.rows(); ++i)
+    log_inner += std::log(inner.matrixLLT()(i, i));
+  return log_root + log_inner + 0.5 * (y.squaredNorm() - projected.squaredNorm());
+}
+
+/// Least value of a function over the logarithm of its argument: a grid, then a parabola.
+template <class F>
+double MinimiseOverLog(double low, double high, int steps, const F& f, double* best) {
+  std::vector<double> values;
+  const double ratio = std::pow(high / low, 1.0 / (steps - 1));
+  int least = 0;
+  for (int i = 0; i < steps; ++i) {
+    values.push_back(f(low * std::pow(ratio, i)));
+    if (values.back() < values[static_cast<std::size_t>(least)]) least = i;
+  }
+  double shift = 0;
+  if (least > 0 && least + 1 < steps) {
+    const double a = values[static_cast<std::size_t>(least - 1)],
+                 b = values[static_cast<std::size_t>(least)],
+                 c = values[static_cast<std::size_t>(least + 1)];
+    const double bend = a - 2 * b + c;
+    if (std::isfinite(bend) && bend > 0) shift = std::clamp(0.5 * (a - c) / bend, -0.5, 0.5);
+  }
+  *best = low * std::pow(ratio, least + shift);
+  return values[static_cast<std::size_t>(least)];
+}
+
+/// At most kMostObservations of each kind, evenly taken.
+SensorEvidence Sample(const SensorEvidence& evidence) {
+  const auto some = [](const auto& all) {
+    auto chosen = all;
+    if (all.size() > kMostObservations) {
+      chosen.clear();
+      for (std::size_t i = 0; i < kMostObservations; ++i)
+        chosen.push_back(all[i * all.size() / kMostObservations]);
+    }
+    return chosen;
+  };
+  SensorEvidence sample;
+  sample.noise = evidence.noise;
+  sample.faces = some(evidence.faces);
+  sample.edges = some(evidence.edges);
+  return sample;
+}
+
+/// Residuals of one kind of observation, linear in the parameters.
+struct Linearised {
+  Eigen::VectorXd residuals;  // m, without what the parameters beside the pose took away
+  Eigen::MatrixXd by_pose;    // derivatives in the pose's tangent space
+  Eigen::MatrixXd shared;     // derivatives by the rest, each times its prior sigma
+  Eigen::VectorXd seam;       // derivatives by the multipath error, which is none of `shared`
+
+  Linearised Rows(Eigen::Index first, Eigen::Index count) const {
+    return {residuals.segment(first, count), by_pose.middleRows(first, count),
+            shared.middleRows(first, count), seam.segment(first, count)};
+  }
+};
+
+Linearised Linearise(const BuildModel& model, const SensorEvidence& evidence,
+                     const SensorParameters& parameters, const Priors& priors) {
+  Linearised linear;
+  Eigen::MatrixXd jacobian;
+  Residuals(model, evidence, parameters, &linear.residuals, &jacobian);
+  linear.by_pose =
+      SensorColumns::InTangentSpace(jacobian.leftCols<SensorColumns::kOffset>(), parameters.pose);
+  const auto boxes = static_cast<int>(model.structure().boxes().size());
+  const Eigen::VectorXd sigmas = SharedPriorSigmas(priors, 0, boxes);
+  Eigen::VectorXd values(sigmas.size());
+  values << parameters.offset[0],
+      Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
+      Eigen::Map<const Eigen::VectorXd>(parameters.build, model.size());
+  const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
+  linear.residuals -= known * values;
+  linear.shared = known * sigmas.asDiagonal();
+  linear.seam = known.col(1 + kMultipath);
+  return linear;
+}
+
+/// Size and correlation length of the smooth depth error, then the multipath error.
+void FitFaceNoise(const BuildModel& model, const Pose& pose, const SensorEvidence& sample,
+                  const Linearised& faces, NoiseModel* noise) {
+  const Eigen::VectorXd lever = WarpLever(model, pose, sample);
+  Eigen::MatrixXd rest = faces.shared * faces.shared.transpose();
+  rest.diagonal() += FaceVariances(model, pose, sample);
+  const Eigen::MatrixXd multipath = faces.seam * faces.seam.transpose();
+  double least = std::numeric_limits<double>::infinity();
+  for (const double length : kWarpLengths) {
+    const Eigen::MatrixXd correlation = WarpCorrelation(sample, lever, length);
+    double warp = 0;
+    const double cost = MinimiseOverLog(
+        kLeastWarp, kMostWarp, kWarpSteps,
+        [&](double sigma) {
+          const double unusual = std::log(sigma / kUsualWarp) / kWarpSpread;
+          return RestrictedCost(sigma * sigma * correlation + rest +
+                                    kUsualMultipath * kUsualMultipath * multipath,
+                                faces.residuals, faces.by_pose) +
+                 0.5 * unusual * unusual;
+        },
+        &warp);
+    if (cost < least) {
+      least = cost;
+      noise->warp = warp;
+      noise->warp_length = length;
+    }
+  }
+  const Eigen::MatrixXd others =
+      noise->warp * noise->warp * WarpCorrelation(sample, lever, noise->warp_length) + rest;
+  least = std::numeric_limits<double>::infinity();
+  for (const double sigma : kMultipaths) {
+    const double cost =
+        RestrictedCost(others + sigma * sigma * multipath, faces.residuals, faces.by_pose);
+    if (cost < least) {
+      least = cost;
+      noise->multipath = sigma;
+    }
+  }
+}
+
+/// Scale of the silhouettes' errors.
+void FitEdgeNoise(const SensorEvidence& sample, const Linearised& edges, NoiseModel* noise) {
+  const Eigen::MatrixXd rest = edges.shared * edges.shared.transpose();
+  const Eigen::MatrixXd own = EdgeCovariance(sample);
+  MinimiseOverLog(
+      kLeastEdge, kMostEdge, kEdgeSteps,
+      [&](double scale) {
+        const double unusual = std::log(scale) / kEdgeSpread;
+        return RestrictedCost(scale * scale * own + rest, edges.residuals, edges.by_pose) +
+               0.5 * unusual * unusual;
+      },
+      &noise->edge);
+}
+
+}  // namespace
+
+void SetCovariance(const BuildModel& model, const Pose& pose, SensorEvidence* evidence) {
+  const NoiseModel& noise = evidence->noise;
+  const Eigen::VectorXd lever = WarpLever(model, pose, *evidence);
+  Eigen::MatrixXd faces =
+      noise.warp * noise.warp * WarpCorrelation(*evidence, lever, noise.warp_length);
+  faces.diagonal() += FaceVariances(model, pose, *evidence);
+  evidence->face_root = faces.llt().matrixL();
+  const Eigen::MatrixXd edges = noise.edge * noise.edge * EdgeCovariance(*evidence);
+  evidence->edge_root = edges.llt().matrixL();
+}
+
+void FitNoise(const BuildModel& model, const SensorParameters& parameters, const Priors& priors,
+              SensorEvidence* evidence) {
+  const SensorEvidence sample = Sample(*evidence);
+  const Linearised all = Linearise(model, sample, parameters, priors);
+  const auto faces = static_cast<Eigen::Index>(sample.faces.size());
+  const auto edges = static_cast<Eigen::Index>(sample.edges.size());
+  PoseBlock block;
+  std::copy_n(parameters.pose, 7, block.values);
+  const Pose pose = block.ToPose();
+  if (faces > kFewestFaces) FitFaceNoise(model, pose, sample, all.Rows(0, faces), &evidence->noise);
+  if (edges > kFewestEdges) FitEdgeNoise(sample, all.Rows(faces, edges), &evidence->noise);
+  SetCovariance(model, pose, evidence);
+}
+
+}  // namespace volalign::refine_internal

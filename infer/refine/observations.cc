@@ -1,0 +1,201 @@
+#include "infer/refine/observations.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "core/statistics.h"
+#include "infer/refine/residuals.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+constexpr double kRise = 0.02;         // m, that a box has to rise in front of a side for a seam
+constexpr std::size_t kFewest = 3;     // points of an observation on a face
+constexpr double kLeastSpread = 1e-3;  // m, of the points of an observation
+constexpr double kFarFromMiddle = 3;   // spreads, of points that are no part of it
+/// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
+constexpr double kPixelsPerError = 2;
+
+// The robust fit.
+constexpr int kRobustIterations = 8;
+constexpr double kRobustMultipath = 0.02;                         // m, prior of the multipath error
+constexpr double kRobustPose = 1;                                 // m and rad, prior of the pose
+constexpr double kLeastFaceScale = 0.002, kLeastEdgeScale = 0.3;  // m, px
+constexpr double kLeastFaceSpread = 1e-3, kLeastEdgeSpread = 0.3;
+constexpr double kOutlier = 2.5;  // spreads
+constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
+
+double Square(double x) { return x * x; }
+
+/// One image block's points on one side, without those that lie apart from the others.
+FaceObservation FaceOf(const Structure& nominal, const Structure& built, const SensorState& sensor,
+                       int label, const std::vector<const SidePoint*>& points) {
+  const Side& side = built.SideOfLabel(label);
+  std::vector<double> distances;
+  for (const SidePoint* point : points)
+    distances.push_back(side.normal.dot(sensor.InStructure(point->p) - side.centre));
+  const double middle = Median(distances);
+  std::vector<double> deviations;
+  for (const double d : distances) deviations.push_back(std::abs(d - middle));
+  const double spread = kMadToSigma * Median(deviations) + kLeastSpread;
+  FaceObservation face;
+  face.label = label;
+  face.p.setZero();
+  double squares = 0;
+  int count = 0;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (std::abs(distances[k] - middle) > kFarFromMiddle * spread) continue;
+    face.p += points[k]->p;
+    squares += Square(distances[k] - middle);
+    ++count;
+  }
+  face.p /= count;
+  face.variance = kPixelsPerError * squares / count / count;
+  face.multipath = SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p));
+  return face;
+}
+
+/// Silhouette points of one image block along one edge.
+EdgeObservation EdgeOf(int label, int edge_index, int axis,
+                       const std::vector<const EdgePoint*>& points) {
+  EdgeObservation edge;
+  edge.label = label;
+  edge.edge = edge_index;
+  edge.axis = axis;
+  edge.p.setZero();
+  double pixels = 0;
+  for (const EdgePoint* point : points) {
+    edge.p += point->p;
+    edge.pixel += point->pixel;
+    pixels += point->sigma / point->pixel;
+  }
+  const auto count = static_cast<double>(points.size());
+  edge.p /= count;
+  edge.pixel /= count;
+  pixels /= count;
+  edge.variance = pixels * pixels / std::sqrt(count);
+  return edge;
+}
+
+/// Robust standard deviation of a part of `sizes`.
+double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count) {
+  return kMadToSigma *
+         Median(std::vector<double>(sizes.data() + first, sizes.data() + first + count));
+}
+
+/// What one unit of each residual is worth: 1 m of a face, 1 px of a silhouette.
+Eigen::VectorXd Units(const SensorEvidence& evidence) {
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(
+      static_cast<Eigen::Index>(evidence.faces.size() + evidence.edges.size()));
+  for (std::size_t e = 0; e < evidence.edges.size(); ++e)
+    units[static_cast<Eigen::Index>(evidence.faces.size() + e)] = evidence.edges[e].pixel;
+  return units;
+}
+
+/// Residuals of a sensor's observations, m, after least squares of its own parameters, reweighted
+/// by Cauchy's function.
+Eigen::VectorXd RobustResiduals(const BuildModel& model, const SensorEvidence& evidence,
+                                const SensorParameters& parameters, const Priors& priors) {
+  Eigen::VectorXd r;
+  Eigen::MatrixXd over_blocks;
+  Residuals(model, evidence, parameters, &r, &over_blocks);
+  const Eigen::MatrixXd j = SensorColumns::InTangentSpace(over_blocks, parameters.pose);
+  const auto boxes = static_cast<int>(model.structure().boxes().size());
+  Eigen::VectorXd prior(j.cols());
+  prior << Eigen::VectorXd::Constant(6, kRobustPose),
+      SharedPriorSigmas(priors, kRobustMultipath, boxes).unaryExpr(&Positive);
+  const Eigen::VectorXd units = Units(evidence);
+  const std::size_t faces = evidence.faces.size(), edges = evidence.edges.size();
+  Eigen::VectorXd left = r;
+  for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
+    const Eigen::VectorXd sizes = left.cwiseAbs().cwiseQuotient(units);
+    const double face = std::max(kLeastFaceScale, Spread(sizes, 0, faces));
+    const double edge = std::max(kLeastEdgeScale, Spread(sizes, faces, edges));
+    Eigen::VectorXd weights(r.size());
+    for (Eigen::Index k = 0; k < r.size(); ++k) {
+      const double sigma = units[k] * (k < static_cast<Eigen::Index>(faces) ? face : edge);
+      weights[k] = 1 / (Square(sigma) + Square(left[k]));
+    }
+    Eigen::MatrixXd h = j.transpose() * weights.asDiagonal() * j;
+    h.diagonal() += prior.cwiseAbs2().cwiseInverse();
+    left = r - j * h.ldlt().solve(j.transpose() * (weights.asDiagonal() * r));
+  }
+  return left;
+}
+
+}  // namespace
+
+double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q) {
+  double nearest = kMultipathReach;
+  if (std::abs(side.normal.y()) < 0.5)
+    nearest = std::clamp(q.y() - structure.FloorHeight(), 0.0, nearest);
+  const double plane = side.normal.dot(side.centre);
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    if (static_cast<int>(b) == side.box) continue;
+    const Box& box = structure.boxes()[b];
+    const Eigen::Matrix3d box_from_structure = box.structure_from_box.linear().transpose();
+    const Eigen::Vector3d half = 0.5 * box.size;
+    const double reach = side.normal.dot(box.structure_from_box.translation()) +
+                         (box_from_structure * side.normal).cwiseAbs().dot(half);
+    if (reach < plane + kRise) continue;
+    const Eigen::Vector3d d = box_from_structure * (q - box.structure_from_box.translation());
+    nearest = std::min(nearest, (d.cwiseAbs() - half).cwiseMax(0.0).norm());
+  }
+  return 1 - nearest / kMultipathReach;
+}
+
+void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
+                        const SensorPoints& points, bool held_out, const std::vector<Pose>& poses,
+                        const Gates& gates, SensorEvidence* evidence) {
+  std::vector<SensorState> places;
+  for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
+  std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
+  for (const SidePoint& point : points.side_points) {
+    const auto lies_on_it = [&](const SensorState& at) {
+      return LiesOnItsSide(state.built, at, point, gates.side);
+    };
+    if (point.held_out == held_out && std::any_of(places.begin(), places.end(), lies_on_it))
+      faces[{point.label, point.block}].push_back(&point);
+  }
+  std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;  // label, edge, block, axis
+  for (const EdgePoint& edge : points.edge_points) {
+    EdgeLine line;
+    const auto lies_on_one = [&](const SensorState& at) {
+      return LiesOnAnEdge(state.built, at, edge, gates.side, &line);
+    };
+    if (edge.held_out == held_out && std::any_of(places.begin(), places.end(), lies_on_one))
+      lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
+  }
+  evidence->faces.clear();
+  for (const auto& [key, of] : faces) {
+    if (of.size() >= kFewest)
+      evidence->faces.push_back(FaceOf(nominal, state.built, places.front(), key.first, of));
+  }
+  evidence->edges.clear();
+  for (const auto& [key, of] : lines) evidence->edges.push_back(EdgeOf(key[0], key[1], key[3], of));
+}
+
+void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,
+                   const Priors& priors, SensorEvidence* evidence) {
+  const std::size_t faces = evidence->faces.size();
+  Eigen::VectorXd sizes = RobustResiduals(model, *evidence, parameters, priors).cwiseAbs();
+  sizes = sizes.cwiseQuotient(Units(*evidence)).eval();
+  const auto widen = [&](std::size_t first, std::size_t count, double least_spread,
+                         const auto& variance) {
+    const double limit = kOutlier * std::max(least_spread, Spread(sizes, first, count));
+    for (std::size_t k = 0; k < count; ++k) {
+      const double size = sizes[static_cast<Eigen::Index>(first + k)];
+      if (size > limit) *variance(k) += kWidening * (size * size - limit * limit);
+    }
+  };
+  widen(0, faces, kLeastFaceSpread, [&](std::size_t k) { return &evidence->faces[k].variance; });
+  widen(faces, evidence->edges.size(), kLeastEdgeSpread,
+        [&](std::size_t k) { return &evidence->edges[k].variance; });
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,37 @@
+#pragma once
+
+// From points to observations: what a sensor's points say together, and how far it can be trusted.
+// Not for callers of Refine.
+
+#include <vector>
+
+#include "core/structure.h"
+#include "infer/refine/association.h"
+#include "infer/refine/evidence.h"
+#include "infer/refine/parameters.h"
+#include "infer/refine/sensor_points.h"
+
+namespace volalign::refine_internal {
+
+/// How far from a concave seam, m, multipath still bends a surface: time-of-flight cameras measure
+/// inward corners rounded over about this length.
+inline constexpr double kMultipathReach = 0.3;
+
+/// Share of the multipath error that a point at q on a side takes: 1 in a concave seam, falling to
+/// 0 at kMultipathReach. Seams are where another box, or the floor, rises in front of the side.
+double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
+
+/// Gathers the held-out points, or all others, into one observation for each image block and side
+/// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor
+/// each; the first is where errors are measured. `nominal`: the structure as described, `state` has
+/// it as built. Replaces evidence->faces and ->edges, leaves its noise model.
+void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
+                        const SensorPoints& points, bool held_out, const std::vector<Pose>& poses,
+                        const Gates& gates, SensorEvidence* evidence);
+
+/// Widens the variances of observations that lie much farther off than the sensor's others, after a
+/// robust fit of this sensor alone.
+void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,
+                   const Priors& priors, SensorEvidence* evidence);
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+
+namespace volalign {
+
+/// What may be estimated beside the poses (`refine.estimate`).
+struct EstimateSet {
+  bool boxes = false, size = false, depth_gain = false, depth_offset = false;
+};
+/// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, separated by commas.
+/// Throws ConfigError for anything else.
+EstimateSet ParseEstimate(const std::string& text);
+
+struct RefineOptions {
+  std::string estimate = "auto";
+  double box_sigma_m = 0.004;
+  double box_sigma_deg = 0.5;
+  double size_sigma_percent = 1;
+  double depth_gain_sigma_percent = 0.3;
+  double depth_offset_sigma_m = 0.007;
+  double edge_shift_sigma_px = 0.7;
+  int outer_iterations = 5;
+  int inner_iterations = 6;
+  int fine_iterations = 3;
+  int max_side_points = 3000;
+  int max_edge_points = 600;
+  int max_overlap_points = 700;
+  double overlap_weight = 2;
+  double min_overlap = 0.05;
+  double edge_weight = 30;
+  std::vector<std::string> without_structure;
+  int threads = 2;
+  /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
+  /// or not, for callers that want a pose and its covariance alone.
+  bool choose_estimates = true;
+  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
+  bool coarse = true;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("estimate", estimate,
+       "what is estimated beside the poses, where the capture tells: auto, none, or a list of "
+       "boxes, size, depth_gain, depth_offset (separated by commas)");
+    ar("box_sigma_m", box_sigma_m,
+       "prior standard deviation of a box's horizontal place along each axis, m", AtLeast(0));
+    ar("box_sigma_deg", box_sigma_deg,
+       "prior standard deviation of a box's turn about the vertical, deg", AtLeast(0));
+    ar("size_sigma_percent", size_sigma_percent,
+       "prior standard deviation of the size error that all boxes share, percent", AtLeast(0));
+    ar("depth_gain_sigma_percent", depth_gain_sigma_percent,
+       "prior standard deviation of a sensor's depth gain, percent", AtLeast(0));
+    ar("depth_offset_sigma_m", depth_offset_sigma_m,
+       "prior standard deviation, m, of a constant that a sensor's depth is off by (Azure Kinect: "
+       "up to 11 mm)",
+       AtLeast(0));
+    ar("edge_shift_sigma_px", edge_shift_sigma_px,
+       "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
+    ar("outer_iterations", outer_iterations,
+       "coarse associations, each followed by a Ceres solution", AtLeast(1));
+    ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
+    ar("fine_iterations", fine_iterations,
+       "associations of the last stage, which weighs errors as they are correlated", AtLeast(1));
+    ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
+    ar("max_edge_points", max_edge_points, "most silhouette points of a sensor", AtLeast(0));
+    ar("max_overlap_points", max_overlap_points,
+       "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
+       AtLeast(0));
+    ar("overlap_weight", overlap_weight,
+       "weight of overlap residuals beside those to the structure", AtLeast(0));
+    ar("edge_weight", edge_weight,
+       "weight of silhouette residuals: errors of neighbouring points on a face are alike, so that "
+       "thousands of "
+       "them say less than their number",
+       AtLeast(0));
+    ar("min_overlap", min_overlap,
+       "least share of a sensor's points that another one sees, for the two to be a pair",
+       Between(0, 1));
+    ar("without_structure", without_structure,
+       "sensors that are held by their neighbours' overlap alone");
+    ar("threads", threads, "threads of Ceres", AtLeast(1));
+  }
+};
+
+}  // namespace volalign

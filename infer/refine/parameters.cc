@@ -1,0 +1,132 @@
+#include "infer/refine/parameters.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// Of the pose priors, which bound directions that nothing constrains: m and rad.
+constexpr double kPoseSigma = 1;
+
+}  // namespace
+
+Eigen::MatrixXd SensorColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
+                                              const double* pose) {
+  Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+  LeftPoseManifold().PlusJacobian(pose, plus.data());
+  Eigen::MatrixXd columns(over_blocks.rows(), over_blocks.cols() - 1);
+  columns.leftCols<6>() = over_blocks.leftCols<7>() * plus;
+  columns.rightCols(columns.cols() - 6) = over_blocks.rightCols(over_blocks.cols() - 7);
+  return columns;
+}
+
+Priors PriorsOf(const RefineOptions& options) {
+  Priors priors;
+  priors.offset = options.depth_offset_sigma_m;
+  priors.gain = options.depth_gain_sigma_percent / 100;
+  priors.edge_shift = options.edge_shift_sigma_px;
+  priors.size = options.size_sigma_percent / 100;
+  priors.box = options.box_sigma_m;
+  priors.yaw = options.box_sigma_deg * M_PI / 180;
+  return priors;
+}
+
+Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
+  Eigen::VectorXd sigmas(1 + kNuisances + 1 + 3 * boxes);
+  sigmas[0] = priors.offset;
+  sigmas[1 + kDepthGain] = priors.gain;
+  sigmas[1 + kMultipath] = multipath;
+  sigmas[1 + kEdgeShift] = sigmas[2 + kEdgeShift] = priors.edge_shift;
+  auto build = sigmas.tail(1 + 3 * boxes);
+  build[0] = priors.size;
+  for (int b = 0; b < boxes; ++b) {
+    build[BuildModel::X(b)] = build[BuildModel::Z(b)] = priors.box;
+    build[BuildModel::Yaw(b)] = priors.yaw;
+  }
+  return sigmas;
+}
+
+State NominalState(const Structure& structure, const std::vector<Pose>& poses) {
+  State state;
+  for (const Pose& pose : poses) state.poses.emplace_back(pose);
+  state.offsets.assign(poses.size(), 0);
+  state.nuisances.assign(poses.size(), {});
+  state.build.assign(1 + 3 * structure.boxes().size(), 0);
+  state.built = structure;
+  return state;
+}
+
+bool FreeSet::AllBoxes() const {
+  return std::all_of(boxes.begin(), boxes.end(), [](char f) { return f != 0; });
+}
+
+FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
+                 std::size_t boxes) {
+  FreeSet free;
+  free.boxes.assign(boxes, asked.boxes && priors.box > 0);
+  free.size = asked.size && priors.size > 0;
+  free.gain.assign(sensors, asked.depth_gain && priors.gain > 0);
+  free.offset.assign(sensors, asked.depth_offset && priors.offset > 0);
+  return free;
+}
+
+std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const {
+  std::vector<Block> blocks;
+  for (std::size_t i = 0; i < sensors_; ++i)
+    blocks.push_back({state->poses[i].values, Pose(i), 7, 6});
+  for (std::size_t i = 0; i < sensors_; ++i)
+    blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
+  for (std::size_t i = 0; i < sensors_; ++i)
+    blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
+  const int build = static_cast<int>(state->build.size());
+  blocks.push_back({state->build.data(), Build(), build, build});
+  return blocks;
+}
+
+Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
+                                             const std::vector<double>& multipath) const {
+  Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
+  const auto boxes = static_cast<int>(boxes_);
+  for (std::size_t i = 0; i < sensors_; ++i) {
+    const Eigen::VectorXd shared = SharedPriorSigmas(priors, multipath[i], boxes);
+    sigmas[Offset(i)] = shared[0];
+    sigmas.segment<kNuisances>(Nuisance(i, 0)) = shared.segment<kNuisances>(1);
+  }
+  sigmas.tail(1 + 3 * boxes) = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);
+  return sigmas.unaryExpr(&Positive);
+}
+
+std::vector<char> ParameterLayout::Constant(const FreeSet& free,
+                                            const std::vector<char>& kept_initial) const {
+  std::vector<char> constant(static_cast<std::size_t>(size()), 0);
+  const auto hold = [&](Eigen::Index first, int count) {
+    std::fill_n(constant.begin() + first, count, 1);
+  };
+  for (std::size_t i = 0; i < sensors_; ++i) {
+    if (!free.offset[i]) hold(Offset(i), 1);
+    if (!free.gain[i]) hold(Nuisance(i, kDepthGain), 1);
+    if (kept_initial.empty() || !kept_initial[i]) continue;
+    hold(Pose(i), 6);
+    hold(Offset(i), 1);
+    hold(Nuisance(i, 0), kNuisances);
+  }
+  if (!free.size) hold(Size(), 1);
+  for (std::size_t b = 0; b < boxes_; ++b) {
+    if (!free.boxes[b]) hold(Boxes() + static_cast<Eigen::Index>(3 * b), 3);
+  }
+  return constant;
+}
+
+void ParameterLayout::SetNominal(const FreeSet& free, State* state) const {
+  const std::vector<char> constant = Constant(free);
+  for (const Block& block : Blocks(state)) {
+    if (block.size != block.tangent_size) continue;  // a pose has no nominal value
+    for (int k = 0; k < block.size; ++k) {
+      if (constant[static_cast<std::size_t>(block.column + k)]) block.values[k] = 0;
+    }
+  }
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,63 @@
+#pragma once
+
+// A pose as a block of Ceres parameters. Not for callers of Refine.
+
+#include <ceres/manifold.h>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "core/pose.h"
+
+namespace volalign::refine_internal {
+
+/// structure_from_sensor as a parameter block: unit quaternion x y z w, then translation.
+struct PoseBlock {
+  double values[7];
+
+  PoseBlock() : PoseBlock(Pose::Identity()) {}
+  explicit PoseBlock(const Pose& pose) {
+    const Eigen::Vector4d q = Eigen::Quaterniond(pose.linear()).normalized().coeffs();
+    const Eigen::Vector3d t = pose.translation();
+    std::copy_n(q.data(), 4, values);
+    std::copy_n(t.data(), 3, values + 4);
+  }
+  Pose ToPose() const {
+    Pose pose = Pose::Identity();
+    pose.linear() = Eigen::Quaterniond(values).normalized().toRotationMatrix();
+    pose.translation() = Eigen::Map<const Eigen::Vector3d>(values + 4);
+    return pose;
+  }
+};
+
+/// Matrix of the cross product: Cross(v) * w = v x w.
+inline Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/// d (R(q) p) / d (x y z w), 3x4, for R(q) p = p + 2 w (u x p) + 2 u x (u x p), q = (u, w).
+inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const Eigen::Vector3d& p) {
+  const Eigen::Vector3d u(q[0], q[1], q[2]);
+  Eigen::Matrix<double, 3, 4> jacobian;
+  jacobian.leftCols<3>() = -2 * q[3] * Cross(p) + 2 * (u.dot(p) * Eigen::Matrix3d::Identity() +
+                                                       u * p.transpose() - 2 * p * u.transpose());
+  jacobian.col(3) = 2 * u.cross(p);
+  return jacobian;
+}
+
+/// T = Exp(delta) T^ with delta = [translation; rotation vector] in the structure frame, m and rad:
+/// the tangent space in which covariances are given.
+class LeftPoseManifold : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+};
+
+}  // namespace volalign::refine_internal

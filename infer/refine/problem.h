@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/refine/options.h"
+#include "infer/refine/overlap.h"
+#include "infer/refine/parameters.h"
+#include "infer/refine/sensor_points.h"
+
+namespace volalign {
+
+/// One sensor to refine. All poses are structure_from_sensor.
+struct RefineSensor {
+  const SensorPoints* points = nullptr;
+  /// What a refinement that is no better falls back to.
+  Pose initial = Pose::Identity();
+  Pose start = Pose::Identity();  ///< where the solution begins
+  /// False: nothing ties the sensor to the structure but its neighbours.
+  bool use_structure_terms = true;
+};
+
+namespace refine_internal {
+
+/// What is given and stays as it is while the parameters are sought. Refers to its arguments.
+struct JointProblem {
+  JointProblem(const Structure& structure, const std::vector<RefineSensor>& sensors,
+               const RefineOptions& options);
+
+  const Structure& structure;  ///< as described
+  const std::vector<RefineSensor>& sensors;
+  const RefineOptions& options;
+  BuildModel model;
+  Priors priors;
+  ParameterLayout layout;
+  std::vector<std::vector<int>> overlap_points;  ///< of each sensor, see ChooseOverlapPoints
+
+  std::size_t size() const { return sensors.size(); }
+  bool HasStructureTerms(std::size_t i) const { return sensors[i].use_structure_terms; }
+  bool HasOverlapTerms() const { return options.max_overlap_points > 0; }
+  /// One sensor's part in its overlap with others.
+  OverlapView Overlap(std::size_t i, const State& state) const {
+    return {sensors[i].points, &overlap_points[i], state.Sensor(i)};
+  }
+};
+
+}  // namespace refine_internal
+}  // namespace volalign

@@ -1,0 +1,191 @@
+#include "infer/refine/residuals.h"
+
+#include <Eigen/Geometry>
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// d (turn about the vertical by a) v / da, at a = 0.
+Eigen::Vector3d VerticalCross(const Eigen::Vector3d& v) { return {v.z(), 0, -v.x()}; }
+
+/// A plane of a box: of a side, or through an edge and square to the side. It moves with the box:
+/// normal . (p - centre) = (1 + growth) * half.
+struct MovedPlane {
+  Eigen::Vector3d normal, nominal_centre, centre;
+  double half, height;
+  int box;
+};
+
+/// One sensor at its parameters, against the structure as they build it.
+class Scene {
+ public:
+  Scene(const BuildModel& model, const SensorParameters& parameters)
+      : model_(model),
+        parameters_(parameters),
+        rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
+        translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
+        growth_(parameters.build[0]) {}
+
+  const Eigen::Matrix3d& rotation() const { return rotation_; }
+  const double* pose() const { return parameters_.pose; }
+  double nuisance(int which) const { return parameters_.nuisance[which]; }
+  Eigen::Index columns() const { return SensorColumns::kBuild + model_.size(); }
+  const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
+  Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
+    return rotation_ * p + translation_;
+  }
+
+  double TrueDepth(const FaceObservation& face) const {
+    return face.p.z() * (1 + nuisance(kDepthGain)) + parameters_.offset[0] -
+           nuisance(kMultipath) * face.multipath;
+  }
+
+  MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
+  MovedPlane PlaneOfEdge(const Side& side, int edge) const {
+    const Eigen::Vector3d direction =
+        (edge % 2 ? -1.0 : 1.0) * (edge < 2 ? side.axis_u : side.axis_v);
+    return Moved(side, direction, edge < 2 ? side.half_u : side.half_v);
+  }
+
+  double Distance(const MovedPlane& plane, const Eigen::Vector3d& at) const {
+    return plane.normal.dot(at - plane.centre) - (1 + growth_) * plane.half;
+  }
+  /// Derivative of Distance(plane, R p + t), p fixed. at = R p + t.
+  Eigen::RowVectorXd Derivative(const MovedPlane& plane, const Eigen::Vector3d& p,
+                                const Eigen::Vector3d& at) const {
+    constexpr Eigen::Index kBuild = SensorColumns::kBuild;
+    Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(columns());
+    row.head<4>() = plane.normal.transpose() * RotatedPointJacobian(parameters_.pose, p);
+    row.segment<3>(4) = plane.normal.transpose();
+    row[kBuild] = -plane.normal.y() * plane.height - plane.half;
+    row[kBuild + BuildModel::X(plane.box)] = -plane.normal.x();
+    row[kBuild + BuildModel::Z(plane.box)] = -plane.normal.z();
+    row[kBuild + BuildModel::Yaw(plane.box)] = VerticalCross(plane.normal).dot(at - plane.centre);
+    return row;
+  }
+
+ private:
+  /// The plane of this direction that lies `extent` outside of the side's centre.
+  MovedPlane Moved(const Side& side, const Eigen::Vector3d& direction, double extent) const {
+    const Box& box = model_.structure().boxes()[static_cast<std::size_t>(side.box)];
+    const double* build = parameters_.build;
+    MovedPlane plane;
+    plane.box = side.box;
+    plane.nominal_centre = box.structure_from_box.translation();
+    plane.height = plane.nominal_centre.y() - model_.floor();
+    plane.half = direction.dot(side.centre - plane.nominal_centre) + extent;
+    plane.normal =
+        Eigen::AngleAxisd(build[BuildModel::Yaw(side.box)], Eigen::Vector3d::UnitY()) * direction;
+    plane.centre = plane.nominal_centre + Eigen::Vector3d(build[BuildModel::X(side.box)],
+                                                          growth_ * plane.height,
+                                                          build[BuildModel::Z(side.box)]);
+    return plane;
+  }
+
+  const BuildModel& model_;
+  const SensorParameters& parameters_;
+  const Eigen::Matrix3d rotation_;
+  const Eigen::Vector3d translation_;
+  const double growth_;
+};
+
+/// Distance of a block of points to its side's plane. `jacobian` may be null.
+double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Index row,
+                    Eigen::MatrixXd* jacobian) {
+  const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
+  const Eigen::Vector3d ray = face.p / face.p.z();
+  const Eigen::Vector3d p = scene.TrueDepth(face) * ray, at = scene.InStructure(p);
+  if (jacobian) {
+    jacobian->row(row) = scene.Derivative(plane, p, at);
+    const double along = plane.normal.dot(scene.rotation() * ray);
+    (*jacobian)(row, SensorColumns::kOffset) = along;
+    (*jacobian)(row, SensorColumns::kNuisance + kDepthGain) = along * face.p.z();
+    (*jacobian)(row, SensorColumns::kNuisance + kMultipath) = -along * face.multipath;
+  }
+  return scene.Distance(plane, at);
+}
+
+/// Distance of a silhouette to its edge, along the ray to the side's plane, so that its depth has
+/// no say. `jacobian` may be null.
+double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Index row,
+                    Eigen::MatrixXd* jacobian) {
+  const Side& side = scene.SideOf(edge.label);
+  const MovedPlane plane = scene.PlaneOf(side), line = scene.PlaneOfEdge(side, edge.edge);
+  const Eigen::Vector3d ray = edge.p / edge.p.z();
+  const Eigen::Vector3d v = scene.rotation() * ray, at = scene.InStructure(edge.p);
+  const double behind = scene.Distance(plane, at);
+  const double nv = plane.normal.dot(v), dv = line.normal.dot(v);
+  const double slope = dv / nv;
+  if (jacobian) {
+    jacobian->row(row) =
+        scene.Derivative(line, edge.p, at) - slope * scene.Derivative(plane, edge.p, at);
+    const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
+    jacobian->row(row).head<4>() -=
+        behind * turn.transpose() * RotatedPointJacobian(scene.pose(), ray);
+    (*jacobian)(row, SensorColumns::kBuild + BuildModel::Yaw(side.box)) -=
+        behind *
+        (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
+        (nv * nv);
+    (*jacobian)(row, SensorColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
+  }
+  return scene.Distance(line, at) - slope * behind -
+         scene.nuisance(kEdgeShift + edge.axis) * edge.pixel;
+}
+
+}  // namespace
+
+void Residuals(const BuildModel& model, const SensorEvidence& evidence,
+               const SensorParameters& parameters, Eigen::VectorXd* residuals,
+               Eigen::MatrixXd* jacobian) {
+  const Scene scene(model, parameters);
+  const auto rows = static_cast<Eigen::Index>(evidence.faces.size() + evidence.edges.size());
+  residuals->resize(rows);
+  if (jacobian) jacobian->setZero(rows, scene.columns());
+  Eigen::Index row = 0;
+  for (const FaceObservation& face : evidence.faces) {
+    (*residuals)[row] = FaceResidual(scene, face, row, jacobian);
+    ++row;
+  }
+  for (const EdgeObservation& edge : evidence.edges) {
+    (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
+    ++row;
+  }
+}
+
+SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
+    : model_(model), evidence_(evidence) {
+  set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
+  *mutable_parameter_block_sizes() = {7, 1, kNuisances, model.size()};
+}
+
+bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
+                          double** jacobians) const {
+  Eigen::VectorXd r;
+  Eigen::MatrixXd j;
+  Residuals(model_, evidence_, {parameters[0], parameters[1], parameters[2], parameters[3]}, &r,
+            jacobians ? &j : nullptr);
+  const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
+  const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());
+  const auto face_root = evidence_.face_root.triangularView<Eigen::Lower>();
+  const auto edge_root = evidence_.edge_root.triangularView<Eigen::Lower>();
+  Eigen::Map<Eigen::VectorXd> out(residuals, faces + edges);
+  out.head(faces) = face_root.solve(r.head(faces));
+  out.tail(edges) = edge_root.solve(r.tail(edges));
+  if (!jacobians) return true;
+  j.topRows(faces) = face_root.solve(j.topRows(faces)).eval();
+  j.bottomRows(edges) = edge_root.solve(j.bottomRows(edges)).eval();
+  Eigen::Index column = 0;
+  for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
+    const Eigen::Index width = parameter_block_sizes()[b];
+    if (jacobians[b]) {
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> block(
+          jacobians[b], faces + edges, width);
+      block = j.middleCols(column, width);
+    }
+    column += width;
+  }
+  return true;
+}
+
+}  // namespace volalign::refine_internal

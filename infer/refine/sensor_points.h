@@ -1,0 +1,86 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "core/kd_tree.h"
+#include "core/structure.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// A labelled point, sensor frame.
+struct SidePoint {
+  Eigen::Vector3d p;
+  Eigen::Vector3d normal;  ///< towards the sensor; zero where no plane fits its neighbourhood
+  int label = 0;
+  int block = 0;  ///< of the image, see BlockIndex
+  bool held_out = false;
+};
+
+/// A point on the silhouette of a labelled side, where the depth behind it jumps: half a pixel
+/// beyond the last one on the side, more where pixels are missing.
+struct EdgePoint {
+  Eigen::Vector3d p;
+  /// Unit, sensor frame, in the side's measured plane, across the silhouette.
+  Eigen::Vector3d outward;
+  Eigen::Vector3d normal;  ///< of the side, as measured
+  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it.
+  double sigma = 0;
+  double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
+  int label = 0;
+  int axis = 0;   ///< 0: found along an image row, 1: along a column
+  int block = 0;  ///< of the image, see BlockIndex
+  bool held_out = false;
+};
+
+/// A point with a normal towards the sensor, sensor frame.
+struct CloudPoint {
+  Eigen::Vector3d p;
+  Eigen::Vector3d normal;
+  bool held_out = false;
+};
+
+/// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
+int BlockIndex(int u, int v, int width);
+
+/// The points of one sensor that refinement works on. Those in every fifth image block are held
+/// out: they never enter the solution, and tell whether it is better than where it began.
+class SensorPoints {
+ public:
+  SensorPoints() = default;
+  SensorPoints(std::vector<SidePoint> sides, std::vector<EdgePoint> edges,
+               std::vector<CloudPoint> cloud);
+
+  std::vector<SidePoint> side_points;
+  std::vector<EdgePoint> edge_points;
+  const std::vector<CloudPoint>& cloud() const { return cloud_; }
+
+  /// Index of the cloud point nearest to p within `max_distance`, or -1.
+  int Nearest(const Eigen::Vector3d& p, double max_distance) const;
+
+ private:
+  std::vector<CloudPoint> cloud_;
+  std::optional<KdTree> tree_;
+};
+
+struct SamplingOptions {
+  double min_confidence = 0.5;  ///< of a label
+  int max_side_points = 3000;   ///< as many held-out ones again
+  int max_edge_points = 600;
+  int cloud_stride = 2;  ///< px
+  double max_range = 7;  ///< m, of cloud points
+};
+
+/// Takes the points out of a view and its labels. The same view always gives the same points.
+SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
+                          const Structure& structure, const SamplingOptions& options);
+
+/// Unit normal towards the sensor of the surface at a pixel, from the plane through its (2 radius +
+/// 1)^2 neighbours on the same surface. Returns false where too few neighbours have depth or they
+/// are bent: smallest variance over 8 % of the middle one.
+bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector3d* normal);
+
+}  // namespace volalign

@@ -1,0 +1,45 @@
+#include "infer/refine/solver.h"
+
+#include <ceres/solver.h>
+
+namespace volalign::refine_internal {
+
+namespace {
+
+constexpr double kLossScale = 2;  // standard deviations, where Cauchy's loss bends
+constexpr double kFunctionTolerance = 1e-7, kParameterTolerance = 1e-9;
+
+ceres::Problem::Options Borrowing() {
+  ceres::Problem::Options options;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
+}
+
+}  // namespace
+
+CeresProblem::CeresProblem()
+    : loss(std::make_unique<ceres::CauchyLoss>(kLossScale)),
+      manifold(std::make_unique<LeftPoseManifold>()),
+      problem(std::make_unique<ceres::Problem>(Borrowing())) {}
+
+void CeresProblem::HoldConstant(double* block, int size, const std::vector<int>& elements) {
+  if (elements.empty()) return;
+  if (static_cast<int>(elements.size()) == size) return problem->SetParameterBlockConstant(block);
+  subsets.push_back(std::make_unique<ceres::SubsetManifold>(size, elements));
+  problem->SetManifold(block, subsets.back().get());
+}
+
+void Minimise(const RefineOptions& options, ceres::Problem* problem) {
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  solver.max_num_iterations = options.inner_iterations;
+  solver.num_threads = options.threads;
+  solver.function_tolerance = kFunctionTolerance;
+  solver.parameter_tolerance = kParameterTolerance;
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, problem, &summary);
+}
+
+}  // namespace volalign::refine_internal

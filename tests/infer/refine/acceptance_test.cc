@@ -1,0 +1,118 @@
+#include "infer/refine/acceptance.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/infer/refine/points_and_evidence.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+using testing_infer::Observe;
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+TEST(Better, NeedsOneOfBothMeasures) {
+  EXPECT_TRUE(Better({0.9, 0.01}, {1, 0.01}));
+  EXPECT_TRUE(Better({1, 0.009}, {1, 0.01}));
+  EXPECT_TRUE(Better({2, 0.009}, {1, 0.01}));
+  EXPECT_FALSE(Better({1, 0.01}, {1, 0.01}));
+  EXPECT_FALSE(Better({2, 0.02}, {1, 0.01}));
+}
+
+/// Observations of one side by a sensor that looks at it head on from 1.5 m, each with 1 mm of its
+/// own.
+struct HeadOn {
+  Structure structure = PaperStructure();
+  BuildModel model{structure};
+  Pose pose;
+  SensorEvidence held_out;
+  State state;
+
+  HeadOn() {
+    const int label = testing_infer::LabelOf(structure, "top/front");
+    const Side& side = structure.SideOfLabel(label);
+    pose = Pose::Identity();
+    pose.linear() << side.axis_u.cross(-side.normal), side.axis_u, -side.normal;
+    pose.linear().col(0) = pose.linear().col(1).cross(pose.linear().col(2));
+    pose.translation() = side.centre + 1.5 * side.normal;
+    for (int i = -2; i <= 2; ++i) {
+      FaceObservation face;
+      face.label = label;
+      face.p = {0.01 * i, 0.005 * i, 1.5};
+      held_out.faces.push_back(face);
+    }
+    held_out.face_root = 0.001 * Eigen::MatrixXd::Identity(5, 5);
+    held_out.edge_root = Eigen::MatrixXd(0, 0);
+    state = NominalState(structure, {pose});
+  }
+  Pose Nearer(double by) const {
+    Pose moved = pose;
+    moved.translation() += by * pose.linear().col(2);
+    return moved;
+  }
+};
+
+TEST(FitToStructure, IsTheMisfitUnderWhatIsUnknown) {
+  HeadOn scene;
+  Priors priors;  // nothing is unknown
+  const auto fit = [&](double nearer) {
+    return FitToStructure(scene.model, priors, scene.state, 0, scene.Nearer(nearer),
+                          scene.held_out);
+  };
+  EXPECT_NEAR(fit(0).misfit, 0, 1e-12);
+  EXPECT_NEAR(fit(0.004).misfit, 4 * 4, 1e-6);
+  EXPECT_NEAR(fit(0.004).distance, 0.004, 1e-9);
+  // An unknown constant of 10 mm: all five are off by it alike, so that their mean square counts as
+  // one number of variance 0.01^2 + 0.001^2 / 5.
+  priors.offset = 0.01;
+  EXPECT_NEAR(fit(0.004).misfit, 0.004 * 0.004 / (1e-4 + 1e-6 / 5) / 5, 1e-6);
+  EXPECT_NEAR(fit(0.004).distance, 0.004, 1e-9);
+  // The offset that was estimated is taken out of the plain distance.
+  scene.state.offsets[0] = 0.004;
+  EXPECT_NEAR(fit(-0.004).distance, 0, 1e-9);
+}
+
+/// Two sensors that see the structure, with nothing to be estimated beside the poses.
+struct TwoSensors {
+  testing_infer::Rig rig{PaperStructure(), {}, {}};
+  std::vector<SensorPoints> points;
+  std::vector<RefineSensor> sensors;
+  RefineOptions options;
+
+  TwoSensors() {
+    rig.Add("A", RingPose(40));
+    rig.Add("B", RingPose(85));
+    points = testing_infer::PointsOf(rig);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Pose& truth = *rig.frames[i].ground_truth;
+      const Pose away = testing_infer::Displaced(truth, 0.005, 0.2, i);
+      sensors.push_back({&points[i], away, truth, true});
+    }
+    options.estimate = "none";
+  }
+};
+
+TEST(AcceptImproved, KeepsAndSendsBack) {
+  TwoSensors two;
+  // The first was to be kept where the truth is and "refined" away from it; the second the other
+  // way round.
+  std::swap(two.sensors[0].initial, two.sensors[0].start);
+  const JointProblem problem(two.rig.structure, two.sensors, two.options);
+  Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
+                    NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start}),
+                    std::vector<SensorEvidence>(2)};
+  for (SensorEvidence& evidence : solution.evidence) evidence.noise.warp = 0.001;
+  const Acceptance accepted = AcceptImproved(problem, solution);
+  EXPECT_EQ(accepted.kept_initial, (std::vector<char>{1, 0}));
+  const Pose& truth = *two.rig.frames[0].ground_truth;
+  EXPECT_TRUE(accepted.solution.state.poses[0].ToPose().isApprox(truth, 1e-12));
+  EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.sensors[0].start, 1e-9));
+  EXPECT_EQ(accepted.refused[1].norm(), 0);
+  EXPECT_EQ(accepted.after[0].misfit, accepted.before[0].misfit);
+  EXPECT_LT(accepted.after[1].misfit, accepted.before[1].misfit);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal

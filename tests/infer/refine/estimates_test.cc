@@ -1,0 +1,118 @@
+#include "infer/refine/estimates.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "infer/refine/costs.h"
+#include "tests/infer/refine/points_and_evidence.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+Priors SomePriors() {
+  Priors priors;
+  priors.offset = 0.007;
+  priors.gain = 0.003;
+  priors.edge_shift = 0.7;
+  priors.size = 0.01;
+  priors.box = 0.004;
+  priors.yaw = 0.009;
+  return priors;
+}
+
+/// Two sensors and the paper's four boxes: priors alone, then what measurements add.
+struct Handmade {
+  Structure structure = testing_infer::PaperStructure();
+  Priors priors = SomePriors();
+  ParameterLayout layout{2, 4};
+  FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+  NormalEquations normal;
+
+  Handmade() {
+    const Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
+    normal.information = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
+    normal.gradient = Eigen::VectorXd::Zero(layout.size());
+  }
+  /// A measurement of one parameter that is `times` as tight as its prior.
+  void Measure(Eigen::Index column, double times) {
+    normal.information(column, column) *= 1 + times * times;
+  }
+  FreeSet Kept() const {
+    return Observable(normal, layout, structure, priors, layout.Constant(free), free);
+  }
+};
+
+TEST(Observable, PriorsAloneTellNothing) {
+  const FreeSet kept = Handmade().Kept();
+  EXPECT_FALSE(kept.size);
+  EXPECT_EQ(kept.boxes, (std::vector<char>{0, 0, 0, 0}));
+  EXPECT_EQ(kept.gain, (std::vector<char>{0, 0}));
+  EXPECT_EQ(kept.offset, (std::vector<char>{0, 0}));
+}
+
+TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
+  Handmade made;
+  // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
+  made.Measure(made.layout.Size(), 1.1);
+  made.Measure(made.layout.Nuisance(0, kDepthGain), 1.1);
+  made.Measure(made.layout.Nuisance(1, kDepthGain), 0.9);
+  made.Measure(made.layout.Offset(1), 1.1);
+  for (const int b : {0, 1, 3}) {
+    made.Measure(made.layout.Boxes() + 3 * b, 5);
+    if (b != 3) made.Measure(made.layout.Boxes() + 3 * b + 1, 5);
+  }
+  const FreeSet kept = made.Kept();
+  EXPECT_TRUE(kept.size);
+  EXPECT_EQ(kept.gain, (std::vector<char>{1, 0}));
+  EXPECT_EQ(kept.offset, (std::vector<char>{0, 1}));
+  EXPECT_EQ(kept.boxes, (std::vector<char>{1, 1, 0, 0})) << "of the last, only x is known";
+  // What is not free is never kept.
+  made.free.size = false;
+  EXPECT_FALSE(made.Kept().size);
+}
+
+TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
+  // Depths at 2 m: offset + 2 gain is measured to 0.5 mm, neither alone.
+  Handmade made;
+  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Nuisance(0, kDepthGain);
+  Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
+  row[offset] = 1 / 0.0005;
+  row[gain] = 2 / 0.0005;
+  made.normal.information += row * row.transpose();
+  const Eigen::MatrixXd both = made.normal.information.inverse();
+  ASSERT_GT(std::sqrt(both(offset, offset)), 0.5 * made.priors.offset);
+  ASSERT_GT(std::sqrt(both(gain, gain)), 0.7 * made.priors.gain);
+  const FreeSet kept = made.Kept();
+  EXPECT_FALSE(kept.gain[0]);
+  EXPECT_TRUE(kept.offset[0]);
+}
+
+TEST(UnseenCost, IsTheMeanOverAllObservations) {
+  const Structure structure = testing_infer::PaperStructure();
+  const Pose pose = testing_infer::RingPose(35);
+  const SensorPoints nothing;
+  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, true},
+                                             {&nothing, pose, pose, false}};
+  const RefineOptions options;
+  const JointProblem problem(structure, sensors, options);
+  const State state = NominalState(structure, {pose, pose});
+  std::vector<SensorEvidence> unseen(2);
+  EXPECT_EQ(UnseenCost(problem, state, unseen), 0);
+  unseen[0] = testing_infer::Observe(structure, pose, 40);
+  for (FaceObservation& face : unseen[0].faces) face.multipath = 0;
+  EXPECT_NEAR(UnseenCost(problem, state, unseen), 0, 1e-9);
+  // 5 mm off the side, the scale of the cost: log(1 + 1). The sensor without structure terms has no
+  // say.
+  FaceObservation& face = unseen[0].faces.front();
+  const Eigen::Vector3d normal =
+      pose.linear().transpose() * structure.SideOfLabel(face.label).normal;
+  face.p += 0.005 * normal;
+  unseen[1] = unseen[0];
+  const auto n = static_cast<double>(unseen[0].faces.size());
+  EXPECT_NEAR(UnseenCost(problem, state, unseen), std::log(2) / n, 1e-6);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal

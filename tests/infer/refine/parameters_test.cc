@@ -1,0 +1,209 @@
+#include "infer/refine/parameters.h"
+
+#include <ceres/crs_matrix.h>
+#include <ceres/problem.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "infer/refine/fine.h"
+#include "infer/refine/problem.h"
+#include "tests/infer/refine/points_and_evidence.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+using testing_infer::Displaced;
+using testing_infer::PaperStructure;
+using testing_infer::PointsOf;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+/// A parameter by its own name, and where the layout says its column is.
+struct Named {
+  std::string name;
+  Eigen::Index column;
+  std::function<void(State*, double)> move;
+};
+
+std::vector<Named> AllParameters(const ParameterLayout& layout) {
+  std::vector<Named> all;
+  for (std::size_t i = 0; i < layout.sensors(); ++i) {
+    const std::string of = " of sensor " + std::to_string(i);
+    for (int k = 0; k < 6; ++k) {
+      all.push_back(
+          {"pose" + std::to_string(k) + of, layout.Pose(i) + k, [i, k](State* s, double h) {
+             const Vector6d delta = h * Vector6d::Unit(k);
+             PoseBlock moved(PerturbLeft(delta, s->poses[i].ToPose()));
+             // Of the two quaternions of a rotation, the nearer.
+             Eigen::Map<Eigen::Vector4d> q(moved.values);
+             if (q.dot(Eigen::Map<Eigen::Vector4d>(s->poses[i].values)) < 0) q = -q;
+             s->poses[i] = moved;
+           }});
+    }
+    all.push_back(
+        {"offset" + of, layout.Offset(i), [i](State* s, double h) { s->offsets[i] += h; }});
+    for (const int k : {kDepthGain, kMultipath, kEdgeShift, kEdgeShift + 1}) {
+      all.push_back(
+          {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
+           [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
+    }
+  }
+  all.push_back({"size", layout.Size(), [](State* s, double h) { s->build[0] += h; }});
+  for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
+    int k = 0;
+    for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)}) {
+      all.push_back({"box " + std::to_string(b), layout.Boxes() + 3 * b + k++,
+                     [at](State* s, double h) { s->build[static_cast<std::size_t>(at)] += h; }});
+    }
+  }
+  return all;
+}
+
+TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(100));
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    sensors.push_back({&points[i], start, start, true});
+  }
+  RefineOptions options;
+  options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
+  const JointProblem problem(rig.structure, sensors, options);
+  State state = NominalState(rig.structure, {sensors[0].start, sensors[1].start});
+  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 2, 4);
+  const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
+  const ParameterLayout& layout = problem.layout;
+  const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
+  const CeresProblem ceres = BuildFineProblem(problem, evidence, {0, 0}, none, &state);
+
+  ceres::Problem::EvaluateOptions evaluation;
+  for (const ParameterLayout::Block& block : layout.Blocks(&state))
+    evaluation.parameter_blocks.push_back(block.values);
+  ceres::CRSMatrix sparse;
+  std::vector<double> ignored;
+  ASSERT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &ignored, nullptr, &sparse));
+  ASSERT_EQ(sparse.num_cols, layout.size());
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(sparse.num_rows, sparse.num_cols);
+  for (int row = 0; row < sparse.num_rows; ++row) {
+    for (int k = sparse.rows[static_cast<std::size_t>(row)];
+         k < sparse.rows[static_cast<std::size_t>(row) + 1]; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      jacobian(row, sparse.cols[at]) = sparse.values[at];
+    }
+  }
+  const auto residuals_after = [&](const Named& parameter, double step) {
+    const State before = state;
+    parameter.move(&state, step);
+    std::vector<double> residuals;
+    EXPECT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr));
+    // Into the memory that Ceres refers to.
+    std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
+    std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
+    std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
+    std::copy(before.build.begin(), before.build.end(), state.build.begin());
+    return Eigen::VectorXd(
+        Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
+  };
+  std::vector<int> named(static_cast<std::size_t>(layout.size()), 0);
+  constexpr double kStep = 1e-6;
+  for (const Named& parameter : AllParameters(layout)) {
+    ++named[static_cast<std::size_t>(parameter.column)];
+    const Eigen::VectorXd numeric =
+        (residuals_after(parameter, kStep) - residuals_after(parameter, -kStep)) / (2 * kStep);
+    const double scale = numeric.cwiseAbs().maxCoeff();
+    ASSERT_GT(scale, 0) << parameter.name;
+    EXPECT_LT((jacobian.col(parameter.column) - numeric).cwiseAbs().maxCoeff(), 1e-4 * scale)
+        << parameter.name;
+  }
+  for (const int times : named) EXPECT_EQ(times, 1) << "every column has one name";
+}
+
+Priors SomePriors() {
+  Priors priors;
+  priors.offset = 0.007;
+  priors.gain = 0.003;
+  priors.edge_shift = 0.7;
+  priors.size = 0.01;
+  priors.box = 0.004;
+  priors.yaw = 0.009;
+  return priors;
+}
+
+TEST(ParameterLayout, PriorsStandAtTheirParameters) {
+  const ParameterLayout layout(2, 3);
+  const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0});
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 4) + 1 + 3 * 3);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
+    EXPECT_EQ(sigmas[layout.Offset(i)], 0.007);
+    EXPECT_EQ(sigmas[layout.Nuisance(i, kDepthGain)], 0.003);
+    EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
+    EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
+  }
+  EXPECT_EQ(sigmas[layout.Size()], 0.01);
+  for (int b = 0; b < 3; ++b) {
+    EXPECT_EQ(sigmas[layout.Boxes() + 3 * b], 0.004);
+    EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 1], 0.004);
+    EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 2], 0.009);
+  }
+}
+
+TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
+  const Structure structure = PaperStructure();
+  const ParameterLayout layout(2, structure.boxes().size());
+  FreeSet free = AskedFor(ParseEstimate("auto"), SomePriors(), 2, structure.boxes().size());
+  EXPECT_TRUE(free.AllBoxes());
+  free.boxes[2] = 0;
+  free.gain[1] = 0;
+  const std::vector<char> constant = layout.Constant(free);
+  EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1);
+  const std::vector<char> without_0 = layout.Constant(free, {1, 0});
+  EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0), 3 + 1 + 6 + 1 + 4);
+  EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
+  EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
+
+  State state = NominalState(structure, {RingPose(10), RingPose(20)});
+  for (double& x : state.offsets) x = 1;
+  for (auto& nuisances : state.nuisances) nuisances.fill(1);
+  for (double& x : state.build) x = 1;
+  layout.SetNominal(free, &state);
+  EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
+  EXPECT_EQ(state.nuisances[0][kDepthGain], 1);
+  EXPECT_EQ(state.nuisances[1][kDepthGain], 0);
+  EXPECT_EQ(state.nuisances[1][kMultipath], 1);
+  double sum = 0;
+  for (const double x : state.build) sum += x;
+  EXPECT_EQ(sum, 1 + 3 * 3);
+  EXPECT_EQ(state.build[static_cast<std::size_t>(BuildModel::X(2))], 0);
+  EXPECT_EQ(state.build[static_cast<std::size_t>(BuildModel::Yaw(2))], 0);
+  EXPECT_TRUE(state.poses[0].ToPose().isApprox(RingPose(10), 1e-12));
+}
+
+TEST(AskedFor, LeavesOutWhatAPriorOfZeroFixes) {
+  Priors priors = SomePriors();
+  priors.gain = 0;
+  priors.size = 0;
+  const FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 3);
+  EXPECT_FALSE(free.size);
+  EXPECT_EQ(free.gain, (std::vector<char>{0, 0}));
+  EXPECT_EQ(free.offset, (std::vector<char>{1, 1}));
+  EXPECT_FALSE(AskedFor(ParseEstimate("size"), SomePriors(), 1, 3).AllBoxes());
+}
+
+TEST(SensorState, CorrectsAlongTheRay) {
+  const SensorState sensor{Pose::Identity(), 0.01, 0.02};
+  const Eigen::Vector3d p(0.3, -0.2, 2);
+  const Eigen::Vector3d corrected = sensor.Corrected(p);
+  EXPECT_NEAR(corrected.z(), 2 * 1.01 + 0.02, 1e-12);
+  EXPECT_NEAR(corrected.x() / corrected.z(), 0.15, 1e-12);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal

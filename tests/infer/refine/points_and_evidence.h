@@ -1,0 +1,75 @@
+#pragma once
+
+// What the tests of the refinement's parts share: points and observations of synthetic views.
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/random.h"
+#include "infer/refine/evidence.h"
+#include "infer/refine/parameters.h"
+#include "infer/refine/sensor_points.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign::testing_infer {
+
+inline std::vector<SensorPoints> PointsOf(const Rig& rig) {
+  std::vector<SensorPoints> points;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    points.push_back(SamplePoints(MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics),
+                                  Certain(rig.labels[i]), rig.structure, SamplingOptions()));
+  }
+  return points;
+}
+
+/// A displacement of exactly this size in a random direction, about the sensor itself.
+inline Pose Displaced(const Pose& pose, double translation, double rotation_deg,
+                      std::uint64_t seed) {
+  RandomStream random(seed, 0, "displaced");
+  const auto direction = [&] {
+    return Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+  };
+  Pose moved = pose;
+  moved.translation() += translation * direction();
+  moved.linear() = moved.linear() * RotationExp(rotation_deg * M_PI / 180 * direction());
+  return moved;
+}
+
+/// Parameters of one sensor and the build, as one vector in the order of SensorColumns.
+struct ParameterPoint {
+  Eigen::VectorXd x;
+  ParameterPoint(const refine_internal::BuildModel& model, const Pose& pose)
+      : x(refine_internal::SensorColumns::kBuild + model.size()) {
+    x.setZero();
+    const refine_internal::PoseBlock block(pose);
+    x.head<7>() = Eigen::Map<const Eigen::Matrix<double, 7, 1>>(block.values);
+  }
+  refine_internal::SensorParameters Parameters() const {
+    using Columns = refine_internal::SensorColumns;
+    return {x.data(), x.data() + Columns::kOffset, x.data() + Columns::kNuisance,
+            x.data() + Columns::kBuild};
+  }
+};
+
+/// Observations on visible sides as a sensor at `pose` would make them.
+inline refine_internal::SensorEvidence Observe(const Structure& structure, const Pose& pose,
+                                               int stride) {
+  const auto view = Render(structure, Kinect(), pose);
+  const RayTable rays = ComputeRays(Kinect());
+  refine_internal::SensorEvidence evidence;
+  for (int v = stride / 2; v < view.labels.height(); v += stride) {
+    for (int u = stride / 2; u < view.labels.width(); u += stride) {
+      if (view.labels(u, v) == 0) continue;
+      refine_internal::FaceObservation face;
+      const double z = view.depth(u, v);
+      face.p = z * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+      face.label = view.labels(u, v);
+      face.multipath = 0.1 * (u % 7);
+      face.variance = 1e-8;
+      evidence.faces.push_back(face);
+    }
+  }
+  return evidence;
+}
+
+}  // namespace volalign::testing_infer
