@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -241,10 +243,61 @@ TEST_F(ExportTest, ReadingIsStrict) {
   change("\"verdict\"", "\"verdikt\"");
   change("row-major", "column-major");
   change("\"status\": \"failed\"", "\"status\": \"ok\"");
-  Extrinsics bad = ReadExtrinsics(*folder_ / "extrinsics.json");
-  bad.sensors[1].rms_to_structure_m = std::nan("");
-  ExpectError<Error>([&] { WriteExtrinsics(*folder_ / "nan.json", bad); }, {"rms_to_structure_m"});
-  EXPECT_FALSE(std::filesystem::exists(*folder_ / "nan.json"));
+}
+
+// Numbers that no solver should leave: the others' poses are written all the same.
+TEST_F(ExportTest, ANumberThatIsNotFiniteTakesNoPoseWithIt) {
+  CalibrationResult result = *result_;
+  SensorResult& left = result.sensors[0];
+  ASSERT_EQ(left.name, "left");
+  left.status = SensorStatus::kOk;
+  left.code = SensorCode::kNone;
+  left.covariance.setConstant(std::nan(""));
+  left.rms_to_structure_m = std::numeric_limits<double>::infinity();
+  result.pairs[0].rms_m = std::nan("");
+  result.metrics->d2 = std::nan("");
+  result.sigma_size_scale = std::nan("");
+  const auto write = [&] {
+    WriteExtrinsics(*folder_ / "nan.json",
+                    MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+    std::map<std::string, Extrinsics::Sensor> sensors;
+    for (const Extrinsics::Sensor& sensor : ReadExtrinsics(*folder_ / "nan.json").sensors) {
+      sensors[sensor.name] = sensor;
+    }
+    return sensors;
+  };
+  auto sensors = write();
+  EXPECT_TRUE(sensors["right"].structure_from_sensor->isApprox(
+      *result.sensors[1].structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["right"].status, result.sensors[1].status);
+  EXPECT_TRUE(sensors["left"].structure_from_sensor->isApprox(*left.structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kWeak);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_EQ(sensors["left"].reason,
+            "not finite, and left out: rms_to_structure_m, covariance, sigma_translation_m, "
+            "sigma_rotation_deg");
+  EXPECT_TRUE(std::isnan(sensors["left"].rms_to_structure_m));
+  EXPECT_TRUE(sensors["left"].covariance.array().isNaN().all());
+  EXPECT_EQ(sensors["left"].inlier_share, left.inlier_share);
+  const auto json = nlohmann::json::parse(ReadFile(*folder_ / "nan.json"));
+  EXPECT_FALSE(json["sensors"]["left"].contains("covariance"));
+  EXPECT_FALSE(json["pairs"][0].contains("rms_m"));
+  EXPECT_FALSE(json["size"].contains("sigma"));
+  EXPECT_EQ(json["metrics"].size(), 1u);
+  // A cause that is known already stays the code.
+  left.status = SensorStatus::kWeak;
+  left.code = SensorCode::kDuplicateDepth;
+  left.reason = "right has the same depth map";
+  sensors = write();
+  EXPECT_EQ(sensors["left"].code, SensorCode::kDuplicateDepth);
+  EXPECT_EQ(sensors["left"].reason.rfind("right has the same depth map; not finite", 0), 0u);
+  // Without a pose there is nothing to report.
+  left.structure_from_sensor->translation().x() = std::nan("");
+  sensors = write();
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kFailed);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_FALSE(sensors["left"].structure_from_sensor.has_value());
+  EXPECT_TRUE(sensors["right"].structure_from_sensor.has_value());
 }
 
 TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
