@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -362,6 +365,70 @@ TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
       merged,
       bytes.size() + std::filesystem::file_size(folder_->path() / "clouds" / "right.ply") - 1000);
   EXPECT_FALSE(std::filesystem::exists(folder_->path() / "clouds" / "blind.ply"));
+}
+
+std::set<std::string> Files(const std::filesystem::path& folder) {
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (!entry.is_directory()) files.insert(std::filesystem::relative(entry, folder).string());
+  }
+  return files;
+}
+
+TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
+  const TempFolder folder;
+  const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
+    WriteCalibration(folder.path(), result, frames, rig_->structure, {});
+  };
+  write(*result_, rig_->frames);
+  // What others put there stays: files, and what is named like a file of a sensor but is none.
+  WriteFileAtomically(folder / "clouds/mine.ply", "x");
+  WriteFileAtomically(folder / "notes.txt", "x");
+  // left fails now, right is no longer in the capture.
+  CalibrationResult result = *result_;
+  std::vector<SensorFrame> frames = rig_->frames;
+  result.sensors.erase(result.sensors.begin() + 1);
+  frames.erase(frames.begin() + 1);
+  result.sensors[0].structure_from_sensor.reset();
+  result.sensors[0].status = SensorStatus::kFailed;
+  write(result, frames);
+  EXPECT_EQ(
+      Files(folder.path()),
+      (std::set<std::string>{"extrinsics.json", "notes.txt", "labels/left.png", "labels/blind.png",
+                             "confidence/left.png", "confidence/blind.png", "pictures/left.png",
+                             "pictures/blind.png", "pictures/overview.png", "clouds/merged.ply",
+                             "clouds/mine.ply"}));
+}
+
+// Nothing that volalign did not write may go, whatever an extrinsics.json says.
+TEST_F(ExportTest, NothingOfOthersIsRemoved) {
+  const std::string good = ReadFile(*folder_ / "extrinsics.json");
+  auto leads_elsewhere = nlohmann::json::parse(good);
+  leads_elsewhere["sensors"]["../../mine"] = leads_elsewhere["sensors"]["left"];
+  auto of_others = nlohmann::json::parse(good);
+  of_others["format"] = "another/1";
+  of_others["sensors"]["mine"] = of_others["sensors"]["left"];
+  for (const std::string& text : {leads_elsewhere.dump(), of_others.dump(), std::string("[1]")}) {
+    const TempFolder folder;
+    WriteFileAtomically(folder / "out/extrinsics.json", text);
+    WriteFileAtomically(folder / "mine.ply", "x");
+    WriteFileAtomically(folder / "mine.png", "x");
+    WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
+    WriteCalibration(folder / "out", *result_, rig_->frames, rig_->structure, {});
+    for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"}) {
+      EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
+    }
+    EXPECT_EQ(ReadExtrinsics(folder / "out/extrinsics.json").sensors.size(), 3u);
+  }
+}
+
+TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
+  const TempFolder folder;
+  PrepareFolder(folder / "a/b");
+  EXPECT_TRUE(std::filesystem::is_directory(folder / "a/b"));
+  WriteFileAtomically(folder / "file", "x");
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file"); }, {"file", "choose another"});
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file/inner"); }, {"inner", "choose another"});
 }
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
