@@ -70,6 +70,7 @@ int RunCalibrate(const Options& options) {
   if (!structure) structure = segmenter->structure();
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
+  PrepareFolder(options.output);
   CalibrationResult result = Calibrate(capture.sensors, *structure, *segmenter, config);
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});

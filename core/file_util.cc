@@ -3,30 +3,78 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 #include <system_error>
 
 #include "core/error.h"
 
 namespace volalign {
 
-std::string ReadFile(const std::filesystem::path& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) {
+namespace {
+
+std::atomic<std::uint64_t> next_temporary{0};
+
+/// Closes what ::open gave.
+class FileHandle {
+ public:
+  explicit FileHandle(int file) : file_(file) {}
+  ~FileHandle() {
+    if (file_ >= 0) ::close(file_);
+  }
+  FileHandle(const FileHandle&) = delete;
+  FileHandle& operator=(const FileHandle&) = delete;
+  int get() const { return file_; }
+
+ private:
+  int file_;
+};
+
+}  // namespace
+
+std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const auto fail = [&](const char* reason) {
+    throw IoError(fmt::format("cannot read {}: {}", path.string(), reason));
+  };
+  // Opening a pipe without O_NONBLOCK would wait for its writer.
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  if (file.get() < 0) fail(std::strerror(errno));
+  struct stat status {};
+  if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) {
     throw IoError(fmt::format("{} is a folder; a file is expected", path.string()));
   }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(fmt::format("cannot read {}: {}", path.string(), std::strerror(errno)));
-  std::ostringstream content;
-  content << file.rdbuf();
-  if (file.bad()) throw IoError(fmt::format("cannot read {}: input error", path.string()));
-  return content.str();
+  if (!S_ISREG(status.st_mode)) {
+    throw IoError(
+        fmt::format("{} is a device or a pipe; a file on disk is expected", path.string()));
+  }
+  const auto require_size = [&](std::uint64_t size) {
+    if (size <= max_bytes) return;
+    throw IoError(fmt::format("{} has {} bytes, more than the {} that are read of such a file",
+                              path.string(), size, max_bytes));
+  };
+  const auto announced = static_cast<std::uint64_t>(status.st_size);
+  require_size(announced);
+  // The size is a hint: files of /proc announce 0, and a file may grow while it is read.
+  std::string content(static_cast<std::size_t>(announced) + 1, '\0');
+  std::size_t at = 0;
+  for (;;) {
+    const ssize_t n = ::read(file.get(), content.data() + at, content.size() - at);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail(std::strerror(errno));
+    if (n == 0) break;
+    at += static_cast<std::size_t>(n);
+    require_size(at);
+    if (at == content.size()) content.resize(2 * content.size() + 4096);
+  }
+  content.resize(at);
+  return content;
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
@@ -38,15 +86,23 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
           fmt::format("cannot create folder {}: {}", path.parent_path().string(), error.message()));
     }
   }
-  const std::filesystem::path temporary = path.string() + fmt::format(".tmp-{}", ::getpid());
+  std::filesystem::path temporary;
   const auto fail = [&](const char* what) {
     const int reason = errno;
     std::error_code ignored;
     std::filesystem::remove(temporary, ignored);
     throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
   };
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) fail("create");
+  // Two writers never share a file: a name that is taken, by a writer of the same process number on
+  // another machine or by one that was killed, is passed over.
+  int file = -1;
+  do {
+    temporary = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
+    file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (file < 0 && errno == EEXIST);
+  if (file < 0) {
+    throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
+  }
   std::size_t written = 0;
   while (written < bytes.size()) {
     const ssize_t n = ::write(file, bytes.data() + written, bytes.size() - written);

@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cmath>
 #include <csetjmp>
+#include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -18,7 +19,10 @@ namespace volalign {
 
 namespace {
 
+// No depth sensor comes near these; a file that claims more is refused before memory is taken.
 constexpr int kMaxSide = 1 << 15;
+constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels as text fit
 
 struct Pixels {
   int width = 0, height = 0, bit_depth = 0, channels = 0;
@@ -66,6 +70,9 @@ bool DecodeRows(png_structp png, png_infop info, std::size_t file_size, Pixels* 
   // Deflate packs at most 1032 to 1: a small file that announces a huge image is not worth a try.
   if (row * static_cast<std::size_t>(pixels->height) / 1100 > file_size)
     png_error(png, "the file is truncated");
+  if (static_cast<std::size_t>(pixels->width) * static_cast<std::size_t>(pixels->height) >
+      kMaxPixels)
+    png_error(png, "the image is too large");
   pixels->bytes.resize(row * static_cast<std::size_t>(pixels->height));
   rows->resize(static_cast<std::size_t>(pixels->height));
   for (std::size_t v = 0; v < rows->size(); ++v) (*rows)[v] = pixels->bytes.data() + v * row;
@@ -213,6 +220,10 @@ Image16 DecodePgm(const std::string& bytes, const std::string& name) {
     throw DataError(fmt::format("{}: truncated PGM: {} bytes hold no {}x{} pixels of {} bytes",
                                 name, left, width, height, sample));
   }
+  if (count > kMaxPixels) {
+    throw DataError(
+        fmt::format("{}: bad PGM: {}x{} are more than {} pixels", name, width, height, kMaxPixels));
+  }
   Image16 image(static_cast<int>(width), static_cast<int>(height));
   if (ascii) {
     for (std::size_t i = 0; i < image.size(); ++i) {
@@ -236,7 +247,7 @@ bool IsPng(const std::string& bytes) { return bytes.compare(0, 4, "\x89PNG") == 
 }  // namespace
 
 Image16 ReadDepthFile(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path);
+  const std::string bytes = ReadFile(path, kMaxFileBytes);
   const std::string name = path.string();
   if (bytes.size() > 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) {
     return DecodePgm(bytes, name);
@@ -257,7 +268,7 @@ Image16 ReadDepthFile(const std::filesystem::path& path) {
 }
 
 LabelImage ReadPng8(const std::filesystem::path& path) {
-  const Pixels pixels = DecodePng(ReadFile(path), path.string());
+  const Pixels pixels = DecodePng(ReadFile(path, kMaxFileBytes), path.string());
   if (pixels.bit_depth != 8 || pixels.channels != 1) {
     throw DataError(fmt::format(
         "{}: a label PNG has 8 bits and 1 channel; this one has {} bits and {} channels",
@@ -269,7 +280,7 @@ LabelImage ReadPng8(const std::filesystem::path& path) {
 }
 
 RgbImage ReadPngRgb(const std::filesystem::path& path) {
-  const Pixels pixels = DecodePng(ReadFile(path), path.string());
+  const Pixels pixels = DecodePng(ReadFile(path, kMaxFileBytes), path.string());
   if (pixels.bit_depth != 8 || pixels.channels != 3) {
     throw DataError(fmt::format(
         "{}: an RGB PNG has 8 bits and 3 channels; this one has {} bits and {} channels",

@@ -8,8 +8,9 @@
 namespace volalign {
 
 /// Reads a 16-bit depth file by its content: PNG (16-bit grey), PGM ASCII (P2) or PGM binary (P5,
-/// 8 or 16 bits). Throws IoError if the file cannot be opened, DataError if it is truncated, of
-/// another kind or holds values above its maximum.
+/// 8 or 16 bits). Throws IoError if the file cannot be opened, is no regular file or has over 512
+/// MiB, DataError if it is truncated, of another kind, of over 2^26 pixels or holds values above
+/// its maximum.
 Image16 ReadDepthFile(const std::filesystem::path& path);
 
 /// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.

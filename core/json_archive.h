@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -46,6 +47,9 @@ namespace volalign {
 ///   ar.Optional(key, value)     absent where it has no value, is empty or equals T()
 ///   ar.Later(key, value)        always written; where an earlier version's file lacks it, it stays
 ///                               as it was
+///   ar.IfFinite(key, value)     numbers (double, Eigen, Pose) that may be unknown: NaN in memory,
+///   an
+///                               absent key in a file; a third argument is read in place of NaN
 ///   ar.Constant(key, text)      the same text in every file; any other is an error
 ///   ar.Derived(key, value)      written for the file's other readers, not read
 ///   ar.OneOrList(key, texts)    absent, a string or a list
@@ -62,8 +66,8 @@ void Describe(Archive& ar, T& value) {
 
 template <class Archive>
 void Describe(Archive& ar, PoseError& error) {
-  ar("translation_m", error.translation_m);
-  ar("rotation_deg", error.rotation_deg);
+  ar.IfFinite("translation_m", error.translation_m);
+  ar.IfFinite("rotation_deg", error.rotation_deg);
 }
 
 template <class Archive>
@@ -102,6 +106,29 @@ struct IsDictionary<std::vector<std::pair<std::string, T>>> : std::true_type {};
 
 template <class T>
 inline constexpr bool kIsMatrix = std::is_base_of_v<Eigen::MatrixBase<T>, T>;
+
+template <class T>
+bool AllFinite(const T& value) {
+  if constexpr (std::is_same_v<T, double>) {
+    return std::isfinite(value);
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    return value.matrix().allFinite();
+  } else {
+    return value.allFinite();
+  }
+}
+
+template <class T>
+void SetUnknown(T* value) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  if constexpr (std::is_same_v<T, double>) {
+    *value = kUnknown;
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    value->matrix().setConstant(kUnknown);
+  } else {
+    value->setConstant(kUnknown);
+  }
+}
 
 /// The value itself. Throws Error unless it is finite.
 double Finite(double value, const std::string& place);
@@ -207,6 +234,16 @@ class JsonReader {
   void Later(const std::string& key, T& value) {
     if (object_.Has(key)) (*this)(key, value);
   }
+  template <class T>
+  void IfFinite(const std::string& key, T& value) {
+    json_internal::SetUnknown(&value);
+    if (object_.Has(key)) (*this)(key, value);
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value, const T& absent) {
+    value = absent;
+    if (object_.Has(key)) (*this)(key, value);
+  }
   void Constant(const std::string& key, const std::string& text);
   template <class T>
   void Derived(const std::string& key, const T& /*value*/) {
@@ -256,6 +293,20 @@ class JsonWriter {
   void Later(const std::string& key, T& value) {
     (*this)(key, value);
   }
+  template <class T>
+  void IfFinite(const std::string& key, T& value) {
+    if (json_internal::AllFinite(value)) {
+      (*this)(key, value);
+    } else {
+      left_out_.push_back(key);
+    }
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value, const T& /*absent*/) {
+    IfFinite(key, value);
+  }
+  /// Keys of this object that IfFinite left out.
+  const std::vector<std::string>& left_out() const { return left_out_; }
   void Constant(const std::string& key, const std::string& text) { json_[key] = text; }
   template <class T>
   void Derived(const std::string& key, T& value) {
@@ -279,6 +330,7 @@ class JsonWriter {
 
   std::string where_;
   nlohmann::ordered_json json_;
+  std::vector<std::string> left_out_;
 };
 
 namespace json_internal {

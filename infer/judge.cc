@@ -58,6 +58,7 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
                    options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
+  DemoteIfNotFinite(sensor);
 }
 
 void JudgeTwins(const VerdictOptions& options, std::vector<SensorResult>* sensors) {

@@ -57,6 +57,11 @@ struct SensorResult : SensorOutcome {
   SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 };
 
+/// For a sensor with numbers that are not finite, which no solver should leave: failed, without a
+/// pose, if its pose is one of them; else weak at best, and `reason` names them. The files have
+/// the others' poses, and its own without these numbers.
+void DemoteIfNotFinite(SensorOutcome* sensor);
+
 struct PairResult {
   std::string a, b;
   double overlap = 0;

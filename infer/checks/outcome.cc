@@ -44,6 +44,8 @@ const char* ToString(SensorCode code) {
       return "duplicate_depth";
     case SensorCode::kIntrinsicsSuspect:
       return "intrinsics_suspect";
+    case SensorCode::kNotFinite:
+      return "not_finite";
     case SensorCode::kSamePose:
       return "same_pose";
     case SensorCode::kAmbiguous:

@@ -25,6 +25,7 @@ enum class SensorCode {
   // Failed or weak.
   kDuplicateDepth,
   kIntrinsicsSuspect,
+  kNotFinite,  ///< numbers that no solver should leave
   // Weak: the sensor has a pose that is to be used with care.
   kSamePose,
   kAmbiguous,

@@ -26,10 +26,10 @@ void Describe(Archive& ar, EvaluatedSensor& sensor) {
   ar.Optional("sides_fix_pose", sensor.sides_fix_pose);
   if (!sensor.placed()) return;
   ar("sides", sensor.sides);
-  ar("initial_rms_to_structure_m", sensor.initial_rms_to_structure_m);
-  ar("rms_to_structure_m", sensor.rms_to_structure_m);
-  ar("inlier_share", sensor.inlier_share);
-  ar("sigma", sensor.sigma);
+  ar.IfFinite("initial_rms_to_structure_m", sensor.initial_rms_to_structure_m);
+  ar.IfFinite("rms_to_structure_m", sensor.rms_to_structure_m);
+  ar.IfFinite("inlier_share", sensor.inlier_share);
+  ar.IfFinite("sigma", sensor.sigma);
   ar.Optional("error", sensor.nominal);
   ar.Optional("error_as_built", sensor.built);
 }

@@ -48,9 +48,7 @@ Image16 MedianOfFrames(const std::vector<Image16>& frames) {
 
 std::string ParseName(const JsonObject& object) {
   const std::string name = object.Text("name");
-  const bool plain = !name.empty() && name != "." && name != ".." && name != "overview" &&
-                     name != "merged" && name.find_first_of("/\\") == std::string::npos;
-  if (!plain) {
+  if (!IsFileName(name)) {
     throw DataError(
         fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
                     "use another plain word",
@@ -90,7 +88,8 @@ Image16 ReadFrame(const std::filesystem::path& path, const Intrinsics& intrinsic
   try {
     image = ReadDepthFile(path);
   } catch (const IoError& error) {
-    throw IoError(fmt::format("{}: {}", where, error.what()));
+    throw IoError(fmt::format("{}: {}; depth paths are relative to the capture's folder", where,
+                              error.what()));
   } catch (const DataError& error) {
     throw DataError(fmt::format("{}: {}", where, error.what()));
   }
@@ -133,11 +132,25 @@ void ParseGroundTruth(const JsonObject& truth, const std::string& name,
   truth.RejectOthers();
 }
 
+std::string ReadCaptureText(const std::filesystem::path& path) {
+  try {
+    return ReadFile(path);
+  } catch (const IoError& error) {
+    throw IoError(
+        fmt::format("{}; give a capture.json, which docs/formats.md describes", error.what()));
+  }
+}
+
 }  // namespace
+
+bool IsFileName(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." && name != "overview" && name != "merged" &&
+         name.find_first_of("/\\") == std::string::npos;
+}
 
 Capture ReadCapture(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const Json document = ParseStrictJson(ReadFile(path), name);
+  const Json document = ParseStrictJson(ReadCaptureText(path), name);
   const JsonObject root(document, name);
 
   if (root.Has("format") && root.Text("format") != kCaptureFormat) {

@@ -17,6 +17,9 @@ struct Capture {
       structure;  ///< relative paths resolved against the JSON's folder
 };
 
+/// Whether a sensor's name serves as the name of its files, beside "overview" and "merged".
+bool IsFileName(const std::string& name);
+
 inline constexpr char kCaptureFormat[] = "volalign.capture/1";
 
 /// Reads capture.json and its depth files. A list of depth files is one still: each pixel becomes

@@ -4,17 +4,22 @@
 #include <vector>
 
 #include "core/structure.h"
-#include "infer/calibrate.h"
 #include "infer/io/extrinsics.h"
 #include "infer/io/report.h"
+#include "infer/result.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
 
+/// Creates the folder. Throws IoError if that, or writing into it, is not possible: to be known
+/// before a calibration, not after it.
+void PrepareFolder(const std::filesystem::path& folder);
+
 /// Writes into `folder`: extrinsics.json (last, so that it names a complete folder),
 /// labels/NAME.png (ids), confidence/NAME.png (255 = certain), pictures/NAME.png and
 /// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. `frames` are
-/// those that `result` is of. Throws IoError.
+/// those that `result` is of. Of the sensors that an earlier extrinsics.json in the folder lists,
+/// the files that this run does not write go; nothing else is removed. Throws IoError.
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
                       const std::vector<SensorFrame>& frames, const Structure& structure,
                       const ExtrinsicsSource& source);

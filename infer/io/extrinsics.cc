@@ -2,12 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/json_archive.h"
-#include "infer/refine/refine.h"
+#include "infer/describe_result.h"
 
 namespace volalign {
 
@@ -19,47 +20,6 @@ constexpr char kConvention[] =
 }  // namespace
 
 // The file's keys.
-
-template <class Archive>
-void Describe(Archive& ar, SensorOutcome& sensor) {
-  ar("status", sensor.status);
-  ar.Optional("code", sensor.code);
-  ar.Optional("reason", sensor.reason);
-  ar.Optional("hint", sensor.hint);
-  ar.Optional("structure_from_sensor", sensor.structure_from_sensor);
-  const bool failed = sensor.status == SensorStatus::kFailed;
-  if (Archive::kReading && failed == sensor.structure_from_sensor.has_value()) {
-    throw DataError(
-        fmt::format("{}: status \"{}\" and the {} of structure_from_sensor contradict each other",
-                    ar.where(), ToString(sensor.status), failed ? "presence" : "absence"));
-  }
-  if (!sensor.structure_from_sensor) return;
-  ar.Later("initial", sensor.initial);
-  ar.Choice("refinement", sensor.refinement_accepted, "accepted", "kept_initial");
-  ar("sides", sensor.sides);
-  ar("points", sensor.points);
-  ar("rms_to_structure_m", sensor.rms_to_structure_m);
-  ar("initial_rms_to_structure_m", sensor.initial_rms_to_structure_m);
-  ar("inlier_share", sensor.inlier_share);
-  ar("miou", sensor.miou);
-  ar("label_iou", sensor.label_iou);
-  ar("explained_share", sensor.explained_share);
-  ar("depth_offset_m", sensor.depth_offset_m);
-  ar.Later("depth_gain", sensor.depth_gain);
-  ar.Later("sigma_depth_offset_m", sensor.sigma_depth_offset_m);
-  ar.Later("sigma_depth_gain", sensor.sigma_depth_gain);
-  // What follows from the covariance is read and dropped.
-  std::vector<std::string> unconstrained;
-  if (!Archive::kReading) unconstrained = UnconstrainedDirections(sensor.covariance);
-  ar.Optional("unconstrained", unconstrained);
-  ar("covariance", sensor.covariance);
-  Eigen::Vector3d sigma_translation_m = sensor.sigma_translation_m();
-  Eigen::Vector3d sigma_rotation_deg = sensor.sigma_rotation_deg();
-  ar("sigma_translation_m", sigma_translation_m);
-  ar("sigma_rotation_deg", sigma_rotation_deg);
-  ar.Optional("error", sensor.error);
-  ar.Optional("initial_error", sensor.initial_error);
-}
 
 template <class Archive>
 void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
@@ -75,18 +35,18 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::Box& box) {
   ar("name", box.name);
   ar("estimated", box.estimated);
-  ar("translation_m", box.translation_m);
-  ar("yaw_deg", box.yaw_deg);
-  ar("sigma_x_m", box.sigma_x_m);
-  ar("sigma_z_m", box.sigma_z_m);
-  ar("sigma_yaw_deg", box.sigma_yaw_deg);
+  ar.IfFinite("translation_m", box.translation_m);
+  ar.IfFinite("yaw_deg", box.yaw_deg);
+  ar.IfFinite("sigma_x_m", box.sigma_x_m);
+  ar.IfFinite("sigma_z_m", box.sigma_z_m);
+  ar.IfFinite("sigma_yaw_deg", box.sigma_yaw_deg);
 }
 
 template <class Archive>
 void Describe(Archive& ar, Extrinsics::Size& size) {
   ar("estimated", size.estimated);
-  ar("scale", size.scale);
-  ar("sigma", size.sigma);
+  ar.IfFinite("scale", size.scale);
+  ar.IfFinite("sigma", size.sigma);
 }
 
 template <class Archive>
@@ -99,32 +59,6 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::Model& model) {
   ar("file", model.file);
   ar("sha256", model.sha256);
-}
-
-template <class Archive>
-void Describe(Archive& ar, AssemblyReport& assembly) {
-  Arrangement& found = assembly.arrangement;
-  ar.Optional("code", found.code);
-  ar("sentence", found.sentence);
-  ar.Optional("box", found.box);
-  ar.Optional("other_box", found.other_box);
-  ar.Optional("turn_deg", found.turn_deg);
-  ar("overlap", assembly.overlap);
-  ar("described_overlap", assembly.described_overlap);
-}
-
-template <class Archive>
-void Describe(Archive& ar, PairResult& pair) {
-  ar("a", pair.a);
-  ar("b", pair.b);
-  ar("overlap", pair.overlap);
-  ar("rms_m", pair.rms_m);
-}
-
-template <class Archive>
-void Describe(Archive& ar, SetDistances& distances) {
-  ar("d1_m", distances.d1);
-  ar("d2_m", distances.d2);
 }
 
 template <class Archive>
@@ -154,6 +88,7 @@ Extrinsics::Sensor SensorOf(const SensorResult& result, const SensorFrame& frame
   sensor.depth_files = frame.depth_files;
   sensor.depth_scale = frame.depth_scale;
   sensor.serial = frame.serial;
+  DemoteIfNotFinite(&sensor);
   return sensor;
 }
 
@@ -180,10 +115,10 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sen
   out.structure = {structure.name(), structure.Hash()};
   if (!source.model_file.empty())
     out.model = Extrinsics::Model{source.model_file, source.model_sha256};
-  out.verdict = result.verdict();
   out.assembly = result.assembly;
   for (std::size_t i = 0; i < result.sensors.size(); ++i) {
     out.sensors.push_back(SensorOf(result.sensors[i], frames.at(i)));
+    out.verdict = std::max(out.verdict, out.sensors.back().status);
   }
   for (std::size_t b = 0; b < result.boxes.size(); ++b) {
     out.boxes.push_back(

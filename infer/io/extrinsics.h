@@ -9,9 +9,9 @@
 #include "core/camera.h"
 #include "core/metrics.h"
 #include "core/structure.h"
-#include "infer/calibrate.h"
 #include "infer/checks/assembly.h"
 #include "infer/checks/outcome.h"
+#include "infer/result.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -24,7 +24,9 @@ struct ExtrinsicsSource {
   std::string model_file, model_sha256;  ///< empty without a network
 };
 
-/// extrinsics.json (docs/formats.md). Its keys stand in Describe of extrinsics.cc.
+/// extrinsics.json (docs/formats.md). Its keys stand in extrinsics.cc and describe_result.h. A
+/// number that is not finite is a key that is absent from the file, and NaN when it is read: one
+/// such number does not take the other sensors' poses with it.
 struct Extrinsics {
   struct Sensor : SensorOutcome {
     Intrinsics intrinsics;
@@ -59,7 +61,7 @@ struct Extrinsics {
   std::string capture;
   StructureId structure;
   std::optional<Model> model;
-  SensorStatus verdict = SensorStatus::kFailed;
+  SensorStatus verdict = SensorStatus::kOk;
   std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored
   std::vector<Sensor> sensors;
   std::vector<Box> boxes;
@@ -69,10 +71,12 @@ struct Extrinsics {
   std::vector<std::pair<std::string, double>> timings_s;
 };
 
+/// A sensor with numbers that are not finite is demoted (DemoteIfNotFinite).
 Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<SensorFrame>& frames,
                           const Structure& structure, const ExtrinsicsSource& source);
 
-/// Writes atomically. Throws IoError, or Error for a number that is not finite.
+/// Writes atomically. Throws IoError, or Error for a sensor's own pose or intrinsics that are not
+/// finite.
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics);
 
 /// Reads what WriteExtrinsics wrote, strictly. Sensors and timings come in alphabetical order.

@@ -4,7 +4,7 @@
 
 #include "core/image.h"
 #include "core/structure.h"
-#include "infer/calibrate.h"
+#include "infer/result.h"
 
 namespace volalign {
 

@@ -6,7 +6,7 @@
 
 #include "core/image.h"
 #include "core/structure.h"
-#include "infer/calibrate.h"
+#include "infer/result.h"
 
 namespace volalign {
 

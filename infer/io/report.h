@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "infer/calibrate.h"
+#include "infer/result.h"
 
 namespace volalign {
 

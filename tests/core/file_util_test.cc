@@ -1,12 +1,16 @@
 #include "core/file_util.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
 
+#include <atomic>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <string>
+#include <thread>
 
 #include "core/error.h"
 #include "tests/core/expect_error.h"
@@ -70,6 +74,30 @@ TEST(FileUtil, ReadErrorsNamePathAndReason) {
   ExpectError<IoError>([&] { ReadFile(folder.path()); }, {folder.path().string(), "folder"});
 }
 
+// What never ends, or never begins, is refused; a symbolic link to a file is that file.
+TEST(FileUtil, OnlyFilesOnDiskAreRead) {
+  const TempFolder folder;
+  const std::string pipe = (folder / "pipe").string();
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ExpectError<IoError>([&] { ReadFile(pipe); }, {pipe, "pipe"});
+  ExpectError<IoError>([] { ReadFile("/dev/zero", 1000); }, {"/dev/zero", "device"});
+  std::filesystem::create_symlink("/dev/zero", folder / "zero.png");
+  ExpectError<IoError>([&] { ReadFile(folder / "zero.png", 1000); }, {"zero.png", "device"});
+  WriteFileAtomically(folder / "a.txt", "content");
+  std::filesystem::create_symlink(folder / "a.txt", folder / "link.txt");
+  EXPECT_EQ(ReadFile(folder / "link.txt"), "content");
+  // Announces a size of 0.
+  EXPECT_GT(ReadFile("/proc/self/status").size(), 100u);
+}
+
+TEST(FileUtil, FilesThatAreTooLargeAreRefused) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.txt", "1234");
+  EXPECT_EQ(ReadFile(folder / "a.txt", 4), "1234");
+  ExpectError<IoError>([&] { ReadFile(folder / "a.txt", 3); }, {"a.txt", "4 bytes", "3"});
+  ExpectError<IoError>([] { ReadFile("/proc/self/status", 10); }, {"/proc/self/status", "10"});
+}
+
 TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
   const TempFolder folder;
   WriteFileAtomically(folder / "file", "x");
@@ -85,14 +113,43 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
   EXPECT_EQ(ReadFile(folder / "file"), "x");
 }
 
-// The device that is always full.
-TEST(FileUtil, AFullDiskIsAnError) {
-  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "this system has no /dev/full";
+// Each writer's bytes are alike: a mixture of two, or a file that another one renamed away, shows.
+TEST(FileUtil, WritersOfOneFileDoNotShareATemporary) {
   const TempFolder folder;
-  const auto temporary = folder / ("a.txt.tmp-" + std::to_string(::getpid()));
-  std::filesystem::create_symlink("/dev/full", temporary);
-  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", "x"); },
-                       {"write", (folder / "a.txt").string(), "No space left"});
+  std::atomic<int> failures{0}, mixtures{0};
+  const auto write = [&](char letter) {
+    const std::string bytes(200000, letter);
+    for (int i = 0; i < 100; ++i) {
+      try {
+        WriteFileAtomically(folder / "a.txt", bytes, /*sync=*/false);
+        const std::string read = ReadFile(folder / "a.txt");
+        if (read.size() != bytes.size() || read != std::string(bytes.size(), read[0])) ++mixtures;
+      } catch (const Error&) {
+        ++failures;
+      }
+    }
+  };
+  std::thread first(write, 'a'), second(write, 'b');
+  first.join();
+  second.join();
+  EXPECT_EQ(failures, 0);
+  EXPECT_EQ(mixtures, 0);
+  EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.txt"});
+}
+
+// A limit on the size of files does what a full disk does: the write fails half-way.
+TEST(FileUtil, AFullDiskIsAnError) {
+  const TempFolder folder;
+  rlimit old_limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 1000;
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", std::string(5000, 'x')); },
+                       {"write", (folder / "a.txt").string(), "File too large"});
+  ::setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
   EXPECT_TRUE(Listing(folder.path()).empty());
 }
 

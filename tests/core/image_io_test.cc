@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <string>
 #include <vector>
@@ -186,6 +188,18 @@ TEST_F(ImageIo, RejectsOtherKinds) {
   ExpectError<DataError>([&] { ReadPng8(path); }, {path.string(), "PNG"});
   ExpectError<DataError>([&] { ReadPngRgb(path); }, {path.string(), "PNG"});
   ExpectError<DataError>([&] { ReadPng8(File("")); });
+}
+
+// None of these may take the memory that it asks for.
+TEST_F(ImageIo, EndlessAndHugeFilesAreRefused) {
+  ExpectError<IoError>([] { ReadDepthFile("/dev/zero"); }, {"/dev/zero", "device"});
+  ExpectError<IoError>([] { ReadPng8("/dev/zero"); }, {"/dev/zero", "device"});
+  WriteFileAtomically(folder_ / "sparse.png", "");
+  std::filesystem::resize_file(folder_ / "sparse.png", std::uintmax_t{1} << 40);
+  ExpectError<IoError>([&] { ReadDepthFile(folder_ / "sparse.png"); }, {"sparse.png", "bytes"});
+  ExpectError<IoError>([&] { ReadPngRgb(folder_ / "sparse.png"); }, {"sparse.png", "bytes"});
+  WriteFileAtomically(folder_ / "black.pgm", "P5\n9000 9000\n255\n" + std::string(81000000, 0));
+  ExpectError<DataError>([&] { ReadDepthFile(folder_ / "black.pgm"); }, {"9000x9000", "pixels"});
 }
 
 TEST_F(ImageIo, MissingFilesAndEmptyImages) {

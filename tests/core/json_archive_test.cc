@@ -187,12 +187,44 @@ TEST(JsonArchive, ReadingNamesThePlace) {
   ExpectError<DataError>([&] { ReadDescribed<Thing>(twice, "t.json"); }, {"t.json", "twice"});
 }
 
+struct Measured {
+  double size = 0, gain = 0;
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Pose pose = Pose::Identity();
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar.IfFinite("size", size);
+    ar.IfFinite("gain", gain, 1.0);
+    ar.IfFinite("place", place);
+    ar.IfFinite("pose", pose);
+  }
+};
+
+TEST(JsonArchive, WhatIsUnknownIsAnAbsentKey) {
+  Measured thing;
+  thing.size = 2;
+  thing.place.y() = std::nan("");
+  thing.gain = std::numeric_limits<double>::infinity();
+  thing.pose.translation().x() = std::nan("");
+  const std::string text = WriteDescribed(thing, "t.json", -1);
+  EXPECT_EQ(text, "{\"size\":2.0}\n");
+  const Measured read = ReadDescribed<Measured>(text, "t.json");
+  EXPECT_EQ(read.size, 2);
+  EXPECT_EQ(read.gain, 1);
+  EXPECT_TRUE(read.place.array().isNaN().all());
+  EXPECT_TRUE(read.pose.matrix().array().isNaN().all());
+  JsonWriter writer("t.json");
+  thing.Describe(writer);
+  EXPECT_EQ(writer.left_out(), (std::vector<std::string>{"gain", "place", "pose"}));
+  ExpectError<DataError>([] { ReadDescribed<Measured>("{\"size\": null}", "t.json"); }, {"null"});
+}
+
 TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
   for (const double value : {std::nan(""), std::numeric_limits<double>::infinity()}) {
     Thing thing = Full();
-    thing.parts[0].error->rotation_deg = value;
+    thing.parts[0].size_m = value;
     ExpectError<Error>([&] { WriteDescribed(thing, "t.json", 1); },
-                       {"t.json: parts: z: error: rotation_deg", "not finite"});
+                       {"t.json: parts: z: size_m", "not finite"});
     thing = Full();
     thing.matrix(1, 2) = value;
     ExpectError<Error>([&] { WriteDescribed(thing, "t.json", 1); },

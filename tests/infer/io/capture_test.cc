@@ -1,5 +1,6 @@
 #include "infer/io/capture.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -147,6 +148,13 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheImages) {
       [&] { ReadCapture(WriteSensor("\"depth\": \"none.pgm\", " + std::string(kIntrinsics))); },
       {"sensor \"A\"", "none.pgm"});
   ExpectError<IoError>([&] { ReadCapture(folder_ / "nowhere.json"); }, {"nowhere.json"});
+  for (const char* no_file : {"/dev/zero", "/tmp"}) {
+    ExpectError<IoError>(
+        [&] {
+          ReadCapture(WriteSensor(fmt::format("\"depth\": \"{}\", {}", no_file, kIntrinsics)));
+        },
+        {"sensor \"A\"", no_file});
+  }
 }
 
 }  // namespace

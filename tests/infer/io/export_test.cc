@@ -3,9 +3,14 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -13,6 +18,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "infer/calibrate.h"
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/infer/synthetic.h"
@@ -240,10 +246,61 @@ TEST_F(ExportTest, ReadingIsStrict) {
   change("\"verdict\"", "\"verdikt\"");
   change("row-major", "column-major");
   change("\"status\": \"failed\"", "\"status\": \"ok\"");
-  Extrinsics bad = ReadExtrinsics(*folder_ / "extrinsics.json");
-  bad.sensors[1].rms_to_structure_m = std::nan("");
-  ExpectError<Error>([&] { WriteExtrinsics(*folder_ / "nan.json", bad); }, {"rms_to_structure_m"});
-  EXPECT_FALSE(std::filesystem::exists(*folder_ / "nan.json"));
+}
+
+// Numbers that no solver should leave: the others' poses are written all the same.
+TEST_F(ExportTest, ANumberThatIsNotFiniteTakesNoPoseWithIt) {
+  CalibrationResult result = *result_;
+  SensorResult& left = result.sensors[0];
+  ASSERT_EQ(left.name, "left");
+  left.status = SensorStatus::kOk;
+  left.code = SensorCode::kNone;
+  left.covariance.setConstant(std::nan(""));
+  left.rms_to_structure_m = std::numeric_limits<double>::infinity();
+  result.pairs[0].rms_m = std::nan("");
+  result.metrics->d2 = std::nan("");
+  result.sigma_size_scale = std::nan("");
+  const auto write = [&] {
+    WriteExtrinsics(*folder_ / "nan.json",
+                    MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+    std::map<std::string, Extrinsics::Sensor> sensors;
+    for (const Extrinsics::Sensor& sensor : ReadExtrinsics(*folder_ / "nan.json").sensors) {
+      sensors[sensor.name] = sensor;
+    }
+    return sensors;
+  };
+  auto sensors = write();
+  EXPECT_TRUE(sensors["right"].structure_from_sensor->isApprox(
+      *result.sensors[1].structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["right"].status, result.sensors[1].status);
+  EXPECT_TRUE(sensors["left"].structure_from_sensor->isApprox(*left.structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kWeak);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_EQ(sensors["left"].reason,
+            "not finite, and left out: rms_to_structure_m, covariance, sigma_translation_m, "
+            "sigma_rotation_deg");
+  EXPECT_TRUE(std::isnan(sensors["left"].rms_to_structure_m));
+  EXPECT_TRUE(sensors["left"].covariance.array().isNaN().all());
+  EXPECT_EQ(sensors["left"].inlier_share, left.inlier_share);
+  const auto json = nlohmann::json::parse(ReadFile(*folder_ / "nan.json"));
+  EXPECT_FALSE(json["sensors"]["left"].contains("covariance"));
+  EXPECT_FALSE(json["pairs"][0].contains("rms_m"));
+  EXPECT_FALSE(json["size"].contains("sigma"));
+  EXPECT_EQ(json["metrics"].size(), 1u);
+  // A cause that is known already stays the code.
+  left.status = SensorStatus::kWeak;
+  left.code = SensorCode::kDuplicateDepth;
+  left.reason = "right has the same depth map";
+  sensors = write();
+  EXPECT_EQ(sensors["left"].code, SensorCode::kDuplicateDepth);
+  EXPECT_EQ(sensors["left"].reason.rfind("right has the same depth map; not finite", 0), 0u);
+  // Without a pose there is nothing to report.
+  left.structure_from_sensor->translation().x() = std::nan("");
+  sensors = write();
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kFailed);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_FALSE(sensors["left"].structure_from_sensor.has_value());
+  EXPECT_TRUE(sensors["right"].structure_from_sensor.has_value());
 }
 
 TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
@@ -308,6 +365,70 @@ TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
       merged,
       bytes.size() + std::filesystem::file_size(folder_->path() / "clouds" / "right.ply") - 1000);
   EXPECT_FALSE(std::filesystem::exists(folder_->path() / "clouds" / "blind.ply"));
+}
+
+std::set<std::string> Files(const std::filesystem::path& folder) {
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (!entry.is_directory()) files.insert(std::filesystem::relative(entry, folder).string());
+  }
+  return files;
+}
+
+TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
+  const TempFolder folder;
+  const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
+    WriteCalibration(folder.path(), result, frames, rig_->structure, {});
+  };
+  write(*result_, rig_->frames);
+  // What others put there stays: files, and what is named like a file of a sensor but is none.
+  WriteFileAtomically(folder / "clouds/mine.ply", "x");
+  WriteFileAtomically(folder / "notes.txt", "x");
+  // left fails now, right is no longer in the capture.
+  CalibrationResult result = *result_;
+  std::vector<SensorFrame> frames = rig_->frames;
+  result.sensors.erase(result.sensors.begin() + 1);
+  frames.erase(frames.begin() + 1);
+  result.sensors[0].structure_from_sensor.reset();
+  result.sensors[0].status = SensorStatus::kFailed;
+  write(result, frames);
+  EXPECT_EQ(
+      Files(folder.path()),
+      (std::set<std::string>{"extrinsics.json", "notes.txt", "labels/left.png", "labels/blind.png",
+                             "confidence/left.png", "confidence/blind.png", "pictures/left.png",
+                             "pictures/blind.png", "pictures/overview.png", "clouds/merged.ply",
+                             "clouds/mine.ply"}));
+}
+
+// Nothing that volalign did not write may go, whatever an extrinsics.json says.
+TEST_F(ExportTest, NothingOfOthersIsRemoved) {
+  const std::string good = ReadFile(*folder_ / "extrinsics.json");
+  auto leads_elsewhere = nlohmann::json::parse(good);
+  leads_elsewhere["sensors"]["../../mine"] = leads_elsewhere["sensors"]["left"];
+  auto of_others = nlohmann::json::parse(good);
+  of_others["format"] = "another/1";
+  of_others["sensors"]["mine"] = of_others["sensors"]["left"];
+  for (const std::string& text : {leads_elsewhere.dump(), of_others.dump(), std::string("[1]")}) {
+    const TempFolder folder;
+    WriteFileAtomically(folder / "out/extrinsics.json", text);
+    WriteFileAtomically(folder / "mine.ply", "x");
+    WriteFileAtomically(folder / "mine.png", "x");
+    WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
+    WriteCalibration(folder / "out", *result_, rig_->frames, rig_->structure, {});
+    for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"}) {
+      EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
+    }
+    EXPECT_EQ(ReadExtrinsics(folder / "out/extrinsics.json").sensors.size(), 3u);
+  }
+}
+
+TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
+  const TempFolder folder;
+  PrepareFolder(folder / "a/b");
+  EXPECT_TRUE(std::filesystem::is_directory(folder / "a/b"));
+  WriteFileAtomically(folder / "file", "x");
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file"); }, {"file", "choose another"});
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file/inner"); }, {"inner", "choose another"});
 }
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {

@@ -1,0 +1,88 @@
+#pragma once
+
+// The keys under which files have a calibration's results (core/json_archive.h). A quantity that is
+// not finite is an absent key.
+
+#include <fmt/format.h>
+
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/json_archive.h"
+#include "infer/refine/refine.h"
+#include "infer/result.h"
+
+namespace volalign {
+
+template <class Archive>
+void Describe(Archive& ar, SensorOutcome& sensor) {
+  ar("status", sensor.status);
+  ar.Optional("code", sensor.code);
+  ar.Optional("reason", sensor.reason);
+  ar.Optional("hint", sensor.hint);
+  ar.Optional("structure_from_sensor", sensor.structure_from_sensor);
+  const bool failed = sensor.status == SensorStatus::kFailed;
+  if (Archive::kReading && failed == sensor.structure_from_sensor.has_value()) {
+    throw DataError(
+        fmt::format("{}: status \"{}\" and the {} of structure_from_sensor contradict each other",
+                    ar.where(), ToString(sensor.status), failed ? "presence" : "absence"));
+  }
+  if (!sensor.structure_from_sensor) return;
+  ar.IfFinite("initial", sensor.initial);
+  ar.Choice("refinement", sensor.refinement_accepted, "accepted", "kept_initial");
+  ar("sides", sensor.sides);
+  ar("points", sensor.points);
+  ar.IfFinite("rms_to_structure_m", sensor.rms_to_structure_m);
+  ar.IfFinite("initial_rms_to_structure_m", sensor.initial_rms_to_structure_m);
+  ar.IfFinite("inlier_share", sensor.inlier_share);
+  ar.IfFinite("miou", sensor.miou);
+  ar.IfFinite("label_iou", sensor.label_iou);
+  ar.IfFinite("explained_share", sensor.explained_share);
+  ar.IfFinite("depth_offset_m", sensor.depth_offset_m);
+  // The first files have no gain: 1.
+  ar.IfFinite("depth_gain", sensor.depth_gain, 1.0);
+  ar.IfFinite("sigma_depth_offset_m", sensor.sigma_depth_offset_m);
+  ar.IfFinite("sigma_depth_gain", sensor.sigma_depth_gain);
+  // What follows from the covariance is read and dropped.
+  std::vector<std::string> unconstrained;
+  if (!Archive::kReading && sensor.covariance.allFinite()) {
+    unconstrained = UnconstrainedDirections(sensor.covariance);
+  }
+  ar.Optional("unconstrained", unconstrained);
+  ar.IfFinite("covariance", sensor.covariance);
+  Eigen::Vector3d sigma_translation_m = sensor.sigma_translation_m();
+  Eigen::Vector3d sigma_rotation_deg = sensor.sigma_rotation_deg();
+  ar.IfFinite("sigma_translation_m", sigma_translation_m);
+  ar.IfFinite("sigma_rotation_deg", sigma_rotation_deg);
+  ar.Optional("error", sensor.error);
+  ar.Optional("initial_error", sensor.initial_error);
+}
+
+template <class Archive>
+void Describe(Archive& ar, AssemblyReport& assembly) {
+  Arrangement& found = assembly.arrangement;
+  ar.Optional("code", found.code);
+  ar("sentence", found.sentence);
+  ar.Optional("box", found.box);
+  ar.Optional("other_box", found.other_box);
+  ar.Optional("turn_deg", found.turn_deg);
+  ar.IfFinite("overlap", assembly.overlap);
+  ar.IfFinite("described_overlap", assembly.described_overlap);
+}
+
+template <class Archive>
+void Describe(Archive& ar, PairResult& pair) {
+  ar("a", pair.a);
+  ar("b", pair.b);
+  ar.IfFinite("overlap", pair.overlap);
+  ar.IfFinite("rms_m", pair.rms_m);
+}
+
+template <class Archive>
+void Describe(Archive& ar, SetDistances& distances) {
+  ar.IfFinite("d1_m", distances.d1);
+  ar.IfFinite("d2_m", distances.d2);
+}
+
+}  // namespace volalign
