@@ -88,8 +88,7 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {pose, problem.sensors[i].initial}, FineGates(problem.options),
-                       &held_out[i]);
+                       {pose, problem.sensors[i].initial}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);

@@ -25,7 +25,6 @@ constexpr double kLeastSigma = 5e-4;  // below it the depth's own resolution cou
 /// three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
 /// cardboard bulges, and sensors fatten edges.
 constexpr double kEdgeTolerance = 0.008;
-constexpr double kFewestMatches = 20;  // of two sensors
 /// A silhouette point and the face round the corner that another sensor sees: how far behind the
 /// edge it is sought, m, and the cosine of its normal with the silhouette's direction.
 constexpr double kRoundTheCorner = 0.02, kFacesOutward = 0.7;
@@ -74,8 +73,7 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
                     to_view = problem.Overlap(b, *coarse.state);
   const std::vector<Match> matches =
       FindMatches(from_view, to_view, coarse.gates.overlap, coarse.gates.min_cosine);
-  const double fewest = problem.options.min_overlap * static_cast<double>(from_view.chosen->size());
-  if (static_cast<double>(matches.size()) < std::max(kFewestMatches, fewest)) return;
+  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return;
   const double sigma = std::max(std::hypot(coarse.sigmas[a], coarse.sigmas[b]), coarse.least_scale);
   const double weight = std::sqrt(problem.options.overlap_weight) / sigma;
   const auto add = [&](const Eigen::Vector3d& p, const CloudPoint& to, double its_weight) {

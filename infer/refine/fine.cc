@@ -8,7 +8,6 @@
 #include "core/parallel_for.h"
 #include "core/statistics.h"
 #include "core/visibility.h"
-#include "infer/refine/coarse.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
@@ -22,13 +21,15 @@ namespace {
 /// where boxes are not estimated. On three real captures it was 10-30 mm for faces that fit to 4
 /// mm.
 constexpr double kHeldEdge = 0.012;
+constexpr double kSideGate = 0.06;  // m, of a point to its side
+constexpr double kPairGate = 0.02;  // m, of matched points of a pair
+constexpr double kAngleGate = 20;   // deg, between their normals
 // Overlap off the structure.
 constexpr double kOverlapGate = 0.06;  // m
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-constexpr double kLeastWarp = 1e-3;         // m at 2 m
-constexpr std::size_t kFewestMatches = 20;  // of two sensors
+constexpr double kLeastWarp = 1e-3;  // m at 2 m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -52,8 +53,10 @@ std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
   const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
   const OverlapView from_view = problem.Overlap(a, state), to_view = problem.Overlap(b, state);
   std::vector<WeightedMatch> informative;
-  for (const Match& match :
-       FindMatches(from_view, to_view, kOverlapGate, FineGates(problem.options).min_cosine)) {
+  const std::vector<Match> matches =
+      FindMatches(from_view, to_view, kOverlapGate, FineGates().min_cosine);
+  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return informative;
+  for (const Match& match : matches) {
     const CloudPoint& from = from_view.Cloud(match.from);
     const CloudPoint& to = to_view.Cloud(match.to);
     if (from.held_out) continue;
@@ -89,7 +92,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
       (kept_initial[a] || kept_initial[b]))
     return;
   const std::vector<WeightedMatch> matches = InformativeMatches(problem, evidence, *state, a, b);
-  if (matches.size() < kFewestMatches) return;
+  if (matches.size() < kFewestMatches) return;  // for their spread
   const std::size_t cells =
       CountCells(matches, std::max(evidence[a].noise.warp_length, evidence[b].noise.warp_length));
   std::vector<double> sizes;
@@ -139,7 +142,7 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 
 }  // namespace
 
-Gates FineGates(const RefineOptions& options) { return CoarseGates(options.outer_iterations); }
+Gates FineGates() { return {kSideGate, kPairGate, std::cos(kAngleGate * M_PI / 180)}; }
 
 double LineTolerance(const FreeSet& free) { return free.AllBoxes() ? 0 : kHeldEdge; }
 
@@ -148,7 +151,7 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
                                            std::vector<SensorEvidence> previous) {
   std::vector<SensorEvidence> evidence = std::move(previous);
   evidence.resize(problem.size());
-  const Gates gates = FineGates(problem.options);
+  const Gates gates = FineGates();
   ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     evidence[i].noise.line = LineTolerance(free);

@@ -11,8 +11,9 @@
 
 namespace volalign::refine_internal {
 
-/// Gates of the fine stage's associations.
-Gates FineGates(const RefineOptions& options);
+/// Gates of the fine stage's associations, and of pairs. Overlap that the structure does not hold
+/// may be farther apart, see fine.cc.
+Gates FineGates();
 
 /// Standard deviation of an edge's place in the fine stage (NoiseModel::line), given what is free:
 /// an edge of a box that is held where the structure has it strays as its faces do.

@@ -33,7 +33,7 @@ std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const Stat
   ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {state.poses[i].ToPose()}, FineGates(problem.options), &unseen[i]);
+                       {state.poses[i].ToPose()}, FineGates(), &unseen[i]);
   });
   return unseen;
 }
@@ -114,7 +114,7 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
 }
 
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
-  const Gates gates = FineGates(problem.options);
+  const Gates gates = FineGates();
   std::vector<OverlapView> views;
   for (std::size_t i = 0; i < problem.size(); ++i) views.push_back(problem.Overlap(i, state));
   std::vector<RefinedPair> pairs;

@@ -225,6 +225,33 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_FALSE(sized.boxes[0].estimated);
 }
 
+TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    // As far off as some points are from their sides by one gate and not by the other.
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
+    sensors.push_back({&points[i], start, start, true});
+  }
+  RefineOptions options;
+  options.coarse = false;
+  options.fine_iterations = 1;
+  options.outer_iterations = 1;
+  const RefineResult one = Refine(rig.structure, sensors, options);
+  options.outer_iterations = 5;
+  const RefineResult five = Refine(rig.structure, sensors, options);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(one.sensors[i].structure_from_sensor.matrix(),
+              five.sensors[i].structure_from_sensor.matrix());
+  }
+  ASSERT_EQ(one.pairs.size(), five.pairs.size());
+  for (std::size_t k = 0; k < one.pairs.size(); ++k)
+    EXPECT_EQ(one.pairs[k].overlap, five.pairs[k].overlap);
+}
+
 TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(90, 2.0, 0.35));
