@@ -88,7 +88,7 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {pose, problem.sensors[i].initial}, FineGates(), &held_out[i]);
+                       {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
@@ -107,13 +107,13 @@ Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
     bool changed = false;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (result.kept_initial[i]) continue;
-      const Pose& initial = problem.sensors[i].initial;
-      result.before[i] = Fit(problem, state, i, initial, held_out[i]);
+      const Pose& fallback = problem.sensors[i].fallback;
+      result.before[i] = Fit(problem, state, i, problem.sensors[i].to_beat, held_out[i]);
       const HeldOutFit after = Fit(problem, state, i, state.poses[i].ToPose(), held_out[i]);
       if (Better(after, result.before[i])) continue;
-      const Pose apart = state.poses[i].ToPose() * initial.inverse();
+      const Pose apart = state.poses[i].ToPose() * fallback.inverse();
       result.refused[i] << apart.translation(), RotationLog(apart.linear());
-      state.poses[i] = PoseBlock(initial);
+      state.poses[i] = PoseBlock(fallback);
       state.offsets[i] = 0;
       state.nuisances[i] = {};
       result.kept_initial[i] = 1;

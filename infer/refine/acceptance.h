@@ -33,19 +33,20 @@ inline bool Better(const HeldOutFit& after, const HeldOutFit& before) {
   return after.misfit < before.misfit || after.distance < before.distance;
 }
 
-/// Held-out observations that lie on the structure from either pose of a sensor, refined or
-/// initial, trusted as `solution` trusts its own.
+/// Held-out observations that lie on the structure from either pose of a sensor, refined or to
+/// be beaten, trusted as `solution` trusts its own.
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution);
 
 struct Acceptance {
   Solution solution;  ///< in which sensors that were not accepted stand where they began
   std::vector<char> kept_initial;  ///< of each sensor: not accepted
   std::vector<HeldOutFit> before, after;
-  std::vector<Vector6d> refused;  ///< from the initial to the refused pose, m and rad; or zero
+  std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };
 
-/// Sends sensors back whose held-out points their refined pose explains no better than the initial
-/// one. A sensor that goes back may have pulled its neighbours: they are solved again around it.
+/// Sends sensors back whose held-out points their refined pose explains no better than the one
+/// to beat. A sensor that goes back may have pulled its neighbours: they are solved again around
+/// it.
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -68,7 +68,7 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   RefinedSensor sensor;
   sensor.accepted = !accepted.kept_initial[i];
   sensor.structure_from_sensor =
-      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].initial;
+      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].fallback;
   if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[i];
   if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[i][kDepthGain];
   sensor.sigma_depth_offset = posterior.Sigma(layout.Offset(i));

@@ -13,8 +13,7 @@ namespace volalign {
 
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted =
-      false;  ///< false: held-out points are explained no better, the initial pose stands
+  bool accepted = false;  ///< false: the pose is RefineSensor::fallback
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
   /// a sensor without structure terms, mean robust cost against its neighbours.
   double held_out_before = 0, held_out_after = 0;
@@ -73,13 +72,13 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
 /// points fit worse without its kind; else it keeps its nominal value. Gauge: the mean displacement
 /// of the estimated boxes is zero. A sensor whose held-out points fit its refined pose no better,
-/// neither in standard deviations nor by plain distance, keeps its initial pose, and the others are
-/// solved again without it.
+/// neither in standard deviations nor by plain distance, goes back to its fallback, and the others
+/// are solved again without it.
 ///
 /// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
-/// out, widened by how far the poses would move if it did not, and for a sensor that keeps its
-/// initial pose by how far the refused one was from it. A prior of 1 m and 1 rad bounds directions
-/// that nothing constrains. Throws ConfigError for a bad options.estimate.
+/// out, widened by how far the poses would move if it did not, and for a sensor that goes back
+/// to its fallback by how far the refused one was from it. A prior of 1 m and 1 rad bounds
+/// directions that nothing constrains. Throws ConfigError for a bad options.estimate.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

@@ -88,7 +88,7 @@ struct TwoSensors {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose away = testing_infer::Displaced(truth, 0.005, 0.2, i);
-      sensors.push_back({&points[i], away, truth, true});
+      sensors.push_back({&points[i], away, away, truth, true});
     }
     options.estimate = "none";
   }
@@ -98,7 +98,9 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   TwoSensors two;
   // The first was to be kept where the truth is and "refined" away from it; the second the other
   // way round.
-  std::swap(two.sensors[0].initial, two.sensors[0].start);
+  two.sensors[0].to_beat = two.sensors[0].fallback = *two.rig.frames[0].ground_truth;
+  two.sensors[0].start = two.sensors[0].fallback;
+  two.sensors[0].start.translation().y() += 0.005;
   const JointProblem problem(two.rig.structure, two.sensors, two.options);
   Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
                     NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start}),

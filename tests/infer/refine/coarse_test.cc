@@ -36,7 +36,7 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 3, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineOptions options;
   const JointProblem problem(rig.structure, sensors, options);

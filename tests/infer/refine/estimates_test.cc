@@ -93,8 +93,8 @@ TEST(UnseenCost, IsTheMeanOverAllObservations) {
   const Structure structure = testing_infer::PaperStructure();
   const Pose pose = testing_infer::RingPose(35);
   const SensorPoints nothing;
-  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, true},
-                                             {&nothing, pose, pose, false}};
+  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, pose, true},
+                                             {&nothing, pose, pose, pose, false}};
   const RefineOptions options;
   const JointProblem problem(structure, sensors, options);
   const State state = NominalState(structure, {pose, pose});

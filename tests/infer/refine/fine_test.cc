@@ -28,7 +28,7 @@ struct Neighbours {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       poses.push_back(truth);
-      sensors.push_back({&points[i], truth, truth, true});
+      sensors.push_back({&points[i], truth, truth, truth, true});
     }
   }
 };

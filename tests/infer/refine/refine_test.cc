@@ -25,7 +25,7 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
@@ -63,7 +63,7 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      sensors.push_back({&points[i], start, start, i != lost});
+      sensors.push_back({&points[i], start, start, start, i != lost});
     }
     const RefineResult result = Refine(rig.structure, sensors, {});
     const PoseError error =
@@ -88,7 +88,8 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
        {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(-0.02, 0.02, 0)}) {
     Pose start = truth;
     start.translation() += shift;
-    const RefineResult result = Refine(rig.structure, {{&points[0], start, start, true}}, {});
+    const RefineResult result =
+        Refine(rig.structure, {{&points[0], start, start, start, true}}, {});
     const PoseError error = ComparePoses(result.sensors[0].structure_from_sensor, truth);
     // Half a pixel of silhouette.
     EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
@@ -106,7 +107,7 @@ TEST(Refine, FindsADepthOffset) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -136,11 +137,11 @@ TEST(Refine, NeverWorse) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
   EXPECT_FALSE(result.sensors[0].accepted);
-  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].initial, 1e-12));
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
   EXPECT_DOUBLE_EQ(result.sensors[0].held_out_after, result.sensors[0].held_out_before);
   // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
   EXPECT_GT((result.sensors[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
@@ -150,6 +151,35 @@ TEST(Refine, NeverWorse) {
   EXPECT_LT(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
                 .translation_m,
             2e-3);
+}
+
+TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (SidePoint& point : points[0].side_points) {
+    if (!point.held_out) point.p.z() += 0.02;
+  }
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose& truth = *rig.frames[i].ground_truth;
+    sensors.push_back({&points[i], truth, truth, truth, true});
+  }
+  // It has to beat the truth and falls back to 15 mm nearer to the structure.
+  const Pose& truth = sensors[0].to_beat;
+  sensors[0].fallback.translation() += 0.015 * truth.linear().col(2);
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  ASSERT_FALSE(result.sensors[0].accepted);
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
+  // What it says of its uncertainty reaches from there to the refused pose, 2 cm behind the truth.
+  const Eigen::Vector3d along = truth.linear().col(2);
+  const double sigma =
+      std::sqrt(along.dot(result.sensors[0].covariance.topLeftCorner<3, 3>() * along));
+  EXPECT_GT(sigma, 0.025);
+  // Its neighbour sees the same sides 15 mm off.
+  ASSERT_EQ(result.pairs.size(), 1u);
+  EXPECT_GT(result.pairs[0].rms, 0.005);
 }
 
 TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
@@ -175,7 +205,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(nominal, sensors, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -234,7 +264,7 @@ TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
   for (std::size_t i = 0; i < 2; ++i) {
     // As far off as some points are from their sides by one gate and not by the other.
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   RefineOptions options;
   options.coarse = false;
@@ -260,7 +290,7 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   }
   const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
-  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, true}}, {});
+  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, truth, true}}, {});
   for (const RefinedBox& box : result.boxes) EXPECT_FALSE(box.estimated);
   EXPECT_FALSE(result.size_estimated);
 }
@@ -330,7 +360,7 @@ TEST(Refine, CovarianceCoversSmoothDepthErrors) {
     const Pose& truth = *rig.frames[i].ground_truth;
     const Pose start = Displaced(truth, 0.01, 0.5, i);
     const RefinedSensor sensor =
-        Refine(rig.structure, {{&points[i], start, start, true}}, options).sensors[0];
+        Refine(rig.structure, {{&points[i], start, start, start, true}}, options).sensors[0];
     EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
     EXPECT_EQ(Eigen::LLT<Matrix6d>(sensor.covariance).info(), Eigen::Success);
     const Pose difference = truth * sensor.structure_from_sensor.inverse();
