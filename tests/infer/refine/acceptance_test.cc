@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <utility>
 #include <vector>
 
+#include "infer/refine/fine.h"
 #include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign::refine_internal {
@@ -13,12 +16,21 @@ using testing_infer::Observe;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-TEST(Better, NeedsOneOfBothMeasures) {
-  EXPECT_TRUE(Better({0.9, 0.01}, {1, 0.01}));
-  EXPECT_TRUE(Better({1, 0.009}, {1, 0.01}));
-  EXPECT_TRUE(Better({2, 0.009}, {1, 0.01}));
-  EXPECT_FALSE(Better({1, 0.01}, {1, 0.01}));
-  EXPECT_FALSE(Better({2, 0.02}, {1, 0.01}));
+TEST(IsBetter, NeedsOneOfBothMeasures) {
+  EXPECT_TRUE(IsBetter({0.9, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsBetter({1, 0.009, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsBetter({2, 0.009, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({1, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({0, 0, 0}, {1, 0.01, 5})) << "where it sees nothing, nothing is explained";
+  EXPECT_TRUE(IsBetter({1, 0.01, 5}, {0, 0, 0}));
+}
+
+TEST(IsNoWorse, RefusesWhatIsWorseByBoth) {
+  EXPECT_TRUE(IsNoWorse({1, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsNoWorse({2, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsNoWorse({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsNoWorse({0, 0, 0}, {0, 0, 0})) << "nothing speaks for it";
 }
 
 /// Observations of one side by a sensor that looks at it head on from 1.5 m, each with 1 mm of its
@@ -114,6 +126,27 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   EXPECT_EQ(accepted.refused[1].norm(), 0);
   EXPECT_EQ(accepted.after[0].misfit, accepted.before[0].misfit);
   EXPECT_LT(accepted.after[1].misfit, accepted.before[1].misfit);
+}
+
+TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
+  for (const bool improved : {true, false}) {
+    TwoSensors two;
+    for (SensorPoints& points : two.points) {
+      const auto out = [](const auto& point) { return point.held_out; };
+      auto& sides = points.side_points;
+      sides.erase(std::remove_if(sides.begin(), sides.end(), out), sides.end());
+      auto& edges = points.edge_points;
+      edges.erase(std::remove_if(edges.begin(), edges.end(), out), edges.end());
+    }
+    if (!improved) std::swap(two.sensors[0].to_beat, two.sensors[0].start);
+    const JointProblem problem(two.rig.structure, two.sensors, two.options);
+    const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
+    State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
+    std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
+    const Acceptance accepted = AcceptImproved(problem, {free, state, evidence});
+    EXPECT_EQ(accepted.before[0].observations, 0);
+    EXPECT_EQ(accepted.kept_initial, (std::vector<char>{!improved, 0}));
+  }
 }
 
 }  // namespace
