@@ -27,18 +27,18 @@ struct Comparison {
 Comparison Compare(const JointProblem& problem, const Solution& solution, std::size_t i,
                    const SensorEvidence& held_out) {
   const State& state = solution.state;
-  const auto fit = [&](const Pose& pose, bool by_held_out) {
-    if (!problem.HasStructureTerms(i)) return FitToNeighbours(problem, state, i, pose, by_held_out);
+  const auto fit = [&](const Pose& pose, BlockUse use) {
+    if (!problem.HasStructureTerms(i)) return FitToNeighbours(problem, state, i, pose, use);
     return FitToStructure(problem.model, problem.priors, state, i, pose,
-                          by_held_out ? held_out : solution.evidence[i]);
+                          use == BlockUse::kAccept ? held_out : solution.evidence[i]);
   };
   const Pose& to_beat = problem.sensors[i].to_beat;
   const Pose refined = state.poses[i].ToPose();
-  Comparison comparison{fit(to_beat, true), fit(refined, true), false};
+  Comparison comparison{fit(to_beat, BlockUse::kAccept), fit(refined, BlockUse::kAccept), false};
   if (comparison.before.observations + comparison.after.observations > 0) {
     comparison.accepted = IsBetter(comparison.after, comparison.before);
   } else {
-    comparison.accepted = IsNoWorse(fit(refined, false), fit(to_beat, false));
+    comparison.accepted = IsNoWorse(fit(refined, BlockUse::kFit), fit(to_beat, BlockUse::kFit));
   }
   return comparison;
 }
@@ -76,7 +76,7 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
 }
 
 PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                        const Pose& pose, bool held_out) {
+                        const Pose& pose, BlockUse use) {
   OverlapView own = problem.Overlap(sensor, state);
   double sum = 0;
   int count = 0;
@@ -86,7 +86,7 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
     const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
     for (const int j : *own.chosen) {
       const CloudPoint& from = own.Cloud(j);
-      if (from.held_out != held_out) continue;
+      if (from.use != use) continue;
       const Eigen::Vector3d p = other_from_this * own.state.Corrected(from.p);
       const int nearest = neighbour.points->Nearest(p, kNeighbourGate);
       if (nearest < 0) continue;
@@ -106,7 +106,7 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     if (!problem.HasStructureTerms(i)) continue;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
                        {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;

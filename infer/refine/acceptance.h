@@ -23,10 +23,10 @@ struct PoseFit {
 PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
                        std::size_t sensor, const Pose& pose, const SensorEvidence& evidence);
 
-/// Of one sensor at `pose` against what the others see, by its held-out points or by all others.
+/// Of one sensor at `pose` against what the others see, by its points of one use.
 /// Both measures are the mean robust cost.
 PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                        const Pose& pose, bool held_out);
+                        const Pose& pose, BlockUse use);
 
 /// Is a refined pose to be taken, by points that no solution has seen? Either measure tells.
 inline bool IsBetter(const PoseFit& after, const PoseFit& before) {
@@ -42,8 +42,8 @@ inline bool IsNoWorse(const PoseFit& after, const PoseFit& before) {
   return after.misfit <= before.misfit || after.distance <= before.distance;
 }
 
-/// Held-out observations that lie on the structure from either pose of a sensor, refined or to
-/// be beaten, trusted as `solution` trusts its own.
+/// Observations for BlockUse::kAccept that lie on the structure from either pose of a sensor,
+/// refined or to be beaten, trusted as `solution` trusts its own.
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution);
 
 struct Acceptance {
@@ -53,10 +53,9 @@ struct Acceptance {
   std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };
 
-/// Sends sensors back whose held-out points (or, for want of any, whose own) their refined pose
-/// explains no better (worse) than the one
-/// to beat. A sensor that goes back may have pulled its neighbours: they are solved again without
-/// it.
+/// Sends sensors back whose points for BlockUse::kAccept (or, for want of any, whose own) their
+/// refined pose explains no better (worse) than the one to beat. A sensor that goes back may have
+/// pulled its neighbours: they are solved again without it.
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

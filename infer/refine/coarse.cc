@@ -48,7 +48,8 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   double* pose = coarse.state->poses[i].values;
   double* offset = &coarse.state->offsets[i];
   for (const SidePoint& point : problem.sensors[i].points->side_points) {
-    if (point.held_out || !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
+    if (point.use != BlockUse::kFit ||
+        !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new SideCost(point.p, problem.structure.SideOfLabel(point.label), 1 / sigma),
@@ -57,7 +58,8 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const double weight = std::sqrt(problem.options.edge_weight);
   for (const EdgePoint& edge : problem.sensors[i].points->edge_points) {
     EdgeLine line;
-    if (edge.held_out || !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
+    if (edge.use != BlockUse::kFit ||
+        !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new LineCost(edge.p, line.direction, line.offset,
@@ -83,8 +85,8 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
         state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
   };
   for (const Match& match : matches) {
-    const CloudPoint& from = from_view.Cloud(match.from);
-    if (!from.held_out) add(from.p, to_view.Cloud(match.to), weight);
+    const CloudPoint &from = from_view.Cloud(match.from), &to = to_view.Cloud(match.to);
+    if (from.use == BlockUse::kFit && to.use == BlockUse::kFit) add(from.p, to, weight);
   }
   if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b)) return;
   // Where the structure does not hold a sensor, its silhouettes do: a convex edge also lies on
@@ -92,13 +94,14 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
   const Pose b_from_a =
       to_view.state.structure_from_sensor.inverse() * from_view.state.structure_from_sensor;
   for (const EdgePoint& edge : from_view.points->edge_points) {
-    if (edge.held_out) continue;
+    if (edge.use != BlockUse::kFit) continue;
     const Eigen::Vector3d p = b_from_a * from_view.state.Corrected(edge.p);
     // Just behind the edge, where the other face is nearer than the common one.
     const Eigen::Vector3d probe = p - b_from_a.linear() * edge.normal * kRoundTheCorner;
     const int j = to_view.points->Nearest(probe, coarse.gates.overlap + kRoundTheCorner);
     if (j < 0) continue;
     const CloudPoint& to = to_view.Cloud(j);
+    if (to.use != BlockUse::kFit) continue;
     if ((b_from_a.linear() * edge.outward).dot(to.normal) < kFacesOutward) continue;
     if (std::abs(to.normal.dot(p - to_view.state.Corrected(to.p))) > coarse.gates.overlap) continue;
     add(edge.p, to, weight * sigma / std::hypot(sigma, edge.sigma, kEdgeTolerance));

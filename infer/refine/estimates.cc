@@ -5,8 +5,10 @@
 #include <functional>
 #include <utility>
 
+#include "core/parallel_for.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
@@ -79,6 +81,16 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
   return kept;
 }
 
+std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state) {
+  std::vector<SensorEvidence> unseen(problem.size());
+  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
+    if (!problem.HasStructureTerms(i)) return;
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kChoose,
+                       {state.poses[i].ToPose()}, FineGates(), &unseen[i]);
+  });
+  return unseen;
+}
+
 double UnseenCost(const JointProblem& problem, const State& state,
                   const std::vector<SensorEvidence>& unseen) {
   double sum = 0;
@@ -93,8 +105,8 @@ double UnseenCost(const JointProblem& problem, const State& state,
   return count > 0 ? sum / count : 0;
 }
 
-Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEvidence>& unseen,
-                         Solution solution) {
+Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
+  const std::vector<SensorEvidence> unseen = GatherUnseen(problem, solution.state);
   const std::vector<char> kept_initial(problem.size(), 0);
   const NormalEquations normal =
       ComputeNormalEquations(problem, solution.evidence, kept_initial, solution.state);

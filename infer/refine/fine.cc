@@ -59,7 +59,7 @@ std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
   for (const Match& match : matches) {
     const CloudPoint& from = from_view.Cloud(match.from);
     const CloudPoint& to = to_view.Cloud(match.to);
-    if (from.held_out) continue;
+    if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
     const double sigma =
         std::hypot(PointSigma(evidence[a].noise, from.p), PointSigma(evidence[b].noise, to.p));
     if (both_on_structure) {
@@ -155,7 +155,7 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
   ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     evidence[i].noise.line = LineTolerance(free);
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, false,
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &evidence[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
     FitNoise(problem.model, state.Parameters(i), problem.priors, &evidence[i]);

@@ -7,12 +7,10 @@
 #include <cmath>
 #include <utility>
 
-#include "core/parallel_for.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
-#include "infer/refine/observations.h"
 #include "infer/refine/posterior.h"
 
 namespace volalign {
@@ -25,17 +23,6 @@ std::vector<Pose> Starts(const std::vector<RefineSensor>& sensors) {
   std::vector<Pose> starts;
   for (const RefineSensor& sensor : sensors) starts.push_back(sensor.start);
   return starts;
-}
-
-/// Held-out observations as they lie at `state`: what decides between kinds of parameters.
-std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state) {
-  std::vector<SensorEvidence> unseen(problem.size());
-  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
-    if (!problem.HasStructureTerms(i)) return;
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {state.poses[i].ToPose()}, FineGates(), &unseen[i]);
-  });
-  return unseen;
 }
 
 /// Gauge: the mean displacement of the estimated boxes is zero. The priors all but see to it.
@@ -184,15 +171,13 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
 
   Solution solution{asked_for, NominalState(structure, Starts(sensors)), {}};
   if (options.coarse) solution.state = SolveCoarse(problem, std::move(solution.state));
-  std::vector<SensorEvidence> unseen;
   for (int iteration = 0; iteration < options.fine_iterations; ++iteration) {
     solution.evidence =
         GatherEvidence(problem, solution.state, solution.free, std::move(solution.evidence));
-    unseen = GatherUnseen(problem, solution.state);
     solution.state = SolveFine(problem, solution.evidence, std::vector<char>(sensors.size(), 0),
                                solution.free, std::move(solution.state));
   }
-  if (options.choose_estimates) solution = ChooseEstimates(problem, unseen, std::move(solution));
+  if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
 
   Acceptance accepted = AcceptImproved(problem, std::move(solution));
   CentreBoxes(problem, accepted.solution.free, accepted.kept_initial, &accepted.solution.state);

@@ -69,11 +69,11 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
 /// by its overlap alone.
 ///
-/// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
-/// points fit worse without its kind; else it keeps its nominal value. Gauge: the mean displacement
-/// of the estimated boxes is zero. A sensor whose held-out points fit its refined pose no better,
-/// neither in standard deviations nor by plain distance, goes back to its fallback, and the others
-/// are solved again without it.
+/// A parameter is estimated where its posterior is clearly tighter than its prior and points that
+/// are held out for that fit worse without its kind; else it keeps its nominal value. Gauge: the
+/// mean displacement of the estimated boxes is zero. A sensor whose held-out points fit its refined
+/// pose no better, neither in standard deviations nor by plain distance, goes back to its fallback,
+/// and the others are solved again without it.
 ///
 /// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
 /// out, widened by how far the poses would move if it did not, and for a sensor that goes back

@@ -6,10 +6,12 @@
 
 namespace volalign {
 
-bool HeldOut(int u, int v) {
+BlockUse UseOfBlock(int u, int v) {
   const auto block = static_cast<std::uint64_t>(v / kHeldOutBlock) << 32 |
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
-  return RandomStream(0, block, "held_out").Below(5) == 0;
+  RandomStream random(0, block, "held_out");
+  if (random.Below(5) != 0) return BlockUse::kFit;
+  return random.Below(2) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
 }
 
 }  // namespace volalign

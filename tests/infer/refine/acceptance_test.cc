@@ -132,7 +132,7 @@ TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
   for (const bool improved : {true, false}) {
     TwoSensors two;
     for (SensorPoints& points : two.points) {
-      const auto out = [](const auto& point) { return point.held_out; };
+      const auto out = [](const auto& point) { return point.use != BlockUse::kFit; };
       auto& sides = points.side_points;
       sides.erase(std::remove_if(sides.begin(), sides.end(), out), sides.end());
       auto& edges = points.edge_points;
@@ -147,6 +147,39 @@ TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
     EXPECT_EQ(accepted.before[0].observations, 0);
     EXPECT_EQ(accepted.kept_initial, (std::vector<char>{!improved, 0}));
   }
+}
+
+TEST(HeldOutObservations, WhatChoosesEstimatesDoesNotAcceptPoses) {
+  TwoSensors two;
+  // Whatever points of one use measure, the observations of the other stay as they are.
+  TwoSensors without_accept, without_choose;
+  const auto erase = [](BlockUse use, TwoSensors* from) {
+    for (SensorPoints& points : from->points) {
+      const auto used = [use](const auto& point) { return point.use == use; };
+      auto& sides = points.side_points;
+      sides.erase(std::remove_if(sides.begin(), sides.end(), used), sides.end());
+      auto& edges = points.edge_points;
+      edges.erase(std::remove_if(edges.begin(), edges.end(), used), edges.end());
+    }
+  };
+  erase(BlockUse::kAccept, &without_accept);
+  erase(BlockUse::kChoose, &without_choose);
+  const auto count = [](const std::vector<SensorEvidence>& evidence) {
+    return evidence[0].faces.size() + evidence[0].edges.size();
+  };
+  const auto observations = [&](const TwoSensors& of) {
+    const JointProblem problem(of.rig.structure, of.sensors, of.options);
+    const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
+    const State state = NominalState(of.rig.structure, {of.sensors[0].start, of.sensors[1].start});
+    const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
+    return std::make_pair(count(GatherUnseen(problem, state)),
+                          count(GatherHeldOut(problem, {free, state, evidence})));
+  };
+  const auto all = observations(two);
+  EXPECT_GT(all.first, 5u);
+  EXPECT_GT(all.second, 5u);
+  EXPECT_EQ(observations(without_accept), std::make_pair(all.first, std::size_t{0}));
+  EXPECT_EQ(observations(without_choose), std::make_pair(std::size_t{0}, all.second));
 }
 
 }  // namespace

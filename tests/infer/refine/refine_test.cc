@@ -132,7 +132,7 @@ TEST(Refine, NeverWorse) {
   std::vector<SensorPoints> points = PointsOf(rig);
   // What the solution sees is 2 cm off; what it is judged by is not.
   for (SidePoint& point : points[0].side_points) {
-    if (!point.held_out) point.p.z() += 0.02;
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
   }
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -159,7 +159,7 @@ TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
   rig.Add("B", RingPose(85));
   std::vector<SensorPoints> points = PointsOf(rig);
   for (SidePoint& point : points[0].side_points) {
-    if (!point.held_out) point.p.z() += 0.02;
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
   }
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
