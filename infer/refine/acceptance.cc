@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "infer/refine/costs.h"
@@ -66,7 +67,9 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   covariance.topLeftCorner(faces, faces) += evidence.face_root * evidence.face_root.transpose();
   covariance.bottomRightCorner(edges, edges) += evidence.edge_root * evidence.edge_root.transpose();
   PoseFit fit;
-  fit.misfit = r.dot(covariance.llt().solve(r)) / static_cast<double>(r.size());
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() != Eigen::Success || !covariance.allFinite()) return {};
+  fit.misfit = r.dot(root.solve(r)) / static_cast<double>(r.size());
   SensorParameters estimated = state.Parameters(sensor);
   estimated.pose = block.values;
   Residuals(model, evidence, estimated, &r, nullptr);
@@ -103,7 +106,7 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution) {
   std::vector<SensorEvidence> held_out(problem.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!problem.HasStructureTerms(i)) continue;
+    if (!problem.HasStructureTerms(i) || solution.kept_initial[i]) continue;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
@@ -118,33 +121,29 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
   const std::vector<SensorEvidence> held_out = GatherHeldOut(problem, solution);
   Acceptance result;
-  result.kept_initial.assign(problem.size(), 0);
   result.before.resize(problem.size());
   result.refused.assign(problem.size(), Vector6d::Zero());
-  State& state = solution.state;
   for (std::size_t round = 0; round < problem.size(); ++round) {
     bool changed = false;
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (result.kept_initial[i]) continue;
+      if (solution.kept_initial[i]) continue;
       const Comparison comparison = Compare(problem, solution, i, held_out[i]);
       result.before[i] = comparison.before;
       if (comparison.accepted) continue;
-      const Pose& fallback = problem.sensors[i].fallback;
-      const Pose apart = state.poses[i].ToPose() * fallback.inverse();
+      const Pose apart = solution.state.poses[i].ToPose() * problem.sensors[i].fallback.inverse();
       result.refused[i] << apart.translation(), RotationLog(apart.linear());
-      state.poses[i] = PoseBlock(fallback);
-      state.offsets[i] = 0;
-      state.nuisances[i] = {};
-      result.kept_initial[i] = 1;
+      KeepInitial(problem, i, &solution);
       changed = true;
     }
     if (!changed) break;
-    state =
-        SolveFine(problem, solution.evidence, result.kept_initial, solution.free, std::move(state));
+    std::optional<State> solved = SolveFine(problem, solution);
+    if (!solved) break;
+    solution.state = std::move(*solved);
   }
   result.after = result.before;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!result.kept_initial[i]) result.after[i] = Compare(problem, solution, i, held_out[i]).after;
+    if (!solution.kept_initial[i])
+      result.after[i] = Compare(problem, solution, i, held_out[i]).after;
   }
   result.solution = std::move(solution);
   return result;

@@ -47,8 +47,7 @@ inline bool IsNoWorse(const PoseFit& after, const PoseFit& before) {
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution);
 
 struct Acceptance {
-  Solution solution;  ///< in which sensors that were not accepted stand where they began
-  std::vector<char> kept_initial;  ///< of each sensor: not accepted
+  Solution solution;  ///< in which sensors that were not accepted are kept at their fallbacks
   std::vector<PoseFit> before, after;
   std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };

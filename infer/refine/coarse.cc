@@ -150,7 +150,8 @@ State SolveCoarse(const JointProblem& problem, State state) {
         if (a != b && problem.HasOverlapTerms()) AddOverlapTerms(coarse, a, b);
       }
     }
-    Minimise(problem.options, ceres.problem.get());
+    // The fine stage, which begins where this one ends, can do without it.
+    if (!Minimise(problem.options, ceres.problem.get())) break;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (problem.HasStructureTerms(i))
         sigmas[i] = MeasureSigma(problem, state, i, coarse.gates.side);

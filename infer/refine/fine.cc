@@ -172,15 +172,20 @@ void UpdateLineTolerance(const JointProblem& problem, const State& state, const 
   }
 }
 
+Eigen::VectorXd PriorSigmas(const JointProblem& problem,
+                            const std::vector<SensorEvidence>& evidence) {
+  std::vector<double> multipath;
+  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
+  return problem.layout.PriorSigmas(problem.priors, multipath);
+}
+
 CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<SensorEvidence>& evidence,
                               const std::vector<char>& kept_initial,
                               const std::vector<char>& constant, State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
-  std::vector<double> multipath;
-  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
-  const Eigen::VectorXd sigmas = layout.PriorSigmas(problem.priors, multipath);
+  const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence);
   double* build = state->build.data();
   ceres.problem->AddParameterBlock(build, problem.model.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -209,13 +214,50 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   return ceres;
 }
 
-State SolveFine(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
-                const std::vector<char>& kept_initial, const FreeSet& free, State state) {
-  const CeresProblem ceres = BuildFineProblem(problem, evidence, kept_initial,
-                                              problem.layout.Constant(free, kept_initial), &state);
-  Minimise(problem.options, ceres.problem.get());
+std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution) {
+  State state = solution.state;
+  const CeresProblem ceres =
+      BuildFineProblem(problem, solution.evidence, solution.kept_initial,
+                       problem.layout.Constant(solution.free, solution.kept_initial), &state);
+  if (!Minimise(problem.options, ceres.problem.get())) return std::nullopt;
   state.built = problem.model.Built(state.build.data());
   return state;
+}
+
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor) {
+  const SensorEvidence& evidence = solution.evidence[sensor];
+  if (!solution.state.poses[sensor].ToPose().matrix().allFinite()) return false;
+  Eigen::VectorXd r;
+  Residuals(problem.model, evidence, solution.state.Parameters(sensor), &r, nullptr);
+  return r.allFinite() && evidence.face_root.allFinite() && evidence.edge_root.allFinite();
+}
+
+void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution) {
+  solution->state.poses[sensor] = PoseBlock(problem.sensors[sensor].fallback);
+  solution->state.offsets[sensor] = 0;
+  solution->state.nuisances[sensor] = {};
+  solution->kept_initial[sensor] = 1;
+}
+
+Solution IterateFine(const JointProblem& problem, Solution solution) {
+  const auto exclude = [&](std::size_t i) {
+    KeepInitial(problem, i, &solution);
+    solution.evidence[i] = SensorEvidence();
+  };
+  for (int iteration = 0; iteration < problem.options.fine_iterations; ++iteration) {
+    solution.evidence =
+        GatherEvidence(problem, solution.state, solution.free, std::move(solution.evidence));
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (solution.kept_initial[i] || !IsUsable(problem, solution, i)) exclude(i);
+    }
+    std::optional<State> solved = SolveFine(problem, solution);
+    if (!solved) {
+      for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
+      break;
+    }
+    solution.state = std::move(*solved);
+  }
+  return solution;
 }
 
 }  // namespace volalign::refine_internal

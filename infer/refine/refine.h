@@ -14,6 +14,8 @@ namespace volalign {
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
   bool accepted = false;  ///< false: the pose is RefineSensor::fallback
+  /// A sentence where numbers failed; else empty. What is given is finite all the same.
+  std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
   /// a sensor without structure terms, mean robust cost against its neighbours.
   double held_out_before = 0, held_out_after = 0;

@@ -116,10 +116,11 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   const JointProblem problem(two.rig.structure, two.sensors, two.options);
   Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
                     NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start}),
-                    std::vector<SensorEvidence>(2)};
+                    std::vector<SensorEvidence>(2),
+                    {0, 0}};
   for (SensorEvidence& evidence : solution.evidence) evidence.noise.warp = 0.001;
   const Acceptance accepted = AcceptImproved(problem, solution);
-  EXPECT_EQ(accepted.kept_initial, (std::vector<char>{1, 0}));
+  EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{1, 0}));
   const Pose& truth = *two.rig.frames[0].ground_truth;
   EXPECT_TRUE(accepted.solution.state.poses[0].ToPose().isApprox(truth, 1e-12));
   EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.sensors[0].start, 1e-9));
@@ -143,9 +144,9 @@ TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
     const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
     State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
     std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
-    const Acceptance accepted = AcceptImproved(problem, {free, state, evidence});
+    const Acceptance accepted = AcceptImproved(problem, {free, state, evidence, {0, 0}});
     EXPECT_EQ(accepted.before[0].observations, 0);
-    EXPECT_EQ(accepted.kept_initial, (std::vector<char>{!improved, 0}));
+    EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{!improved, 0}));
   }
 }
 
@@ -173,7 +174,7 @@ TEST(HeldOutObservations, WhatChoosesEstimatesDoesNotAcceptPoses) {
     const State state = NominalState(of.rig.structure, {of.sensors[0].start, of.sensors[1].start});
     const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
     return std::make_pair(count(GatherUnseen(problem, state)),
-                          count(GatherHeldOut(problem, {free, state, evidence})));
+                          count(GatherHeldOut(problem, {free, state, evidence, {0, 0}})));
   };
   const auto all = observations(two);
   EXPECT_GT(all.first, 5u);

@@ -28,10 +28,10 @@ struct Handmade {
   Priors priors = SomePriors();
   ParameterLayout layout{2, 4};
   FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
   NormalEquations normal;
 
   Handmade() {
-    const Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
     normal.information = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
     normal.gradient = Eigen::VectorXd::Zero(layout.size());
   }
@@ -40,7 +40,7 @@ struct Handmade {
     normal.information(column, column) *= 1 + times * times;
   }
   FreeSet Kept() const {
-    return Observable(normal, layout, structure, priors, layout.Constant(free), free);
+    return Observable(normal, layout, structure, priors, layout.Constant(free), sigmas, free);
   }
 };
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "tests/infer/refine/points_and_evidence.h"
@@ -82,6 +83,37 @@ TEST(BuildFineProblem, HoldsWhatIsNotFree) {
   EXPECT_EQ(ceres.problem->ParameterBlockTangentSize(state.nuisances[1].data()), 3) << "no gain";
   EXPECT_EQ(ceres.problem->ParameterBlockTangentSize(state.build.data()), 1) << "the size alone";
   EXPECT_EQ(OverlapTerms(ceres, state), 0) << "one of the two stays where it is";
+}
+
+TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
+  const Neighbours made;
+  const RefineOptions options;
+  const JointProblem problem(made.rig.structure, made.sensors, options);
+  Solution solution{
+      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+  solution.evidence = GatherEvidence(problem, solution.state, solution.free, {});
+  EXPECT_TRUE(IsUsable(problem, solution, 0));
+  EXPECT_TRUE(SolveFine(problem, solution).has_value());
+  solution.evidence[0].face_root(0, 0) = std::nan("");
+  EXPECT_FALSE(IsUsable(problem, solution, 0));
+  EXPECT_TRUE(IsUsable(problem, solution, 1));
+  EXPECT_FALSE(SolveFine(problem, solution).has_value());
+}
+
+TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
+  Neighbours made;
+  made.sensors[0].start.translation().x() = std::nan("");
+  const RefineOptions options;
+  const JointProblem problem(made.rig.structure, made.sensors, options);
+  const Solution solution = IterateFine(
+      problem, {AskedFor({}, problem.priors, 2, 4),
+                NominalState(made.rig.structure, {made.sensors[0].start, made.poses[1]}),
+                {},
+                {0, 0}});
+  EXPECT_EQ(solution.kept_initial, (std::vector<char>{1, 0}));
+  EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its fallback";
+  EXPECT_TRUE(solution.evidence[0].faces.empty());
+  EXPECT_LT(ComparePoses(solution.state.poses[1].ToPose(), made.poses[1]).translation_m, 3e-3);
 }
 
 }  // namespace

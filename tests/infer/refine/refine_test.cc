@@ -182,6 +182,99 @@ TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
   EXPECT_GT(result.pairs[0].rms, 0.005);
 }
 
+TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  sensors[0].start.translation().x() = std::nan("");
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  EXPECT_FALSE(result.sensors[0].accepted);
+  EXPECT_NE(result.sensors[0].problem, "");
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
+  EXPECT_TRUE(result.sensors[0].covariance.allFinite());
+  EXPECT_GT(std::sqrt(result.sensors[0].covariance(0, 0)), 0.1) << "nothing is known of it";
+  EXPECT_TRUE(result.sensors[1].accepted);
+  EXPECT_EQ(result.sensors[1].problem, "");
+  EXPECT_TRUE(result.sensors[1].covariance.allFinite());
+  EXPECT_FALSE(!(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
+                     .translation_m < 3e-3));
+}
+
+TEST(Refine, PointsThatAreNotFiniteAreNone) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (std::size_t k = 0; k < points[0].side_points.size(); k += 10)
+    points[0].side_points[k].p.z() = std::nan("");
+  const Pose start = Displaced(*rig.frames[0].ground_truth, 0.01, 0.5, 1);
+  const RefinedSensor sensor =
+      Refine(rig.structure, {{&points[0], start, start, start, true}}, {}).sensors[0];
+  EXPECT_TRUE(sensor.accepted);
+  EXPECT_FALSE(
+      !(ComparePoses(sensor.structure_from_sensor, *rig.frames[0].ground_truth).translation_m <
+        5e-3));
+}
+
+TEST(Refine, ASensorThatGoesBackPullsNoOther) {
+  // One that is refused, and whose boxes are not estimated, leaves the other as if it were alone.
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (SidePoint& point : points[0].side_points) {
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
+  }
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  RefineOptions options;
+  options.inner_iterations = 50;
+  options.estimate = "boxes";
+  options.choose_estimates = false;
+  const RefineResult both = Refine(rig.structure, sensors, options);
+  ASSERT_FALSE(both.sensors[0].accepted);
+  ASSERT_TRUE(both.sensors[1].accepted);
+  const RefineResult alone = Refine(rig.structure, {sensors[1]}, options);
+  const PoseError apart =
+      ComparePoses(both.sensors[1].structure_from_sensor, alone.sensors[0].structure_from_sensor);
+  EXPECT_FALSE(!(apart.translation_m < 3e-4)) << apart.translation_m;
+  EXPECT_FALSE(!(apart.rotation_deg < 0.01)) << apart.rotation_deg;
+}
+
+TEST(Refine, IsTheSameOnAnyNumberOfThreads) {
+  Rig rig = RingOfEight({true, 3.5});
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.02, 1, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  RefineOptions options;
+  options.threads = 1;
+  const RefineResult one = Refine(rig.structure, sensors, options);
+  options.threads = 5;
+  const RefineResult many = Refine(rig.structure, sensors, options);
+  for (std::size_t i = 0; i < 4; ++i) {
+    // Ceres adds up in another order.
+    EXPECT_LT((one.sensors[i].structure_from_sensor.matrix() -
+               many.sensors[i].structure_from_sensor.matrix())
+                  .cwiseAbs()
+                  .maxCoeff(),
+              1e-9);
+    EXPECT_TRUE(one.sensors[i].covariance.isApprox(many.sensors[i].covariance, 1e-6));
+    EXPECT_EQ(one.sensors[i].accepted, many.sensors[i].accepted);
+  }
+  EXPECT_EQ(one.size_estimated, many.size_estimated);
+}
+
 TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   Rig rig{PaperStructure(), {}, {}};
   const Structure nominal = rig.structure;
