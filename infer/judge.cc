@@ -23,7 +23,7 @@ void SetFinding(SensorStatus status, const Finding& finding, SensorResult* senso
 void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorResult* sensor) {
   sensor->initial = initial;
   sensor->refinement_accepted = refined.accepted;
-  sensor->structure_from_sensor = refined.accepted ? refined.structure_from_sensor : initial;
+  sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;
   sensor->depth_offset_m = refined.depth_offset;
   sensor->depth_gain = refined.depth_gain;

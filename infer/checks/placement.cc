@@ -48,7 +48,9 @@ OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial,
   alone.threads = 1;
   alone.choose_estimates = false;
   const RefinedSensor refined =
-      Refine(structure, {{&points, initial.from_keypoints, initial.structure_from_sensor, true}},
+      Refine(structure,
+             {{&points, initial.from_keypoints, initial.structure_from_sensor,
+               initial.structure_from_sensor, true}},
              alone)
           .sensors.front();
   return {refined.structure_from_sensor,
@@ -174,7 +176,8 @@ std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
-      sensors.push_back({&placed->points, labelled[i].initial.from_keypoints, placed->own_pose,
+      sensors.push_back({&placed->points, labelled[i].initial.from_keypoints,
+                         labelled[i].initial.structure_from_sensor, placed->own_pose,
                          HasStructureTerms(frames[i].name, options)});
     }
   }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "infer/refine/costs.h"
@@ -18,47 +19,67 @@ constexpr double kNeighbourScale = 0.01;  // m, of the robust cost against neigh
 constexpr double kNeighbourGate = 0.1;    // m
 constexpr double kNeighbourCosine = 0.7;  // between normals
 
-HeldOutFit Fit(const JointProblem& problem, const State& state, std::size_t i, const Pose& pose,
-               const SensorEvidence& held_out) {
-  if (problem.HasStructureTerms(i))
-    return FitToStructure(problem.model, problem.priors, state, i, pose, held_out);
-  const double cost = FitToNeighbours(problem, state, i, pose);
-  return {cost, cost};
+/// A refined pose and the one to beat, judged by the same points.
+struct Comparison {
+  PoseFit before, after;
+  bool accepted;
+};
+
+Comparison Compare(const JointProblem& problem, const Solution& solution, std::size_t i,
+                   const SensorEvidence& held_out) {
+  const State& state = solution.state;
+  const auto fit = [&](const Pose& pose, BlockUse use) {
+    if (!problem.HasStructureTerms(i)) return FitToNeighbours(problem, state, i, pose, use);
+    return FitToStructure(problem.model, problem.priors, state, i, pose,
+                          use == BlockUse::kAccept ? held_out : solution.evidence[i]);
+  };
+  const Pose& to_beat = problem.sensors[i].to_beat;
+  const Pose refined = state.poses[i].ToPose();
+  Comparison comparison{fit(to_beat, BlockUse::kAccept), fit(refined, BlockUse::kAccept), false};
+  if (comparison.before.observations + comparison.after.observations > 0) {
+    comparison.accepted = IsBetter(comparison.after, comparison.before);
+  } else {
+    comparison.accepted = IsNoWorse(fit(refined, BlockUse::kFit), fit(to_beat, BlockUse::kFit));
+  }
+  return comparison;
 }
 
 }  // namespace
 
-HeldOutFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
-                          std::size_t sensor, const Pose& pose, const SensorEvidence& held_out) {
-  if (held_out.faces.empty()) return {};
+PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
+                       std::size_t sensor, const Pose& pose, const SensorEvidence& evidence) {
+  if (evidence.faces.empty() && evidence.edges.empty()) return {};
   const PoseBlock block(pose);
   constexpr std::array<double, kNuisances> kNone = {};
   const double no_offset = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
-  Residuals(model, held_out, {block.values, &no_offset, kNone.data(), state.build.data()}, &r,
+  Residuals(model, evidence, {block.values, &no_offset, kNone.data(), state.build.data()}, &r,
             &jacobian);
   constexpr Eigen::Index kOwn = SensorColumns::kOwn;
   const Eigen::VectorXd sigmas =
-      SharedPriorSigmas(priors, held_out.noise.multipath, 0).head<kOwn>();
+      SharedPriorSigmas(priors, evidence.noise.multipath, 0).head<kOwn>();
   const Eigen::MatrixXd shared =
       jacobian.middleCols<kOwn>(SensorColumns::kOffset) * sigmas.asDiagonal();
-  const auto faces = static_cast<Eigen::Index>(held_out.faces.size());
-  const auto edges = static_cast<Eigen::Index>(held_out.edges.size());
+  const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
+  const auto edges = static_cast<Eigen::Index>(evidence.edges.size());
   Eigen::MatrixXd covariance = shared * shared.transpose();
-  covariance.topLeftCorner(faces, faces) += held_out.face_root * held_out.face_root.transpose();
-  covariance.bottomRightCorner(edges, edges) += held_out.edge_root * held_out.edge_root.transpose();
-  HeldOutFit fit;
-  fit.misfit = r.dot(covariance.llt().solve(r)) / static_cast<double>(r.size());
+  covariance.topLeftCorner(faces, faces) += evidence.face_root * evidence.face_root.transpose();
+  covariance.bottomRightCorner(edges, edges) += evidence.edge_root * evidence.edge_root.transpose();
+  PoseFit fit;
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() != Eigen::Success || !covariance.allFinite()) return {};
+  fit.misfit = r.dot(root.solve(r)) / static_cast<double>(r.size());
   SensorParameters estimated = state.Parameters(sensor);
   estimated.pose = block.values;
-  Residuals(model, held_out, estimated, &r, nullptr);
+  Residuals(model, evidence, estimated, &r, nullptr);
+  fit.observations = static_cast<int>(r.size());
   fit.distance = r.cwiseAbs().mean();
   return fit;
 }
 
-double FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                       const Pose& pose) {
+PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
+                        const Pose& pose, BlockUse use) {
   OverlapView own = problem.Overlap(sensor, state);
   double sum = 0;
   int count = 0;
@@ -68,7 +89,7 @@ double FitToNeighbours(const JointProblem& problem, const State& state, std::siz
     const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
     for (const int j : *own.chosen) {
       const CloudPoint& from = own.Cloud(j);
-      if (!from.held_out) continue;
+      if (from.use != use) continue;
       const Eigen::Vector3d p = other_from_this * own.state.Corrected(from.p);
       const int nearest = neighbour.points->Nearest(p, kNeighbourGate);
       if (nearest < 0) continue;
@@ -78,18 +99,18 @@ double FitToNeighbours(const JointProblem& problem, const State& state, std::siz
       ++count;
     }
   }
-  return count > 0 ? sum / count : 0;
+  const double mean = count > 0 ? sum / count : 0;
+  return {mean, mean, count};
 }
 
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution) {
   std::vector<SensorEvidence> held_out(problem.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!problem.HasStructureTerms(i)) continue;
+    if (!problem.HasStructureTerms(i) || solution.kept_initial[i]) continue;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {pose, problem.sensors[i].initial}, FineGates(problem.options),
-                       &held_out[i]);
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
+                       {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
@@ -100,34 +121,29 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
   const std::vector<SensorEvidence> held_out = GatherHeldOut(problem, solution);
   Acceptance result;
-  result.kept_initial.assign(problem.size(), 0);
   result.before.resize(problem.size());
   result.refused.assign(problem.size(), Vector6d::Zero());
-  State& state = solution.state;
   for (std::size_t round = 0; round < problem.size(); ++round) {
     bool changed = false;
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (result.kept_initial[i]) continue;
-      const Pose& initial = problem.sensors[i].initial;
-      result.before[i] = Fit(problem, state, i, initial, held_out[i]);
-      const HeldOutFit after = Fit(problem, state, i, state.poses[i].ToPose(), held_out[i]);
-      if (Better(after, result.before[i])) continue;
-      const Pose apart = state.poses[i].ToPose() * initial.inverse();
+      if (solution.kept_initial[i]) continue;
+      const Comparison comparison = Compare(problem, solution, i, held_out[i]);
+      result.before[i] = comparison.before;
+      if (comparison.accepted) continue;
+      const Pose apart = solution.state.poses[i].ToPose() * problem.sensors[i].fallback.inverse();
       result.refused[i] << apart.translation(), RotationLog(apart.linear());
-      state.poses[i] = PoseBlock(initial);
-      state.offsets[i] = 0;
-      state.nuisances[i] = {};
-      result.kept_initial[i] = 1;
+      KeepInitial(problem, i, &solution);
       changed = true;
     }
     if (!changed) break;
-    state =
-        SolveFine(problem, solution.evidence, result.kept_initial, solution.free, std::move(state));
+    std::optional<State> solved = SolveFine(problem, solution);
+    if (!solved) break;
+    solution.state = std::move(*solved);
   }
   result.after = result.before;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!result.kept_initial[i])
-      result.after[i] = Fit(problem, state, i, state.poses[i].ToPose(), held_out[i]);
+    if (!solution.kept_initial[i])
+      result.after[i] = Compare(problem, solution, i, held_out[i]).after;
   }
   result.solution = std::move(solution);
   return result;

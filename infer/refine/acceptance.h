@@ -11,41 +11,50 @@
 
 namespace volalign::refine_internal {
 
-/// How a pose explains the points that no solution has seen, whatever the sensor's own depth
-/// errors are. Distances alone would favour poses that follow the sensor's warp, the misfit alone
-/// trusts the noise model.
-struct HeldOutFit {
-  double misfit = 0;    ///< mean square in standard deviations, as errors are correlated
-  double distance = 0;  ///< m, mean absolute distance, depth errors as estimated taken out
+/// How a pose explains observations, whatever the sensor's own depth errors are. Distances alone
+/// would favour poses that follow the sensor's warp, the misfit alone trusts the noise model.
+struct PoseFit {
+  double misfit = 0;     ///< mean square in standard deviations, as errors are correlated
+  double distance = 0;   ///< m, mean absolute distance, depth errors as estimated taken out
+  int observations = 0;  ///< that it was judged by
 };
 
-/// Of a sensor with structure terms at `pose`. `held_out` has its covariance set.
-HeldOutFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
-                          std::size_t sensor, const Pose& pose, const SensorEvidence& held_out);
+/// Of a sensor with structure terms at `pose`. `evidence` has its covariance set.
+PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
+                       std::size_t sensor, const Pose& pose, const SensorEvidence& evidence);
 
-/// Mean robust cost of one sensor's held-out points, it being at `pose`, against what the others
-/// see.
-double FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                       const Pose& pose);
+/// Of one sensor at `pose` against what the others see, by its points of one use.
+/// Both measures are the mean robust cost.
+PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
+                        const Pose& pose, BlockUse use);
 
-/// Is a refined pose to be taken? Either measure tells.
-inline bool Better(const HeldOutFit& after, const HeldOutFit& before) {
+/// Is a refined pose to be taken, by points that no solution has seen? Either measure tells.
+inline bool IsBetter(const PoseFit& after, const PoseFit& before) {
+  if (after.observations == 0 || before.observations == 0) return after.observations > 0;
   return after.misfit < before.misfit || after.distance < before.distance;
 }
 
-/// Held-out observations that lie on the structure from either pose of a sensor, refined or
-/// initial, trusted as `solution` trusts its own.
+/// Is it to be taken where nothing was held out, by the points that it was fitted to? They favour
+/// it, so that it has to be worse by both measures to be refused. Where there are none at all,
+/// nothing speaks for it.
+inline bool IsNoWorse(const PoseFit& after, const PoseFit& before) {
+  if (after.observations == 0 || before.observations == 0) return after.observations > 0;
+  return after.misfit <= before.misfit || after.distance <= before.distance;
+}
+
+/// Observations for BlockUse::kAccept that lie on the structure from either pose of a sensor,
+/// refined or to be beaten, trusted as `solution` trusts its own.
 std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution);
 
 struct Acceptance {
-  Solution solution;  ///< in which sensors that were not accepted stand where they began
-  std::vector<char> kept_initial;  ///< of each sensor: not accepted
-  std::vector<HeldOutFit> before, after;
-  std::vector<Vector6d> refused;  ///< from the initial to the refused pose, m and rad; or zero
+  Solution solution;  ///< in which sensors that were not accepted are kept at their fallbacks
+  std::vector<PoseFit> before, after;
+  std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };
 
-/// Sends sensors back whose held-out points their refined pose explains no better than the initial
-/// one. A sensor that goes back may have pulled its neighbours: they are solved again around it.
+/// Sends sensors back whose points for BlockUse::kAccept (or, for want of any, whose own) their
+/// refined pose explains no better (worse) than the one to beat. A sensor that goes back may have
+/// pulled its neighbours: they are solved again without it.
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -34,7 +34,7 @@ bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const 
                    double gate) {
   const Side& side = structure.SideOfLabel(point.label);
   const Eigen::Vector3d p = sensor.InStructure(point.p);
-  if ((side.ClosestPoint(p) - p).norm() > gate) return false;
+  if (!((side.ClosestPoint(p) - p).norm() <= gate)) return false;
   // A label that leaks round an edge would pull its side sideways; the point's own normal gives
   // it away.
   return point.normal.isZero() ||
@@ -46,7 +46,7 @@ bool LiesOnAnEdge(const Structure& structure, const SensorState& sensor, const E
   const Side& side = structure.SideOfLabel(edge.label);
   const Eigen::Matrix3d rotation = sensor.structure_from_sensor.linear();
   const Eigen::Vector3d p = sensor.InStructure(edge.p);
-  if (std::abs(side.normal.dot(p - side.centre)) > gate) return false;
+  if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return false;
   if ((rotation * edge.normal).dot(side.normal) < kNormalAgrees) return false;
   return NearestEdge(side, p, rotation * edge.outward, gate, line);
 }

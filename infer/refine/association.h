@@ -31,7 +31,7 @@ bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector
                  double gate, EdgeLine* line);
 
 /// Does a labelled point lie on the side that it is labelled with, within `gate`, m, and face as it
-/// does?
+/// does? A point that is not finite does not.
 bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const SidePoint& point,
                    double gate);
 

@@ -25,7 +25,6 @@ constexpr double kLeastSigma = 5e-4;  // below it the depth's own resolution cou
 /// three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
 /// cardboard bulges, and sensors fatten edges.
 constexpr double kEdgeTolerance = 0.008;
-constexpr double kFewestMatches = 20;  // of two sensors
 /// A silhouette point and the face round the corner that another sensor sees: how far behind the
 /// edge it is sought, m, and the cosine of its normal with the silhouette's direction.
 constexpr double kRoundTheCorner = 0.02, kFacesOutward = 0.7;
@@ -49,7 +48,8 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   double* pose = coarse.state->poses[i].values;
   double* offset = &coarse.state->offsets[i];
   for (const SidePoint& point : problem.sensors[i].points->side_points) {
-    if (point.held_out || !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
+    if (point.use != BlockUse::kFit ||
+        !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new SideCost(point.p, problem.structure.SideOfLabel(point.label), 1 / sigma),
@@ -58,7 +58,8 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const double weight = std::sqrt(problem.options.edge_weight);
   for (const EdgePoint& edge : problem.sensors[i].points->edge_points) {
     EdgeLine line;
-    if (edge.held_out || !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
+    if (edge.use != BlockUse::kFit ||
+        !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new LineCost(edge.p, line.direction, line.offset,
@@ -74,8 +75,7 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
                     to_view = problem.Overlap(b, *coarse.state);
   const std::vector<Match> matches =
       FindMatches(from_view, to_view, coarse.gates.overlap, coarse.gates.min_cosine);
-  const double fewest = problem.options.min_overlap * static_cast<double>(from_view.chosen->size());
-  if (static_cast<double>(matches.size()) < std::max(kFewestMatches, fewest)) return;
+  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return;
   const double sigma = std::max(std::hypot(coarse.sigmas[a], coarse.sigmas[b]), coarse.least_scale);
   const double weight = std::sqrt(problem.options.overlap_weight) / sigma;
   const auto add = [&](const Eigen::Vector3d& p, const CloudPoint& to, double its_weight) {
@@ -85,8 +85,8 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
         state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
   };
   for (const Match& match : matches) {
-    const CloudPoint& from = from_view.Cloud(match.from);
-    if (!from.held_out) add(from.p, to_view.Cloud(match.to), weight);
+    const CloudPoint &from = from_view.Cloud(match.from), &to = to_view.Cloud(match.to);
+    if (from.use == BlockUse::kFit && to.use == BlockUse::kFit) add(from.p, to, weight);
   }
   if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b)) return;
   // Where the structure does not hold a sensor, its silhouettes do: a convex edge also lies on
@@ -94,13 +94,14 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
   const Pose b_from_a =
       to_view.state.structure_from_sensor.inverse() * from_view.state.structure_from_sensor;
   for (const EdgePoint& edge : from_view.points->edge_points) {
-    if (edge.held_out) continue;
+    if (edge.use != BlockUse::kFit) continue;
     const Eigen::Vector3d p = b_from_a * from_view.state.Corrected(edge.p);
     // Just behind the edge, where the other face is nearer than the common one.
     const Eigen::Vector3d probe = p - b_from_a.linear() * edge.normal * kRoundTheCorner;
     const int j = to_view.points->Nearest(probe, coarse.gates.overlap + kRoundTheCorner);
     if (j < 0) continue;
     const CloudPoint& to = to_view.Cloud(j);
+    if (to.use != BlockUse::kFit) continue;
     if ((b_from_a.linear() * edge.outward).dot(to.normal) < kFacesOutward) continue;
     if (std::abs(to.normal.dot(p - to_view.state.Corrected(to.p))) > coarse.gates.overlap) continue;
     add(edge.p, to, weight * sigma / std::hypot(sigma, edge.sigma, kEdgeTolerance));
@@ -129,7 +130,7 @@ Gates CoarseGates(int iteration) {
           std::cos(std::max(kAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
 }
 
-State SolveCoarse(const JointProblem& problem, State state) {
+State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_initial, State state) {
   std::vector<double> sigmas(problem.size(), kStartSigma);
   for (int iteration = 0; iteration < problem.options.outer_iterations; ++iteration) {
     CeresProblem ceres;
@@ -142,14 +143,19 @@ State SolveCoarse(const JointProblem& problem, State state) {
                                       pose);
       ceres.problem->AddParameterBlock(offset, 1);
       ceres.problem->SetParameterBlockConstant(offset);
-      if (problem.HasStructureTerms(i)) AddStructureTerms(coarse, i);
+      if (kept_initial[i]) {
+        ceres.problem->SetParameterBlockConstant(pose);
+      } else if (problem.HasStructureTerms(i)) {
+        AddStructureTerms(coarse, i);
+      }
     }
     for (std::size_t a = 0; a < problem.size(); ++a) {
       for (std::size_t b = 0; b < problem.size(); ++b) {
         if (a != b && problem.HasOverlapTerms()) AddOverlapTerms(coarse, a, b);
       }
     }
-    Minimise(problem.options, ceres.problem.get());
+    // The fine stage, which begins where this one ends, can do without it.
+    if (!Minimise(problem.options, ceres.problem.get())) break;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (problem.HasStructureTerms(i))
         sigmas[i] = MeasureSigma(problem, state, i, coarse.gates.side);

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <optional>
 #include <utility>
 
+#include "core/parallel_for.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
@@ -31,13 +34,14 @@ bool Clear(std::vector<char>* flags) {
 }
 
 /// Solves again with less free, from where the solution is.
-Solution SolveWith(const JointProblem& problem, const FreeSet& free, Solution solution) {
-  const std::vector<char> kept_initial(problem.size(), 0);
+std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& free,
+                                  Solution solution) {
   solution.free = free;
   problem.layout.SetNominal(free, &solution.state);
   UpdateLineTolerance(problem, solution.state, free, &solution.evidence);
-  solution.state =
-      SolveFine(problem, solution.evidence, kept_initial, free, std::move(solution.state));
+  std::optional<State> solved = SolveFine(problem, solution);
+  if (!solved) return std::nullopt;
+  solution.state = std::move(*solved);
   return solution;
 }
 
@@ -45,9 +49,10 @@ Solution SolveWith(const JointProblem& problem, const FreeSet& free, Solution so
 
 FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
                    const Structure& structure, const Priors& priors,
-                   const std::vector<char>& constant, const FreeSet& free) {
+                   const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas,
+                   const FreeSet& free) {
   FreeSet kept = free;
-  Posterior posterior = ComputePosterior(normal, layout, constant, priors.edge_shift);
+  Posterior posterior = ComputePosterior(normal, layout, constant, prior_sigmas);
   const auto observable = [&](Eigen::Index column, double prior) {
     return posterior.Sigma(column) < kObservable * prior;
   };
@@ -73,10 +78,20 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
   // A gain that is held leaves the offset to stand for both at the structure's distance.
   FreeSet without_gain = free;
   without_gain.gain = kept.gain;
-  posterior = ConditionalPosterior(normal, layout.Constant(without_gain));
+  posterior = ConditionalPosterior(normal, layout.Constant(without_gain), prior_sigmas);
   for (std::size_t i = 0; i < layout.sensors(); ++i)
     kept.offset[i] = free.offset[i] && observable(layout.Offset(i), priors.offset);
   return kept;
+}
+
+std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state) {
+  std::vector<SensorEvidence> unseen(problem.size());
+  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
+    if (!problem.HasStructureTerms(i)) return;
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kChoose,
+                       {state.poses[i].ToPose()}, FineGates(), &unseen[i]);
+  });
+  return unseen;
 }
 
 double UnseenCost(const JointProblem& problem, const State& state,
@@ -93,14 +108,15 @@ double UnseenCost(const JointProblem& problem, const State& state,
   return count > 0 ? sum / count : 0;
 }
 
-Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEvidence>& unseen,
-                         Solution solution) {
-  const std::vector<char> kept_initial(problem.size(), 0);
-  const NormalEquations normal =
-      ComputeNormalEquations(problem, solution.evidence, kept_initial, solution.state);
+Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
+  const std::vector<SensorEvidence> unseen = GatherUnseen(problem, solution.state);
+  const NormalEquations normal = ComputeNormalEquations(problem, solution);
   const FreeSet observable = Observable(normal, problem.layout, problem.structure, problem.priors,
-                                        problem.layout.Constant(solution.free), solution.free);
-  solution = SolveWith(problem, observable, std::move(solution));
+                                        problem.layout.Constant(solution.free),
+                                        PriorSigmas(problem, solution.evidence), solution.free);
+  std::optional<Solution> kept = SolveWith(problem, observable, solution);
+  if (!kept) return solution;
+  solution = std::move(*kept);
 
   const std::array<std::function<bool(FreeSet*)>, 4> kinds = {
       [](FreeSet* f) { return Clear(&f->boxes); },
@@ -110,9 +126,9 @@ Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEv
     FreeSet less = solution.free;
     if (!drop(&less)) continue;
     const double cost = UnseenCost(problem, solution.state, unseen);
-    Solution without = SolveWith(problem, less, solution);
-    if (UnseenCost(problem, without.state, unseen) < (1 - kCostNoise) * cost) {
-      solution = std::move(without);
+    std::optional<Solution> without = SolveWith(problem, less, solution);
+    if (without && UnseenCost(problem, without->state, unseen) < (1 - kCostNoise) * cost) {
+      solution = std::move(*without);
     } else {
       UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
     }

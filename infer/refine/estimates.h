@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "infer/refine/evidence.h"
+#include "infer/refine/fine.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/problem.h"
 
@@ -14,23 +15,20 @@ namespace volalign::refine_internal {
 /// `constant`: columns that were never asked for, see ComputePosterior.
 FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
                    const Structure& structure, const Priors& priors,
-                   const std::vector<char>& constant, const FreeSet& free);
+                   const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas,
+                   const FreeSet& free);
+
+/// Each sensor's observations for BlockUse::kChoose, as they lie at `state`.
+std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state);
 
 /// Mean robust cost of observations that no solution sees, under the whole model.
 double UnseenCost(const JointProblem& problem, const State& state,
                   const std::vector<SensorEvidence>& unseen);
 
-/// A solution: what was free, the values, and the evidence as it was trusted.
-struct Solution {
-  FreeSet free;
-  State state;
-  std::vector<SensorEvidence> evidence;
-};
-
 /// Keeps those parameters that the capture tells clearly more about than their priors do, of
-/// kinds (boxes, size, gain, offset) without which the unseen observations do not fit as well. The
-/// others are nominal in the solution that is returned. `solution.free` is what was asked for.
-Solution ChooseEstimates(const JointProblem& problem, const std::vector<SensorEvidence>& unseen,
-                         Solution solution);
+/// kinds (boxes, size, gain, offset) without which the observations of GatherUnseen do not fit as
+/// well. The others are nominal in the solution that is returned. `solution.free` is what was asked
+/// for.
+Solution ChooseEstimates(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -8,7 +8,6 @@
 #include "core/parallel_for.h"
 #include "core/statistics.h"
 #include "core/visibility.h"
-#include "infer/refine/coarse.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
@@ -22,13 +21,15 @@ namespace {
 /// where boxes are not estimated. On three real captures it was 10-30 mm for faces that fit to 4
 /// mm.
 constexpr double kHeldEdge = 0.012;
+constexpr double kSideGate = 0.06;  // m, of a point to its side
+constexpr double kPairGate = 0.02;  // m, of matched points of a pair
+constexpr double kAngleGate = 20;   // deg, between their normals
 // Overlap off the structure.
 constexpr double kOverlapGate = 0.06;  // m
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-constexpr double kLeastWarp = 1e-3;         // m at 2 m
-constexpr std::size_t kFewestMatches = 20;  // of two sensors
+constexpr double kLeastWarp = 1e-3;  // m at 2 m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -52,11 +53,13 @@ std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
   const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
   const OverlapView from_view = problem.Overlap(a, state), to_view = problem.Overlap(b, state);
   std::vector<WeightedMatch> informative;
-  for (const Match& match :
-       FindMatches(from_view, to_view, kOverlapGate, FineGates(problem.options).min_cosine)) {
+  const std::vector<Match> matches =
+      FindMatches(from_view, to_view, kOverlapGate, FineGates().min_cosine);
+  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return informative;
+  for (const Match& match : matches) {
     const CloudPoint& from = from_view.Cloud(match.from);
     const CloudPoint& to = to_view.Cloud(match.to);
-    if (from.held_out) continue;
+    if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
     const double sigma =
         std::hypot(PointSigma(evidence[a].noise, from.p), PointSigma(evidence[b].noise, to.p));
     if (both_on_structure) {
@@ -89,7 +92,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
       (kept_initial[a] || kept_initial[b]))
     return;
   const std::vector<WeightedMatch> matches = InformativeMatches(problem, evidence, *state, a, b);
-  if (matches.size() < kFewestMatches) return;
+  if (matches.size() < kFewestMatches) return;  // for their spread
   const std::size_t cells =
       CountCells(matches, std::max(evidence[a].noise.warp_length, evidence[b].noise.warp_length));
   std::vector<double> sizes;
@@ -139,7 +142,7 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 
 }  // namespace
 
-Gates FineGates(const RefineOptions& options) { return CoarseGates(options.outer_iterations); }
+Gates FineGates() { return {kSideGate, kPairGate, std::cos(kAngleGate * M_PI / 180)}; }
 
 double LineTolerance(const FreeSet& free) { return free.AllBoxes() ? 0 : kHeldEdge; }
 
@@ -148,11 +151,11 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
                                            std::vector<SensorEvidence> previous) {
   std::vector<SensorEvidence> evidence = std::move(previous);
   evidence.resize(problem.size());
-  const Gates gates = FineGates(problem.options);
+  const Gates gates = FineGates();
   ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     evidence[i].noise.line = LineTolerance(free);
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, false,
+    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &evidence[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
     FitNoise(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
@@ -169,15 +172,20 @@ void UpdateLineTolerance(const JointProblem& problem, const State& state, const 
   }
 }
 
+Eigen::VectorXd PriorSigmas(const JointProblem& problem,
+                            const std::vector<SensorEvidence>& evidence) {
+  std::vector<double> multipath;
+  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
+  return problem.layout.PriorSigmas(problem.priors, multipath);
+}
+
 CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<SensorEvidence>& evidence,
                               const std::vector<char>& kept_initial,
                               const std::vector<char>& constant, State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
-  std::vector<double> multipath;
-  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
-  const Eigen::VectorXd sigmas = layout.PriorSigmas(problem.priors, multipath);
+  const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence);
   double* build = state->build.data();
   ceres.problem->AddParameterBlock(build, problem.model.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -206,13 +214,50 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   return ceres;
 }
 
-State SolveFine(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
-                const std::vector<char>& kept_initial, const FreeSet& free, State state) {
-  const CeresProblem ceres = BuildFineProblem(problem, evidence, kept_initial,
-                                              problem.layout.Constant(free, kept_initial), &state);
-  Minimise(problem.options, ceres.problem.get());
+std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution) {
+  State state = solution.state;
+  const CeresProblem ceres =
+      BuildFineProblem(problem, solution.evidence, solution.kept_initial,
+                       problem.layout.Constant(solution.free, solution.kept_initial), &state);
+  if (!Minimise(problem.options, ceres.problem.get())) return std::nullopt;
   state.built = problem.model.Built(state.build.data());
   return state;
+}
+
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor) {
+  const SensorEvidence& evidence = solution.evidence[sensor];
+  if (!solution.state.poses[sensor].ToPose().matrix().allFinite()) return false;
+  Eigen::VectorXd r;
+  Residuals(problem.model, evidence, solution.state.Parameters(sensor), &r, nullptr);
+  return r.allFinite() && evidence.face_root.allFinite() && evidence.edge_root.allFinite();
+}
+
+void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution) {
+  solution->state.poses[sensor] = PoseBlock(problem.sensors[sensor].fallback);
+  solution->state.offsets[sensor] = 0;
+  solution->state.nuisances[sensor] = {};
+  solution->kept_initial[sensor] = 1;
+}
+
+Solution IterateFine(const JointProblem& problem, Solution solution) {
+  const auto exclude = [&](std::size_t i) {
+    KeepInitial(problem, i, &solution);
+    solution.evidence[i] = SensorEvidence();
+  };
+  for (int iteration = 0; iteration < problem.options.fine_iterations; ++iteration) {
+    solution.evidence =
+        GatherEvidence(problem, solution.state, solution.free, std::move(solution.evidence));
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (solution.kept_initial[i] || !IsUsable(problem, solution, i)) exclude(i);
+    }
+    std::optional<State> solved = SolveFine(problem, solution);
+    if (!solved) {
+      for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
+      break;
+    }
+    solution.state = std::move(*solved);
+  }
+  return solution;
 }
 
 }  // namespace volalign::refine_internal

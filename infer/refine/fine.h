@@ -2,6 +2,7 @@
 
 // The fine stage: all parameters, as a statistical model. Not for callers of Refine.
 
+#include <optional>
 #include <vector>
 
 #include "infer/refine/association.h"
@@ -11,8 +12,9 @@
 
 namespace volalign::refine_internal {
 
-/// Gates of the fine stage's associations.
-Gates FineGates(const RefineOptions& options);
+/// Gates of the fine stage's associations, and of pairs. Overlap that the structure does not hold
+/// may be farther apart, see fine.cc.
+Gates FineGates();
 
 /// Standard deviation of an edge's place in the fine stage (NoiseModel::line), given what is free:
 /// an edge of a box that is held where the structure has it strays as its faces do.
@@ -29,6 +31,10 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
 void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
                          std::vector<SensorEvidence>* evidence);
 
+/// Prior standard deviations of all parameters, under the noise models of `evidence`.
+Eigen::VectorXd PriorSigmas(const JointProblem& problem,
+                            const std::vector<SensorEvidence>& evidence);
+
 /// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
 /// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
 /// constant has no terms of its own. `kept_initial`: sensors whose overlap with others no longer
@@ -38,8 +44,28 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<char>& kept_initial,
                               const std::vector<char>& constant, State* state);
 
-/// The most probable values of what is free, from `state` on.
-State SolveFine(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
-                const std::vector<char>& kept_initial, const FreeSet& free, State state);
+/// Values of all parameters, and what they rest on.
+struct Solution {
+  FreeSet free;
+  State state;
+  std::vector<SensorEvidence> evidence;
+  /// Sensors that stay at their fallbacks: there is no better pose of them.
+  std::vector<char> kept_initial;
+};
+
+/// The most probable values of what is free, from those of `solution` on; nothing if they cannot be
+/// computed.
+std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution);
+
+/// Can a sensor be part of a solution: are its pose, its residuals and their covariance finite?
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor);
+
+/// Puts a sensor at its fallback pose, to stay there.
+void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution);
+
+/// From `solution.state` on, options.fine_iterations times: gathers evidence and solves. Sensors
+/// that are not usable are kept at their fallbacks and say nothing; all of them where even that
+/// does not make the problem solvable.
+Solution IterateFine(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

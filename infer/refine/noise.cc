@@ -119,12 +119,21 @@ double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& 
   Eigen::MatrixXd information = a.transpose() * a;
   information.diagonal().array() += 1e-3 * (1 + information.diagonal().maxCoeff() * 1e-9);
   const Eigen::LLT<Eigen::MatrixXd> inner(information);
+  if (inner.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
   const Eigen::VectorXd projected = inner.matrixL().solve(a.transpose() * y);
   double log_root = 0, log_inner = 0;
   for (Eigen::Index i = 0; i < covariance.rows(); ++i) log_root += std::log(root.matrixLLT()(i, i));
   for (Eigen::Index i = 0; i < information.rows(); ++i)
     log_inner += std::log(inner.matrixLLT()(i, i));
   return log_root + log_inner + 0.5 * (y.squaredNorm() - projected.squaredNorm());
+}
+
+/// Lower Cholesky factor; filled with NaN where there is none.
+Eigen::MatrixXd LowerRoot(const Eigen::MatrixXd& covariance) {
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() == Eigen::Success) return root.matrixL();
+  return Eigen::MatrixXd::Constant(covariance.rows(), covariance.cols(),
+                                   std::numeric_limits<double>::quiet_NaN());
 }
 
 /// Least value of a function over the logarithm of its argument: a grid, then a parabola.
@@ -262,9 +271,9 @@ void SetCovariance(const BuildModel& model, const Pose& pose, SensorEvidence* ev
   Eigen::MatrixXd faces =
       noise.warp * noise.warp * WarpCorrelation(*evidence, lever, noise.warp_length);
   faces.diagonal() += FaceVariances(model, pose, *evidence);
-  evidence->face_root = faces.llt().matrixL();
+  evidence->face_root = LowerRoot(faces);
   const Eigen::MatrixXd edges = noise.edge * noise.edge * EdgeCovariance(*evidence);
-  evidence->edge_root = edges.llt().matrixL();
+  evidence->edge_root = LowerRoot(edges);
 }
 
 void FitNoise(const BuildModel& model, const SensorParameters& parameters, const Priors& priors,

@@ -9,7 +9,8 @@
 
 namespace volalign::refine_internal {
 
-/// Fills the Cholesky factors from evidence.noise. `pose`: where the observations are seen from.
+/// Fills the Cholesky factors from evidence.noise, with NaN where the covariance has none. `pose`:
+/// where the observations are seen from.
 void SetCovariance(const BuildModel& model, const Pose& pose, SensorEvidence* evidence);
 
 /// The noise model under which the residuals are most probable, the pose being unknown (restricted

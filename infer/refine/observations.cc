@@ -150,7 +150,7 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
 }
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
-                        const SensorPoints& points, bool held_out, const std::vector<Pose>& poses,
+                        const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
                         const Gates& gates, SensorEvidence* evidence) {
   std::vector<SensorState> places;
   for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
@@ -159,7 +159,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     const auto lies_on_it = [&](const SensorState& at) {
       return LiesOnItsSide(state.built, at, point, gates.side);
     };
-    if (point.held_out == held_out && std::any_of(places.begin(), places.end(), lies_on_it))
+    if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
       faces[{point.label, point.block}].push_back(&point);
   }
   std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;  // label, edge, block, axis
@@ -168,7 +168,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     const auto lies_on_one = [&](const SensorState& at) {
       return LiesOnAnEdge(state.built, at, edge, gates.side, &line);
     };
-    if (edge.held_out == held_out && std::any_of(places.begin(), places.end(), lies_on_one))
+    if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
       lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
   }
   evidence->faces.clear();

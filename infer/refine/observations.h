@@ -21,12 +21,12 @@ inline constexpr double kMultipathReach = 0.3;
 /// 0 at kMultipathReach. Seams are where another box, or the floor, rises in front of the side.
 double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
 
-/// Gathers the held-out points, or all others, into one observation for each image block and side
+/// Gathers the points of one use into one observation for each image block and side
 /// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor
 /// each; the first is where errors are measured. `nominal`: the structure as described, `state` has
 /// it as built. Replaces evidence->faces and ->edges, leaves its noise model.
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
-                        const SensorPoints& points, bool held_out, const std::vector<Pose>& poses,
+                        const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
                         const Gates& gates, SensorEvidence* evidence);
 
 /// Widens the variances of observations that lie much farther off than the sensor's others, after a

@@ -60,7 +60,9 @@ struct RefineOptions {
     ar("edge_shift_sigma_px", edge_shift_sigma_px,
        "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
     ar("outer_iterations", outer_iterations,
-       "coarse associations, each followed by a Ceres solution", AtLeast(1));
+       "associations of the coarse stage, each followed by a Ceres solution; the joint "
+       "refinement has one only where without_structure names a sensor",
+       AtLeast(1));
     ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
     ar("fine_iterations", fine_iterations,
        "associations of the last stage, which weighs errors as they are correlated", AtLeast(1));
@@ -70,14 +72,19 @@ struct RefineOptions {
        "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
        AtLeast(0));
     ar("overlap_weight", overlap_weight,
-       "weight of overlap residuals beside those to the structure", AtLeast(0));
+       "weight of overlap residuals beside those to the structure in the coarse stage, which the "
+       "joint refinement has only where without_structure names a sensor; the fine stage weighs "
+       "overlap by its measured errors",
+       AtLeast(0));
     ar("edge_weight", edge_weight,
-       "weight of silhouette residuals: errors of neighbouring points on a face are alike, so that "
+       "weight of silhouette residuals in the coarse stage: errors of neighbouring points on a "
+       "face are alike, so that "
        "thousands of "
        "them say less than their number",
        AtLeast(0));
     ar("min_overlap", min_overlap,
-       "least share of a sensor's points that another one sees, for the two to be a pair",
+       "least share of a sensor's points that another one sees, for their overlap to count and the "
+       "two to be a pair",
        Between(0, 1));
     ar("without_structure", without_structure,
        "sensors that are held by their neighbours' overlap alone");

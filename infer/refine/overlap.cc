@@ -39,6 +39,11 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   return chosen;
 }
 
+bool SeeEnough(std::size_t matches, const OverlapView& from, double min_overlap) {
+  return matches >= kFewestMatches &&
+         static_cast<double>(matches) >= min_overlap * static_cast<double>(from.chosen->size());
+}
+
 std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, double gate,
                                double min_cosine) {
   const Pose b_from_a = b.state.structure_from_sensor.inverse() * a.state.structure_from_sensor;

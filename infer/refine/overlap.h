@@ -30,6 +30,13 @@ struct Match {
   double residual;  ///< m, signed distance of `from` to the plane at `to`
 };
 
+/// Fewest matches from which two sensors' overlap, or its spread, can be told.
+inline constexpr std::size_t kFewestMatches = 20;
+
+/// Does another sensor see enough of what one offers, for the two to be a pair: at least
+/// `min_overlap` of its chosen points, and kFewestMatches?
+bool SeeEnough(std::size_t matches, const OverlapView& from, double min_overlap);
+
 /// Which of a's chosen points b sees: the nearest cloud point of b's lies within `gate`, m, and
 /// faces the same way.
 std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, double gate,

@@ -4,9 +4,8 @@
 #include <ceres/problem.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-
-#include "infer/refine/fine.h"
 
 namespace volalign::refine_internal {
 
@@ -32,20 +31,60 @@ Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
   return information;
 }
 
+/// Inverse of J^T J by Cholesky or, failing that, by its eigenvalues in units of the priors, none
+/// of which is below 1 where the priors are part of it: one that is tells nothing, and the prior
+/// stands.
+class Inverse {
+ public:
+  Inverse(const Eigen::MatrixXd& information, const Eigen::VectorXd& prior_sigmas) {
+    if (information.allFinite()) {
+      root_.compute(information);
+      exact_ = root_.info() == Eigen::Success &&
+               root_.solve(Eigen::VectorXd::Ones(information.rows())).allFinite();
+    }
+    if (exact_) return;
+    Eigen::MatrixXd scaled = prior_sigmas.asDiagonal() * information * prior_sigmas.asDiagonal();
+    for (Eigen::Index k = 0; k < scaled.rows(); ++k) {
+      if (scaled.row(k).allFinite() && scaled.col(k).allFinite()) continue;
+      scaled.row(k).setZero();
+      scaled.col(k).setZero();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled);
+    const Eigen::MatrixXd vectors = prior_sigmas.asDiagonal() * solver.eigenvectors();
+    inverse_ = vectors * solver.eigenvalues().cwiseMax(1).cwiseInverse().asDiagonal() *
+               vectors.transpose();
+    // Failing even that, the priors.
+    if (!inverse_.allFinite()) inverse_ = prior_sigmas.cwiseAbs2().asDiagonal();
+  }
+  bool exact() const { return exact_; }
+  Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const {
+    return exact_ ? Eigen::MatrixXd(root_.solve(b)) : Eigen::MatrixXd(inverse_ * b);
+  }
+
+ private:
+  Eigen::LLT<Eigen::MatrixXd> root_;
+  Eigen::MatrixXd inverse_;
+  bool exact_ = false;
+};
+
 }  // namespace
 
-NormalEquations ComputeNormalEquations(const JointProblem& problem,
-                                       const std::vector<SensorEvidence>& evidence,
-                                       const std::vector<char>& kept_initial, State state) {
+NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution) {
+  State state = solution.state;
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
-  const CeresProblem ceres = BuildFineProblem(problem, evidence, kept_initial, none, &state);
+  const CeresProblem ceres =
+      BuildFineProblem(problem, solution.evidence, solution.kept_initial, none, &state);
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : problem.layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);
   evaluation.num_threads = problem.options.threads;
   ceres::CRSMatrix jacobian;
   std::vector<double> gradient;
-  ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian);
+  if (!ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian)) {
+    const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.evidence);
+    return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
+            false};
+  }
   NormalEquations normal;
   normal.information = Information(jacobian);
   normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), normal.information.rows());
@@ -53,15 +92,17 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem,
 }
 
 Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout& layout,
-                           const std::vector<char>& constant, double edge_shift) {
+                           const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas) {
   const Eigen::MatrixXd& h = normal.information;
-  const Eigen::LLT<Eigen::MatrixXd> root(h);
+  const Inverse inverse(h, prior_sigmas);
   Posterior posterior;
-  posterior.covariance = root.solve(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
-  if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; })) {
-    const Eigen::VectorXd step = root.solve(normal.gradient);
-    posterior.covariance += step * step.transpose();
-  }
+  posterior.exact = inverse.exact() && normal.evaluated;
+  posterior.covariance = inverse.Times(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
+  const auto widen = [&](const Eigen::VectorXd& error) {
+    if (error.allFinite()) posterior.covariance += error * error.transpose();
+  };
+  if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; }))
+    widen(inverse.Times(normal.gradient));
   // How all parameters follow when every sensor's shifts grow by the same: what pulls on each shift
   // but its own prior.
   Eigen::VectorXd common = Eigen::VectorXd::Zero(h.rows());
@@ -69,15 +110,15 @@ Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout&
     for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
       const Eigen::Index column = layout.Nuisance(i, shift);
       common += h.col(column);
-      common[column] -= 1 / Square(Positive(edge_shift));
+      common[column] -= 1 / Square(prior_sigmas[column]);
     }
   }
-  const Eigen::VectorXd moved = kCommonEdgeShift * root.solve(common);
-  posterior.covariance += moved * moved.transpose();
+  widen(kCommonEdgeShift * inverse.Times(common));
   return posterior;
 }
 
-Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant) {
+Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant,
+                               const Eigen::VectorXd& prior_sigmas) {
   Eigen::MatrixXd h = normal.information;
   for (std::size_t i = 0; i < constant.size(); ++i) {
     if (!constant[i]) continue;
@@ -86,7 +127,8 @@ Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<
     h.col(k).setZero();
     h(k, k) = 1;
   }
-  return {h.llt().solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(h.rows(), h.cols())))};
+  const Inverse inverse(h, prior_sigmas);
+  return {inverse.Times(Eigen::MatrixXd::Identity(h.rows(), h.cols())), inverse.exact()};
 }
 
 Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors) {

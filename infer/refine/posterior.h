@@ -8,7 +8,7 @@
 #include <cmath>
 #include <vector>
 
-#include "infer/refine/evidence.h"
+#include "infer/refine/fine.h"
 #include "infer/refine/problem.h"
 
 namespace volalign::refine_internal {
@@ -17,15 +17,18 @@ namespace volalign::refine_internal {
 struct NormalEquations {
   Eigen::MatrixXd information;  ///< J^T J
   Eigen::VectorXd gradient;     ///< J^T r
+  bool evaluated = true;        ///< false: they are those of the priors alone
 };
 
-/// Of the fine stage's cost at `state`, with everything free.
-NormalEquations ComputeNormalEquations(const JointProblem& problem,
-                                       const std::vector<SensorEvidence>& evidence,
-                                       const std::vector<char>& kept_initial, State state);
+/// Of the fine stage's cost at a solution, with everything free. Where the cost cannot be
+/// evaluated, of the priors alone.
+NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
 struct Posterior {
   Eigen::MatrixXd covariance;
+  /// False: the normal equations had no inverse. The covariance is that of what they tell beyond
+  /// the priors, which stand in for the rest.
+  bool exact = true;
 
   double Sigma(Eigen::Index column) const {
     return std::sqrt(std::max(covariance(column, column), 0.0));
@@ -34,13 +37,14 @@ struct Posterior {
 
 /// Covariance with everything free. Where something was not asked for (`constant`), widened by the
 /// square of the step that everything would take from here if it were free; and for a shift of
-/// silhouettes that all sensors have in common, which looks like another size. `edge_shift`, px:
-/// prior standard deviation of a sensor's own.
+/// silhouettes that all sensors have in common, which looks like another size. `prior_sigmas`: of
+/// all parameters. The covariance is finite, whatever the normal equations are.
 Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout& layout,
-                           const std::vector<char>& constant, double edge_shift);
+                           const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas);
 
 /// Covariance where the constant parameters are known.
-Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant);
+Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant,
+                               const Eigen::VectorXd& prior_sigmas);
 
 /// Projection of box displacements (x, z, yaw of each) along the gauge, in which all boxes move
 /// as one, to those that the prior finds likeliest. 3 x boxes square.

@@ -15,9 +15,12 @@ namespace volalign {
 /// One sensor to refine. All poses are structure_from_sensor.
 struct RefineSensor {
   const SensorPoints* points = nullptr;
-  /// What a refinement that is no better falls back to.
-  Pose initial = Pose::Identity();
-  Pose start = Pose::Identity();  ///< where the solution begins
+  /// What a refined pose has to explain held-out points better than. A pose that was fitted to the
+  /// sensor's own points would win against better ones: it has absorbed the sensor's warp and where
+  /// the boxes really stand.
+  Pose to_beat = Pose::Identity();
+  Pose fallback = Pose::Identity();  ///< what stands where the refined pose is refused
+  Pose start = Pose::Identity();     ///< where the solution begins
   /// False: nothing ties the sensor to the structure but its neighbours.
   bool use_structure_terms = true;
 };

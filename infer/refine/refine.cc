@@ -7,12 +7,11 @@
 #include <cmath>
 #include <utility>
 
-#include "core/parallel_for.h"
+#include "core/error.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
-#include "infer/refine/observations.h"
 #include "infer/refine/posterior.h"
 
 namespace volalign {
@@ -21,26 +20,31 @@ namespace {
 
 using namespace refine_internal;  // NOLINT(google-build-using-namespace): its own parts
 
-std::vector<Pose> Starts(const std::vector<RefineSensor>& sensors) {
+/// Where everything begins. A sensor that has no place to begin at is kept at its fallback.
+Solution Begin(const JointProblem& problem, const FreeSet& asked_for) {
   std::vector<Pose> starts;
-  for (const RefineSensor& sensor : sensors) starts.push_back(sensor.start);
-  return starts;
+  for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
+  Solution solution{
+      asked_for, NominalState(problem.structure, starts), {}, std::vector<char>(problem.size(), 0)};
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!starts[i].matrix().allFinite()) KeepInitial(problem, i, &solution);
+  }
+  return solution;
 }
 
-/// Held-out observations as they lie at `state`: what decides between kinds of parameters.
-std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state) {
-  std::vector<SensorEvidence> unseen(problem.size());
-  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
-    if (!problem.HasStructureTerms(i)) return;
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, true,
-                       {state.poses[i].ToPose()}, FineGates(problem.options), &unseen[i]);
-  });
-  return unseen;
+void CheckPoses(const std::vector<RefineSensor>& sensors) {
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (sensors[i].to_beat.matrix().allFinite() && sensors[i].fallback.matrix().allFinite())
+      continue;
+    throw DataError(fmt::format(
+        "sensor {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
+  }
 }
 
 /// Gauge: the mean displacement of the estimated boxes is zero. The priors all but see to it.
-void CentreBoxes(const JointProblem& problem, const FreeSet& free,
-                 const std::vector<char>& kept_initial, State* state) {
+void CentreBoxes(const JointProblem& problem, Solution* solution) {
+  const FreeSet& free = solution->free;
+  State* state = &solution->state;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   std::vector<int> estimated;
   for (std::size_t b = 0; b < free.boxes.size(); ++b) {
@@ -56,19 +60,29 @@ void CentreBoxes(const JointProblem& problem, const FreeSet& free,
     at(BuildModel::Z(b)) -= mean.z();
   }
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!kept_initial[i]) Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= mean;
+    if (!solution->kept_initial[i]) Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= mean;
   }
   state->built = problem.model.Built(state->build.data());
 }
 
+/// What there is to say of numbers that failed, or nothing.
+std::string Problem(bool unsolved, bool exact_covariance) {
+  if (unsolved)
+    return "its refinement could not be solved: its measurements give numbers that are not finite";
+  if (!exact_covariance)
+    return "the uncertainty could not be computed: what nothing tells is given as the prior has it";
+  return "";
+}
+
 RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
-                           const Posterior& posterior, std::size_t i) {
-  const auto& [free, state, evidence] = accepted.solution;
+                           const std::vector<char>& unsolved, const Posterior& posterior,
+                           std::size_t i) {
+  const auto& [free, state, evidence, kept_initial] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedSensor sensor;
-  sensor.accepted = !accepted.kept_initial[i];
+  sensor.accepted = !kept_initial[i];
   sensor.structure_from_sensor =
-      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].initial;
+      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].fallback;
   if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[i];
   if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[i][kDepthGain];
   sensor.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
@@ -78,13 +92,14 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
   sensor.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
+  sensor.problem = Problem(unsolved[i], posterior.exact);
   return sensor;
 }
 
 /// Does a sensor that was refined see the box?
 bool IsSeen(const JointProblem& problem, const Acceptance& accepted, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (accepted.kept_initial[i]) continue;
+    if (accepted.solution.kept_initial[i]) continue;
     for (const FaceObservation& face : accepted.solution.evidence[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }
@@ -114,7 +129,7 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
 }
 
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
-  const Gates gates = FineGates(problem.options);
+  const Gates gates = FineGates();
   std::vector<OverlapView> views;
   for (std::size_t i = 0; i < problem.size(); ++i) views.push_back(problem.Overlap(i, state));
   std::vector<RefinedPair> pairs;
@@ -125,11 +140,11 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
 }
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const Posterior& posterior) {
-  const auto& [free, state, evidence] = accepted.solution;
+                        const std::vector<char>& unsolved, const Posterior& posterior) {
+  const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.sensors.push_back(SensorResult(problem, accepted, posterior, i));
+    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, i));
   result.boxes = BoxResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
@@ -177,30 +192,24 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
     nothing.built = structure;
     return nothing;
   }
+  CheckPoses(sensors);
   const JointProblem problem(structure, sensors, options);
   const FreeSet asked_for =
       AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size());
-  const std::vector<char> never_asked = problem.layout.Constant(asked_for);
 
-  Solution solution{asked_for, NominalState(structure, Starts(sensors)), {}};
-  if (options.coarse) solution.state = SolveCoarse(problem, std::move(solution.state));
-  std::vector<SensorEvidence> unseen;
-  for (int iteration = 0; iteration < options.fine_iterations; ++iteration) {
-    solution.evidence =
-        GatherEvidence(problem, solution.state, solution.free, std::move(solution.evidence));
-    unseen = GatherUnseen(problem, solution.state);
-    solution.state = SolveFine(problem, solution.evidence, std::vector<char>(sensors.size(), 0),
-                               solution.free, std::move(solution.state));
+  Solution solution = Begin(problem, asked_for);
+  if (options.coarse) {
+    solution.state = SolveCoarse(problem, solution.kept_initial, std::move(solution.state));
   }
-  if (options.choose_estimates) solution = ChooseEstimates(problem, unseen, std::move(solution));
-
+  solution = IterateFine(problem, std::move(solution));
+  const std::vector<char> unsolved = solution.kept_initial;
+  if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
   Acceptance accepted = AcceptImproved(problem, std::move(solution));
-  CentreBoxes(problem, accepted.solution.free, accepted.kept_initial, &accepted.solution.state);
-  const NormalEquations normal = ComputeNormalEquations(
-      problem, accepted.solution.evidence, accepted.kept_initial, accepted.solution.state);
-  const Posterior posterior =
-      ComputePosterior(normal, problem.layout, never_asked, problem.priors.edge_shift);
-  return MakeResult(problem, accepted, posterior);
+  CentreBoxes(problem, &accepted.solution);
+  const Posterior posterior = ComputePosterior(ComputeNormalEquations(problem, accepted.solution),
+                                               problem.layout, problem.layout.Constant(asked_for),
+                                               PriorSigmas(problem, accepted.solution.evidence));
+  return MakeResult(problem, accepted, unsolved, posterior);
 }
 
 }  // namespace volalign

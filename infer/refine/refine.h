@@ -13,8 +13,9 @@ namespace volalign {
 
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted =
-      false;  ///< false: held-out points are explained no better, the initial pose stands
+  bool accepted = false;  ///< false: the pose is RefineSensor::fallback
+  /// A sentence where numbers failed; else empty. What is given is finite all the same.
+  std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
   /// a sensor without structure terms, mean robust cost against its neighbours.
   double held_out_before = 0, held_out_after = 0;
@@ -70,16 +71,17 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
 /// by its overlap alone.
 ///
-/// A parameter is estimated where its posterior is clearly tighter than its prior and held-out
-/// points fit worse without its kind; else it keeps its nominal value. Gauge: the mean displacement
-/// of the estimated boxes is zero. A sensor whose held-out points fit its refined pose no better,
-/// neither in standard deviations nor by plain distance, keeps its initial pose, and the others are
-/// solved again without it.
+/// A parameter is estimated where its posterior is clearly tighter than its prior and points that
+/// are held out for that fit worse without its kind; else it keeps its nominal value. Gauge: the
+/// mean displacement of the estimated boxes is zero. A sensor whose held-out points fit its refined
+/// pose no better, neither in standard deviations nor by plain distance, goes back to its fallback,
+/// and the others are solved again without it.
 ///
 /// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
-/// out, widened by how far the poses would move if it did not, and for a sensor that keeps its
-/// initial pose by how far the refused one was from it. A prior of 1 m and 1 rad bounds directions
-/// that nothing constrains. Throws ConfigError for a bad options.estimate.
+/// out, widened by how far the poses would move if it did not, and for a sensor that goes back
+/// to its fallback by how far the refused one was from it. A prior of 1 m and 1 rad bounds
+/// directions that nothing constrains. Throws ConfigError for a bad
+/// options.estimate, DataError for a pose to beat or to fall back to that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

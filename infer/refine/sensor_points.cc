@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "core/random.h"
-#include "infer/view/held_out.h"
 
 namespace volalign {
 
@@ -64,8 +64,8 @@ std::vector<std::vector<int>> PixelsByLabel(const LabelledView& labelled) {
   return by_label;
 }
 
-/// At most `max_points` points, and as many held-out ones again (a decision by a fifth of the
-/// others would be noisy), the same number of each side.
+/// At most `max_points` points of each use (a decision by a fifth as many would be noisy), the same
+/// number of each side.
 std::vector<SidePoint> SampleSidePoints(const LabelledView& labelled, int max_points) {
   const SensorView& view = labelled.view;
   std::vector<std::vector<int>> by_label = PixelsByLabel(labelled);
@@ -80,16 +80,16 @@ std::vector<SidePoint> SampleSidePoints(const LabelledView& labelled, int max_po
     for (std::size_t i = pixels.size(); i > 1; --i) {
       std::swap(pixels[i - 1], pixels[static_cast<std::size_t>(random.Below(static_cast<int>(i)))]);
     }
-    std::size_t used = 0, held_out = 0;
+    std::map<BlockUse, std::size_t> taken;
     for (const int i : pixels) {
       const int u = i % view.width(), v = i / view.width();
-      const bool out = HeldOut(u, v);
-      if (++(out ? held_out : used) > share) continue;
+      const BlockUse use = UseOfBlock(u, v);
+      if (++taken[use] > share) continue;
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
       point.block = BlockIndex(u, v, view.width());
-      point.held_out = out;
+      point.use = use;
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
       points.push_back(point);
     }
@@ -160,7 +160,7 @@ bool SilhouetteAt(const SensorView& view, const Walk& walk, const Eigen::Vector3
   edge->pixel = across.norm() / (gap + 1);
   edge->axis = walk.dv != 0;
   edge->block = BlockIndex(walk.u, walk.v, view.width());
-  edge->held_out = HeldOut(walk.u, walk.v);
+  edge->use = UseOfBlock(walk.u, walk.v);
   return true;
 }
 
@@ -206,7 +206,7 @@ std::vector<CloudPoint> SampleCloud(const SensorView& view, int stride, double m
       if (view.depth(u, v) > max_range || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
         continue;
       point.p = view.Point(u, v);
-      point.held_out = HeldOut(u, v);
+      point.use = UseOfBlock(u, v);
       cloud.push_back(point);
     }
   }

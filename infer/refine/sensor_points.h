@@ -6,6 +6,7 @@
 
 #include "core/kd_tree.h"
 #include "core/structure.h"
+#include "infer/view/held_out.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
 
@@ -17,7 +18,7 @@ struct SidePoint {
   Eigen::Vector3d normal;  ///< towards the sensor; zero where no plane fits its neighbourhood
   int label = 0;
   int block = 0;  ///< of the image, see BlockIndex
-  bool held_out = false;
+  BlockUse use = BlockUse::kFit;
 };
 
 /// A point on the silhouette of a labelled side, where the depth behind it jumps: half a pixel
@@ -33,21 +34,21 @@ struct EdgePoint {
   int label = 0;
   int axis = 0;   ///< 0: found along an image row, 1: along a column
   int block = 0;  ///< of the image, see BlockIndex
-  bool held_out = false;
+  BlockUse use = BlockUse::kFit;
 };
 
 /// A point with a normal towards the sensor, sensor frame.
 struct CloudPoint {
   Eigen::Vector3d p;
   Eigen::Vector3d normal;
-  bool held_out = false;
+  BlockUse use = BlockUse::kFit;
 };
 
 /// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
 int BlockIndex(int u, int v, int width);
 
-/// The points of one sensor that refinement works on. Those in every fifth image block are held
-/// out: they never enter the solution, and tell whether it is better than where it began.
+/// The points of one sensor that refinement works on. Those of some image blocks never enter the
+/// solution, see BlockUse.
 class SensorPoints {
  public:
   SensorPoints() = default;
@@ -68,7 +69,7 @@ class SensorPoints {
 
 struct SamplingOptions {
   double min_confidence = 0.5;  ///< of a label
-  int max_side_points = 3000;   ///< as many held-out ones again
+  int max_side_points = 3000;   ///< that are fitted; as many again of each other use
   int max_edge_points = 600;
   int cloud_stride = 2;  ///< px
   double max_range = 7;  ///< m, of cloud points

@@ -30,7 +30,7 @@ void CeresProblem::HoldConstant(double* block, int size, const std::vector<int>&
   problem->SetManifold(block, subsets.back().get());
 }
 
-void Minimise(const RefineOptions& options, ceres::Problem* problem) {
+bool Minimise(const RefineOptions& options, ceres::Problem* problem) {
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   solver.max_num_iterations = options.inner_iterations;
@@ -40,6 +40,7 @@ void Minimise(const RefineOptions& options, ceres::Problem* problem) {
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, problem, &summary);
+  return summary.IsSolutionUsable();
 }
 
 }  // namespace volalign::refine_internal

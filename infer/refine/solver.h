@@ -26,7 +26,8 @@ struct CeresProblem {
   void HoldConstant(double* block, int size, const std::vector<int>& elements);
 };
 
-/// Moves the parameters to the least cost that the options' number of steps reaches.
-void Minimise(const RefineOptions& options, ceres::Problem* problem);
+/// Moves the parameters to the least cost that the options' number of steps reaches. Returns false,
+/// and leaves them where they are, if the cost cannot be evaluated or no step can be computed.
+bool Minimise(const RefineOptions& options, ceres::Problem* problem);
 
 }  // namespace volalign::refine_internal

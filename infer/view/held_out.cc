@@ -12,10 +12,12 @@ constexpr int kOneIn = 5;  // blocks, of which one is held out
 
 }  // namespace
 
-bool HeldOut(int u, int v) {
+BlockUse UseOfBlock(int u, int v) {
   const auto block = static_cast<std::uint64_t>(v / kHeldOutBlock) << 32 |
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
-  return RandomStream(0, block, "held_out").Below(kOneIn) == 0;
+  RandomStream random(0, block, "held_out");
+  if (random.Below(kOneIn) != 0) return BlockUse::kFit;
+  return random.Below(2) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
 }
 
 }  // namespace volalign

@@ -5,8 +5,16 @@ namespace volalign {
 /// Side of the square image blocks that are held out or used as a whole, px.
 inline constexpr int kHeldOutBlock = 16;
 
-/// Does this pixel lie in one of the held-out blocks, a fifth of all? No fit may use them, so that
-/// they can tell whether a refined pose is better than the initial one.
-bool HeldOut(int u, int v);
+/// What the pixels of an image block are for. No two of these uses share a block, so that what is
+/// judged by them was not made to fit them.
+enum class BlockUse {
+  kFit,     ///< four fifths: poses and parameters are fitted to them
+  kChoose,  ///< a tenth: which parameters are estimated at all
+  kAccept   ///< a tenth: whether a refined pose is better than the one it has to beat
+};
+BlockUse UseOfBlock(int u, int v);
+
+/// Is this pixel in one of the blocks that no fit may use?
+inline bool HeldOut(int u, int v) { return UseOfBlock(u, v) != BlockUse::kFit; }
 
 }  // namespace volalign

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <utility>
 #include <vector>
 
+#include "infer/refine/fine.h"
 #include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign::refine_internal {
@@ -13,12 +16,21 @@ using testing_infer::Observe;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-TEST(Better, NeedsOneOfBothMeasures) {
-  EXPECT_TRUE(Better({0.9, 0.01}, {1, 0.01}));
-  EXPECT_TRUE(Better({1, 0.009}, {1, 0.01}));
-  EXPECT_TRUE(Better({2, 0.009}, {1, 0.01}));
-  EXPECT_FALSE(Better({1, 0.01}, {1, 0.01}));
-  EXPECT_FALSE(Better({2, 0.02}, {1, 0.01}));
+TEST(IsBetter, NeedsOneOfBothMeasures) {
+  EXPECT_TRUE(IsBetter({0.9, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsBetter({1, 0.009, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsBetter({2, 0.009, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({1, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({0, 0, 0}, {1, 0.01, 5})) << "where it sees nothing, nothing is explained";
+  EXPECT_TRUE(IsBetter({1, 0.01, 5}, {0, 0, 0}));
+}
+
+TEST(IsNoWorse, RefusesWhatIsWorseByBoth) {
+  EXPECT_TRUE(IsNoWorse({1, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsNoWorse({2, 0.01, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsNoWorse({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsNoWorse({0, 0, 0}, {0, 0, 0})) << "nothing speaks for it";
 }
 
 /// Observations of one side by a sensor that looks at it head on from 1.5 m, each with 1 mm of its
@@ -88,7 +100,7 @@ struct TwoSensors {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose away = testing_infer::Displaced(truth, 0.005, 0.2, i);
-      sensors.push_back({&points[i], away, truth, true});
+      sensors.push_back({&points[i], away, away, truth, true});
     }
     options.estimate = "none";
   }
@@ -98,20 +110,77 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   TwoSensors two;
   // The first was to be kept where the truth is and "refined" away from it; the second the other
   // way round.
-  std::swap(two.sensors[0].initial, two.sensors[0].start);
+  two.sensors[0].to_beat = two.sensors[0].fallback = *two.rig.frames[0].ground_truth;
+  two.sensors[0].start = two.sensors[0].fallback;
+  two.sensors[0].start.translation().y() += 0.005;
   const JointProblem problem(two.rig.structure, two.sensors, two.options);
   Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
                     NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start}),
-                    std::vector<SensorEvidence>(2)};
+                    std::vector<SensorEvidence>(2),
+                    {0, 0}};
   for (SensorEvidence& evidence : solution.evidence) evidence.noise.warp = 0.001;
   const Acceptance accepted = AcceptImproved(problem, solution);
-  EXPECT_EQ(accepted.kept_initial, (std::vector<char>{1, 0}));
+  EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{1, 0}));
   const Pose& truth = *two.rig.frames[0].ground_truth;
   EXPECT_TRUE(accepted.solution.state.poses[0].ToPose().isApprox(truth, 1e-12));
   EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.sensors[0].start, 1e-9));
   EXPECT_EQ(accepted.refused[1].norm(), 0);
   EXPECT_EQ(accepted.after[0].misfit, accepted.before[0].misfit);
   EXPECT_LT(accepted.after[1].misfit, accepted.before[1].misfit);
+}
+
+TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
+  for (const bool improved : {true, false}) {
+    TwoSensors two;
+    for (SensorPoints& points : two.points) {
+      const auto out = [](const auto& point) { return point.use != BlockUse::kFit; };
+      auto& sides = points.side_points;
+      sides.erase(std::remove_if(sides.begin(), sides.end(), out), sides.end());
+      auto& edges = points.edge_points;
+      edges.erase(std::remove_if(edges.begin(), edges.end(), out), edges.end());
+    }
+    if (!improved) std::swap(two.sensors[0].to_beat, two.sensors[0].start);
+    const JointProblem problem(two.rig.structure, two.sensors, two.options);
+    const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
+    State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
+    std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
+    const Acceptance accepted = AcceptImproved(problem, {free, state, evidence, {0, 0}});
+    EXPECT_EQ(accepted.before[0].observations, 0);
+    EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{!improved, 0}));
+  }
+}
+
+TEST(HeldOutObservations, WhatChoosesEstimatesDoesNotAcceptPoses) {
+  TwoSensors two;
+  // Whatever points of one use measure, the observations of the other stay as they are.
+  TwoSensors without_accept, without_choose;
+  const auto erase = [](BlockUse use, TwoSensors* from) {
+    for (SensorPoints& points : from->points) {
+      const auto used = [use](const auto& point) { return point.use == use; };
+      auto& sides = points.side_points;
+      sides.erase(std::remove_if(sides.begin(), sides.end(), used), sides.end());
+      auto& edges = points.edge_points;
+      edges.erase(std::remove_if(edges.begin(), edges.end(), used), edges.end());
+    }
+  };
+  erase(BlockUse::kAccept, &without_accept);
+  erase(BlockUse::kChoose, &without_choose);
+  const auto count = [](const std::vector<SensorEvidence>& evidence) {
+    return evidence[0].faces.size() + evidence[0].edges.size();
+  };
+  const auto observations = [&](const TwoSensors& of) {
+    const JointProblem problem(of.rig.structure, of.sensors, of.options);
+    const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
+    const State state = NominalState(of.rig.structure, {of.sensors[0].start, of.sensors[1].start});
+    const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
+    return std::make_pair(count(GatherUnseen(problem, state)),
+                          count(GatherHeldOut(problem, {free, state, evidence, {0, 0}})));
+  };
+  const auto all = observations(two);
+  EXPECT_GT(all.first, 5u);
+  EXPECT_GT(all.second, 5u);
+  EXPECT_EQ(observations(without_accept), std::make_pair(all.first, std::size_t{0}));
+  EXPECT_EQ(observations(without_choose), std::make_pair(std::size_t{0}, all.second));
 }
 
 }  // namespace

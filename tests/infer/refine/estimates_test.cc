@@ -28,10 +28,10 @@ struct Handmade {
   Priors priors = SomePriors();
   ParameterLayout layout{2, 4};
   FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
   NormalEquations normal;
 
   Handmade() {
-    const Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
     normal.information = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
     normal.gradient = Eigen::VectorXd::Zero(layout.size());
   }
@@ -40,7 +40,7 @@ struct Handmade {
     normal.information(column, column) *= 1 + times * times;
   }
   FreeSet Kept() const {
-    return Observable(normal, layout, structure, priors, layout.Constant(free), free);
+    return Observable(normal, layout, structure, priors, layout.Constant(free), sigmas, free);
   }
 };
 
@@ -93,8 +93,8 @@ TEST(UnseenCost, IsTheMeanOverAllObservations) {
   const Structure structure = testing_infer::PaperStructure();
   const Pose pose = testing_infer::RingPose(35);
   const SensorPoints nothing;
-  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, true},
-                                             {&nothing, pose, pose, false}};
+  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, pose, true},
+                                             {&nothing, pose, pose, pose, false}};
   const RefineOptions options;
   const JointProblem problem(structure, sensors, options);
   const State state = NominalState(structure, {pose, pose});

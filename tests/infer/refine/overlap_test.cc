@@ -17,7 +17,7 @@ SensorPoints Wall(double farther) {
   std::vector<CloudPoint> cloud;
   for (int i = -25; i < 25; ++i) {
     for (int j = -5; j < 5; ++j)
-      cloud.push_back({{0.02 * i, 0.02 * j, 2 + farther}, {0, 0, -1}, false});
+      cloud.push_back({{0.02 * i, 0.02 * j, 2 + farther}, {0, 0, -1}, BlockUse::kFit});
   }
   return SensorPoints({}, {}, cloud);
 }
@@ -98,7 +98,7 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   const Structure structure = testing_infer::PaperStructure();
   std::vector<CloudPoint> cloud;
   for (int i = 0; i < 1000; ++i)
-    cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, false});
+    cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints points({}, {}, cloud);
   const std::vector<int> chosen = ChooseOverlapPoints(structure, points, Pose::Identity(), 100);
   ASSERT_EQ(chosen.size(), 100u);
@@ -108,7 +108,7 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   EXPECT_TRUE(ChooseOverlapPoints(structure, points, Pose::Identity(), 0).empty());
   // Where few are near, the rest comes from farther away.
   cloud.resize(20);
-  while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, false});
+  while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints mostly_far({}, {}, cloud);
   EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100).size(), 100u);
 }

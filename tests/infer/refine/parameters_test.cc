@@ -71,7 +71,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends

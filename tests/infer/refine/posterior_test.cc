@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <cmath>
 #include <vector>
 
 #include "core/random.h"
@@ -12,6 +13,14 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kShift = 0.7;
+
+/// Of all parameters: 1, but for silhouette shifts.
+Eigen::VectorXd PriorSigmas(const ParameterLayout& layout) {
+  Priors priors;
+  priors.offset = priors.gain = priors.size = priors.box = priors.yaw = 1;
+  priors.edge_shift = kShift;
+  return layout.PriorSigmas(priors, std::vector<double>(layout.sensors(), 1));
+}
 
 /// Random measurements of everything, and a prior of kShift px on silhouette shifts.
 NormalEquations RandomNormal(const ParameterLayout& layout) {
@@ -47,9 +56,9 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   const Eigen::VectorXd error = inverse * pull;
   const Eigen::MatrixXd widened = inverse + error * error.transpose();
   std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
-  const Posterior asked = ComputePosterior(normal, layout, constant, kShift);
+  const Posterior asked = ComputePosterior(normal, layout, constant, PriorSigmas(layout));
   constant[static_cast<std::size_t>(layout.Size())] = 1;
-  const Posterior not_asked = ComputePosterior(normal, layout, constant, kShift);
+  const Posterior not_asked = ComputePosterior(normal, layout, constant, PriorSigmas(layout));
   const Eigen::VectorXd step = inverse * normal.gradient;
   for (Eigen::Index r = 0; r < layout.size(); ++r) {
     for (Eigen::Index c = 0; c < layout.size(); ++c) {
@@ -66,12 +75,35 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   }
 }
 
+TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {
+  const ParameterLayout layout(2, 1);
+  const Eigen::VectorXd sigmas = PriorSigmas(layout);
+  const std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
+  NormalEquations normal;
+  normal.information = 100 * Eigen::MatrixXd::Identity(layout.size(), layout.size());
+  normal.gradient = Eigen::VectorXd::Zero(layout.size());
+  EXPECT_TRUE(ComputePosterior(normal, layout, constant, sigmas).exact);
+  // Neither measured nor even held by its prior; and not a number.
+  for (const double nothing : {0.0, std::nan("")}) {
+    NormalEquations singular = normal;
+    singular.information(layout.Offset(0), layout.Offset(0)) = nothing;
+    singular.information(layout.Pose(1) + 2, layout.Pose(1) + 2) = nothing;
+    const Posterior posterior = ComputePosterior(singular, layout, constant, sigmas);
+    EXPECT_FALSE(posterior.exact);
+    ASSERT_TRUE(posterior.covariance.allFinite());
+    EXPECT_NEAR(posterior.Sigma(layout.Offset(0)), 1, 1e-9);
+    EXPECT_NEAR(posterior.Sigma(layout.Pose(1) + 2), 1, 1e-9);
+    EXPECT_NEAR(posterior.Sigma(layout.Pose(0)), 0.1, 1e-9) << "what is known stays known";
+    EXPECT_TRUE(ConditionalPosterior(singular, constant, sigmas).covariance.allFinite());
+  }
+}
+
 TEST(ConditionalPosterior, KnowsWhatIsConstant) {
   const ParameterLayout layout(1, 1);
   const NormalEquations normal = RandomNormal(layout);
   std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
   constant[2] = constant[9] = 1;
-  const Posterior posterior = ConditionalPosterior(normal, constant);
+  const Posterior posterior = ConditionalPosterior(normal, constant, PriorSigmas(layout));
   // The inverse of what is left when the rows and columns of the constant ones are struck out.
   std::vector<Eigen::Index> rest;
   for (Eigen::Index k = 0; k < layout.size(); ++k) {

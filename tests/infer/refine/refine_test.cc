@@ -25,7 +25,7 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
@@ -63,7 +63,7 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      sensors.push_back({&points[i], start, start, i != lost});
+      sensors.push_back({&points[i], start, start, start, i != lost});
     }
     const RefineResult result = Refine(rig.structure, sensors, {});
     const PoseError error =
@@ -88,7 +88,8 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
        {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(-0.02, 0.02, 0)}) {
     Pose start = truth;
     start.translation() += shift;
-    const RefineResult result = Refine(rig.structure, {{&points[0], start, start, true}}, {});
+    const RefineResult result =
+        Refine(rig.structure, {{&points[0], start, start, start, true}}, {});
     const PoseError error = ComparePoses(result.sensors[0].structure_from_sensor, truth);
     // Half a pixel of silhouette.
     EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
@@ -106,7 +107,7 @@ TEST(Refine, FindsADepthOffset) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -131,16 +132,16 @@ TEST(Refine, NeverWorse) {
   std::vector<SensorPoints> points = PointsOf(rig);
   // What the solution sees is 2 cm off; what it is judged by is not.
   for (SidePoint& point : points[0].side_points) {
-    if (!point.held_out) point.p.z() += 0.02;
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
   }
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(rig.structure, sensors, {});
   EXPECT_FALSE(result.sensors[0].accepted);
-  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].initial, 1e-12));
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
   EXPECT_DOUBLE_EQ(result.sensors[0].held_out_after, result.sensors[0].held_out_before);
   // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
   EXPECT_GT((result.sensors[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
@@ -150,6 +151,128 @@ TEST(Refine, NeverWorse) {
   EXPECT_LT(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
                 .translation_m,
             2e-3);
+}
+
+TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (SidePoint& point : points[0].side_points) {
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
+  }
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose& truth = *rig.frames[i].ground_truth;
+    sensors.push_back({&points[i], truth, truth, truth, true});
+  }
+  // It has to beat the truth and falls back to 15 mm nearer to the structure.
+  const Pose& truth = sensors[0].to_beat;
+  sensors[0].fallback.translation() += 0.015 * truth.linear().col(2);
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  ASSERT_FALSE(result.sensors[0].accepted);
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
+  // What it says of its uncertainty reaches from there to the refused pose, 2 cm behind the truth.
+  const Eigen::Vector3d along = truth.linear().col(2);
+  const double sigma =
+      std::sqrt(along.dot(result.sensors[0].covariance.topLeftCorner<3, 3>() * along));
+  EXPECT_GT(sigma, 0.025);
+  // Its neighbour sees the same sides 15 mm off.
+  ASSERT_EQ(result.pairs.size(), 1u);
+  EXPECT_GT(result.pairs[0].rms, 0.005);
+}
+
+TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  sensors[0].start.translation().x() = std::nan("");
+  const RefineResult result = Refine(rig.structure, sensors, {});
+  EXPECT_FALSE(result.sensors[0].accepted);
+  EXPECT_NE(result.sensors[0].problem, "");
+  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
+  EXPECT_TRUE(result.sensors[0].covariance.allFinite());
+  EXPECT_GT(std::sqrt(result.sensors[0].covariance(0, 0)), 0.1) << "nothing is known of it";
+  EXPECT_TRUE(result.sensors[1].accepted);
+  EXPECT_EQ(result.sensors[1].problem, "");
+  EXPECT_TRUE(result.sensors[1].covariance.allFinite());
+  EXPECT_FALSE(!(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
+                     .translation_m < 3e-3));
+}
+
+TEST(Refine, PointsThatAreNotFiniteAreNone) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (std::size_t k = 0; k < points[0].side_points.size(); k += 10)
+    points[0].side_points[k].p.z() = std::nan("");
+  const Pose start = Displaced(*rig.frames[0].ground_truth, 0.01, 0.5, 1);
+  const RefinedSensor sensor =
+      Refine(rig.structure, {{&points[0], start, start, start, true}}, {}).sensors[0];
+  EXPECT_TRUE(sensor.accepted);
+  EXPECT_FALSE(
+      !(ComparePoses(sensor.structure_from_sensor, *rig.frames[0].ground_truth).translation_m <
+        5e-3));
+}
+
+TEST(Refine, ASensorThatGoesBackPullsNoOther) {
+  // One that is refused, and whose boxes are not estimated, leaves the other as if it were alone.
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  std::vector<SensorPoints> points = PointsOf(rig);
+  for (SidePoint& point : points[0].side_points) {
+    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
+  }
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  RefineOptions options;
+  options.inner_iterations = 50;
+  options.estimate = "boxes";
+  options.choose_estimates = false;
+  const RefineResult both = Refine(rig.structure, sensors, options);
+  ASSERT_FALSE(both.sensors[0].accepted);
+  ASSERT_TRUE(both.sensors[1].accepted);
+  const RefineResult alone = Refine(rig.structure, {sensors[1]}, options);
+  const PoseError apart =
+      ComparePoses(both.sensors[1].structure_from_sensor, alone.sensors[0].structure_from_sensor);
+  EXPECT_FALSE(!(apart.translation_m < 3e-4)) << apart.translation_m;
+  EXPECT_FALSE(!(apart.rotation_deg < 0.01)) << apart.rotation_deg;
+}
+
+TEST(Refine, IsTheSameOnAnyNumberOfThreads) {
+  Rig rig = RingOfEight({true, 3.5});
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.02, 1, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  RefineOptions options;
+  options.threads = 1;
+  const RefineResult one = Refine(rig.structure, sensors, options);
+  options.threads = 2;
+  const RefineResult many = Refine(rig.structure, sensors, options);
+  for (std::size_t i = 0; i < 4; ++i) {
+    // Ceres adds up in another order.
+    EXPECT_LT((one.sensors[i].structure_from_sensor.matrix() -
+               many.sensors[i].structure_from_sensor.matrix())
+                  .cwiseAbs()
+                  .maxCoeff(),
+              1e-9);
+    EXPECT_TRUE(one.sensors[i].covariance.isApprox(many.sensors[i].covariance, 1e-6));
+    EXPECT_EQ(one.sensors[i].accepted, many.sensors[i].accepted);
+  }
+  EXPECT_EQ(one.size_estimated, many.size_estimated);
 }
 
 TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
@@ -175,7 +298,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, true});
+    sensors.push_back({&points[i], start, start, start, true});
   }
   const RefineResult result = Refine(nominal, sensors, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -225,6 +348,33 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_FALSE(sized.boxes[0].estimated);
 }
 
+TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(40));
+  rig.Add("B", RingPose(85));
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<RefineSensor> sensors;
+  for (std::size_t i = 0; i < 2; ++i) {
+    // As far off as some points are from their sides by one gate and not by the other.
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
+    sensors.push_back({&points[i], start, start, start, true});
+  }
+  RefineOptions options;
+  options.coarse = false;
+  options.fine_iterations = 1;
+  options.outer_iterations = 1;
+  const RefineResult one = Refine(rig.structure, sensors, options);
+  options.outer_iterations = 5;
+  const RefineResult five = Refine(rig.structure, sensors, options);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(one.sensors[i].structure_from_sensor.matrix(),
+              five.sensors[i].structure_from_sensor.matrix());
+  }
+  ASSERT_EQ(one.pairs.size(), five.pairs.size());
+  for (std::size_t k = 0; k < one.pairs.size(); ++k)
+    EXPECT_EQ(one.pairs[k].overlap, five.pairs[k].overlap);
+}
+
 TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(90, 2.0, 0.35));
@@ -233,7 +383,7 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   }
   const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
-  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, true}}, {});
+  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, truth, true}}, {});
   for (const RefinedBox& box : result.boxes) EXPECT_FALSE(box.estimated);
   EXPECT_FALSE(result.size_estimated);
 }
@@ -277,47 +427,86 @@ Image<float> SmoothError(int width, int height, double length, RandomStream& ran
   return field;
 }
 
-TEST(Refine, CovarianceCoversSmoothDepthErrors) {
-  // Fresh smooth errors of 4 mm, 20 px long, in each of 40 frames from all around; a design that
-  // takes pixels for independent measurements covers a quarter of what it should.
-  Rig rig{PaperStructure(), {}, {}};
-  constexpr int kFrames = 40;
-  for (int i = 0; i < kFrames; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(9.0 * i), {true, 3.5});
-  int in68 = 0, in95 = 0;
+/// How often the intervals of refined poses hold the truth.
+struct Coverage {
+  double share68 = 0, share95 = 0;  // of all six numbers of all poses
+  double misfit = 0;  // mean square of the errors in units of the covariance, by number
+};
+
+constexpr int kFrames = 40;
+
+/// Poses of single sensors all around, each with fresh smooth depth errors of 4 mm, 20 px long.
+/// With `build_and_depth`, each also sees another build and measures with another offset and gain,
+/// drawn from their priors, and estimates what it can.
+Coverage CoverSmoothErrors(bool build_and_depth) {
+  const Structure nominal = PaperStructure();
+  RefineOptions options;
+  options.max_overlap_points = 0;
+  if (!build_and_depth) {
+    options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
+    options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
+  }
+  Coverage coverage;
   for (int i = 0; i < kFrames; ++i) {
     const auto index = static_cast<std::size_t>(i);
     RandomStream random(7, index, "smooth error");
-    DepthImage& depth = rig.frames[index].depth;
-    const Image<float> error = SmoothError(depth.width(), depth.height(), 20, random);
-    for (std::size_t k = 0; k < depth.size(); ++k) {
-      if (depth[k] > 0) depth[k] += 0.004f * error[k];
+    const double size = 1 + random.Normal() * options.size_sigma_percent / 100;
+    std::vector<Pose> offsets;
+    for (const Box& box : nominal.boxes()) {
+      const Eigen::Vector3d centre = box.structure_from_box.translation();
+      Pose offset = Pose::Identity();
+      offset.linear() = RotationExp({0, random.Normal() * options.box_sigma_deg * M_PI / 180, 0});
+      offset.translation() = centre - offset.linear() * centre +
+                             Eigen::Vector3d(random.Normal() * options.box_sigma_m,
+                                             (size - 1) * (centre.y() - nominal.FloorHeight()),
+                                             random.Normal() * options.box_sigma_m);
+      offsets.push_back(offset);
     }
-  }
-  const std::vector<SensorPoints> points = PointsOf(rig);
-  RefineOptions options;
-  options.max_overlap_points = 0;
-  options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
-  options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Pose& truth = *rig.frames[i].ground_truth;
-    const Pose start = Displaced(truth, 0.01, 0.5, i);
+    Rig rig{nominal.Displaced(offsets, size), {}, {}};
+    rig.Add("S", RingPose(9.0 * i), {true, 3.5});
+    DepthImage& depth = rig.frames[0].depth;
+    const Image<float> error = SmoothError(depth.width(), depth.height(), 20, random);
+    const double gain = 1 + random.Normal() * options.depth_gain_sigma_percent / 100;
+    const double shift = random.Normal() * options.depth_offset_sigma_m;
+    for (std::size_t k = 0; k < depth.size(); ++k) {
+      if (depth[k] > 0)
+        depth[k] = static_cast<float>(depth[k] * gain + shift + 0.004 * double(error[k]));
+    }
+    const std::vector<SensorPoints> points = PointsOf(rig);
+    const Pose& truth = *rig.frames[0].ground_truth;
+    const Pose start = Displaced(truth, 0.01, 0.5, index);
     const RefinedSensor sensor =
-        Refine(rig.structure, {{&points[i], start, start, true}}, options).sensors[0];
+        Refine(nominal, {{&points[0], start, start, start, true}}, options).sensors[0];
     EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
-    EXPECT_EQ(Eigen::LLT<Matrix6d>(sensor.covariance).info(), Eigen::Success);
+    const Eigen::LLT<Matrix6d> root(sensor.covariance);
+    EXPECT_EQ(root.info(), Eigen::Success);
     const Pose difference = truth * sensor.structure_from_sensor.inverse();
     Vector6d delta;
     delta << difference.translation(), RotationLog(difference.linear());
     for (int k = 0; k < 6; ++k) {
       const double z = std::abs(delta[k]) / std::sqrt(sensor.covariance(k, k));
-      in68 += z <= 1;
-      in95 += z <= 1.96;
+      coverage.share68 += (z <= 1) / (6.0 * kFrames);
+      coverage.share95 += (z <= 1.96) / (6.0 * kFrames);
     }
+    coverage.misfit += delta.dot(root.solve(delta)) / (6.0 * kFrames);
   }
-  const double share68 = in68 / (6.0 * kFrames), share95 = in95 / (6.0 * kFrames);
-  EXPECT_FALSE(!(share68 > 0.55 && share68 < 0.85)) << share68;
-  EXPECT_FALSE(!(share95 > 0.85)) << share95;
+  return coverage;
+}
+
+// A pose's six numbers are worth about three independent ones here, so that a share p of 240 strays
+// by sqrt(p (1 - p) / 120): 4 % for 68 %, 2 % for 95 %. Limits are two and a half of that.
+TEST(Refine, CovarianceCoversSmoothDepthErrors) {
+  const Coverage coverage = CoverSmoothErrors(false);
+  EXPECT_FALSE(!(coverage.share68 > 0.58 && coverage.share68 < 0.79)) << coverage.share68;
+  EXPECT_FALSE(!(coverage.share95 > 0.90 && coverage.share95 < 0.995)) << coverage.share95;
+  EXPECT_FALSE(!(coverage.misfit > 0.7 && coverage.misfit < 1.4)) << coverage.misfit;
+}
+
+TEST(Refine, CovarianceCoversBuildAndDepthErrorsWithEstimates) {
+  const Coverage coverage = CoverSmoothErrors(true);
+  EXPECT_FALSE(!(coverage.share68 > 0.58 && coverage.share68 < 0.79)) << coverage.share68;
+  EXPECT_FALSE(!(coverage.share95 > 0.90 && coverage.share95 < 0.995)) << coverage.share95;
+  EXPECT_FALSE(!(coverage.misfit > 0.7 && coverage.misfit < 1.4)) << coverage.misfit;
 }
 
 }  // namespace
