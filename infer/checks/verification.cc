@@ -6,6 +6,7 @@
 #include <string>
 
 #include "infer/checks/hints.h"
+#include "infer/pose/sides_fix_pose.h"
 
 namespace volalign {
 
