@@ -7,8 +7,8 @@ source cmake/packages.sh
 
 out=${1:-out/quickstart}
 install_packages "${VOLALIGN_BUILD_PACKAGES[@]}"
-build_preset quickstart volalign
-volalign=build/quickstart/cli/volalign
+build_preset release volalign
+volalign=build/release/cli/volalign
 
 "$volalign" render --rig configs/rig_ring8.yaml -o "$out/capture"
 "$volalign" calibrate --capture "$out/capture/capture.json" --model models/m05-lite.pt -o "$out/calibration"

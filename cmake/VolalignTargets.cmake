@@ -3,7 +3,7 @@ add_library(volalign_options INTERFACE)
 target_compile_options(volalign_options INTERFACE
   -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-unknown-pragmas
   # GCC 12 reports both inside Eigen's vectorised code, where they are wrong.
-  -Wno-array-bounds -Wno-maybe-uninitialized)
+  -Wno-array-bounds $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
   # SSE4.2 and no AVX: with AVX, Eigen allocates 32-byte aligned blocks by a scheme of its own, and Debian's Ceres, which
   # shares Eigen's inline functions with us at run time, would free them with plain free().
@@ -13,7 +13,9 @@ endif()
 # machine.
 target_compile_options(volalign_options INTERFACE -ffp-contract=off)
 if(VOLALIGN_ASAN)
-  target_compile_options(volalign_options INTERFACE -fsanitize=address,undefined -fno-omit-frame-pointer)
+  # Without -fno-sanitize-recover a test that meets undefined behaviour prints a line and passes.
+  target_compile_options(volalign_options INTERFACE
+    -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(volalign_options INTERFACE -fsanitize=address,undefined)
 endif()
 target_include_directories(volalign_options INTERFACE "${PROJECT_SOURCE_DIR}")
@@ -26,15 +28,29 @@ function(volalign_library name)
   target_link_libraries(volalign_${name} PUBLIC volalign_options ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
 endfunction()
 
-# volalign_test(PATH [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/PATH_test.cc as the test PATH.
+# volalign_test(PATH [SLOW] [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/PATH_test.cc as the test PATH.
+# Its label is `quick`, or `slow` with SLOW: over half a minute under the sanitizers, or built from more than its own module.
+# The target quick_tests_MODULE builds the quick tests of a top-level folder.
 function(volalign_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
   string(REPLACE "/" "_" target "${name}_test")
   add_executable(${target} "${PROJECT_SOURCE_DIR}/tests/${name}_test.cc" ${ARG_SOURCES})
   target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} volalign_test_main)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
+  if(VOLALIGN_ASAN)
+    math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
+  endif()
   add_test(NAME ${name} COMMAND ${target} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS quick)
+  if(ARG_SLOW)
+    set_tests_properties(${name} PROPERTIES LABELS slow)
+  else()
+    string(REGEX REPLACE "/.*" "" module "${name}")
+    if(NOT TARGET quick_tests_${module})
+      add_custom_target(quick_tests_${module})
+    endif()
+    add_dependencies(quick_tests_${module} ${target})
+  endif()
 endfunction()

@@ -1,4 +1,5 @@
-# Sourced by quickstart.sh and test.sh: the Debian 12 packages that volalign is built from.
+# Sourced by the scripts that build (quickstart.sh, test.sh, tests/sanitize.sh, tests/tidy.sh): the Debian 12 packages that
+# volalign is built from, and how a preset is built.
 
 VOLALIGN_BUILD_PACKAGES=(
   g++ cmake ninja-build pkg-config
@@ -8,7 +9,10 @@ VOLALIGN_BUILD_PACKAGES=(
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
   libcli11-dev libfmt-dev
 )
-VOLALIGN_TEST_PACKAGES=(libgtest-dev python3-torch)
+VOLALIGN_TEST_PACKAGES=(libgtest-dev python3 python3-torch)
+# llvm-14 has the symbolizer, which names the functions in a sanitizer's report.
+VOLALIGN_SANITIZER_PACKAGES=(clang-14 libclang-rt-14-dev llvm-14)
+VOLALIGN_TIDY_PACKAGES=(clang-14 clang-tidy-14)
 
 # install_packages NAME...: installs what is missing, as root or through sudo; names what cannot be had.
 install_packages() {
@@ -41,12 +45,21 @@ install_packages() {
   rm -f "$log"
 }
 
-# build_preset NAME TARGET...: configures once and builds; a second run has nothing to do.
+# build_preset NAME [-DOPTION=VALUE ...] TARGET...: configures (a few seconds where nothing changed) and builds. Options stay
+# as they were set last in the preset's build folder, so that quickstart.sh and test.sh share one.
 build_preset() {
-  local preset=$1
+  local preset=$1 options=()
   shift
-  [ -f "build/$preset/build.ninja" ] || cmake --preset "$preset" >"build-$preset.log" 2>&1 ||
-    { tail -n 20 "build-$preset.log" >&2; echo "error: cmake --preset $preset failed; the log is build-$preset.log" >&2; return 1; }
-  rm -f "build-$preset.log"
+  while [[ "${1:-}" == -D* ]]; do
+    options+=("$1")
+    shift
+  done
+  local log=build-$preset.log
+  if ! cmake --preset "$preset" "${options[@]}" >"$log" 2>&1; then
+    tail -n 20 "$log" >&2
+    echo "error: cmake --preset $preset failed; the log is $log" >&2
+    return 1
+  fi
+  rm -f "$log"
   cmake --build --preset "$preset" --target "$@"
 }

@@ -3,9 +3,13 @@
 #include <ATen/core/ivalue.h>
 #include <ATen/ops/isfinite.h>
 #include <c10/core/GradMode.h>
+#include <caffe2/serialize/inline_container.h>
 #include <fmt/format.h>
+#include <torch/csrc/jit/serialization/import_read.h>
 #include <torch/csrc/jit/serialization/pickle.h>
 
+#include <cstring>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -27,6 +31,28 @@ std::string Digest(const TensorFile& file) {
                     fmt::join(tensor.sizes().begin(), tensor.sizes().end(), ","), Sha256(bytes));
   }
   return Sha256(hashes);
+}
+
+/// A file's bytes for LibTorch's zip reader. In a file that ends in no archive the reader looks for
+/// one before the first byte, and torch::jit::pickle_load, which checks no position, reads there.
+class BoundedReader : public caffe2::serialize::ReadAdapterInterface {
+ public:
+  explicit BoundedReader(const std::string& bytes) : bytes_(bytes) {}
+  std::size_t size() const override { return bytes_.size(); }
+  std::size_t read(std::uint64_t pos, void* buffer, std::size_t n, const char*) const override {
+    if (pos > bytes_.size() || n > bytes_.size() - pos) return 0;
+    std::memcpy(buffer, bytes_.data() + pos, n);
+    return n;
+  }
+
+ private:
+  const std::string& bytes_;
+};
+
+c10::IValue Unpickle(const std::string& bytes) {
+  caffe2::serialize::PyTorchStreamReader reader(std::make_shared<BoundedReader>(bytes));
+  return torch::jit::readArchiveAndTensors("data", "", "", c10::nullopt, c10::nullopt, c10::nullopt,
+                                           reader);
 }
 
 /// A pickle may claim any size and stride over a storage; look at the memory only after this.
@@ -157,8 +183,7 @@ TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& 
   TensorFile file;
   std::string digest;
   try {
-    const c10::IValue value =
-        torch::jit::pickle_load(std::vector<char>(content.begin(), content.end()));
+    const c10::IValue value = Unpickle(content);
     const auto dict = value.toGenericDict();
     file.format = dict.at("format").toStringRef();
     if (file.format != format) throw foreign(fmt::format("its format is '{}'", file.format));

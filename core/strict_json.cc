@@ -7,10 +7,28 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "core/json_archive.h"
 
 namespace volalign {
 
 using Json = nlohmann::json;
+
+namespace {
+
+[[noreturn]] void Fail(const Json& value, const std::string& place, const char* expected) {
+  throw DataError(fmt::format("{} = {} is not {}", place, value.dump(), expected));
+}
+
+template <class T>
+std::vector<T> ReadList(const Json& list, const std::string& place) {
+  std::vector<T> items(list.size());
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    ReadJsonValue(list[i], fmt::format("{}[{}]", place, i), &items[i]);
+  }
+  return items;
+}
+
+}  // namespace
 
 Json ParseStrictJson(const std::string& text, const std::string& name) {
   std::vector<std::set<std::string>> open;
@@ -53,6 +71,33 @@ Json ParseStrictJson(const std::string& text, const std::string& name) {
   return document;
 }
 
+void ReadJsonValue(const Json& json, const std::string& place, bool* value) {
+  if (!json.is_boolean()) Fail(json, place, "true or false");
+  *value = json.get<bool>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, int* value) {
+  double number = 0;
+  ReadJsonValue(json, place, &number);
+  if (number != std::floor(number) || std::abs(number) > 1e9) Fail(json, place, "a whole number");
+  *value = static_cast<int>(number);
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, std::uint64_t* value) {
+  if (!json.is_number_unsigned()) Fail(json, place, "a whole number of 0 or more");
+  *value = json.get<std::uint64_t>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, double* value) {
+  if (!json.is_number() || !std::isfinite(json.get<double>())) Fail(json, place, "a finite number");
+  *value = json.get<double>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, std::string* value) {
+  if (!json.is_string()) Fail(json, place, "a string");
+  *value = json.get<std::string>();
+}
+
 JsonObject::JsonObject(const Json& value, std::string where)
     : value_(&value), document_(where), where_(std::move(where)) {
   if (!value.is_object()) {
@@ -66,11 +111,6 @@ const std::string& JsonObject::Renamed(const std::string& part) const {
   return where_;
 }
 
-void JsonObject::Fail(const std::string& key, const char* expected) const {
-  throw DataError(
-      fmt::format("{}: {} = {} is not {}", where_, key, value_->at(key).dump(), expected));
-}
-
 bool JsonObject::Has(const std::string& key) const {
   known_.insert(key);
   return value_->contains(key);
@@ -81,80 +121,46 @@ const Json& JsonObject::Get(const std::string& key) const {
   return (*value_)[key];
 }
 
-std::string JsonObject::Text(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_string()) Fail(key, "a string");
-  return value.get<std::string>();
-}
+std::string JsonObject::Text(const std::string& key) const { return Value<std::string>(key); }
 
-double JsonObject::Number(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_number() || !std::isfinite(value.get<double>())) Fail(key, "a finite number");
-  return value.get<double>();
-}
+double JsonObject::Number(const std::string& key) const { return Value<double>(key); }
 
-int JsonObject::Int(const std::string& key) const {
-  const double number = Number(key);
-  if (number != std::floor(number) || std::abs(number) > 1e9) Fail(key, "a whole number");
-  return static_cast<int>(number);
-}
+int JsonObject::Int(const std::string& key) const { return Value<int>(key); }
 
-bool JsonObject::Bool(const std::string& key) const {
+bool JsonObject::Bool(const std::string& key) const { return Value<bool>(key); }
+
+const Json& JsonObject::List(const std::string& key, const char* what) const {
   const Json& value = Get(key);
-  if (!value.is_boolean()) Fail(key, "true or false");
-  return value.get<bool>();
+  if (!value.is_array()) Fail(value, Place(key), what);
+  return value;
 }
 
 std::vector<double> JsonObject::Numbers(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_array()) Fail(key, "a list of numbers");
-  std::vector<double> numbers;
-  for (const Json& item : value) {
-    if (!item.is_number() || !std::isfinite(item.get<double>()))
-      Fail(key, "a list of finite numbers");
-    numbers.push_back(item.get<double>());
-  }
-  return numbers;
+  return ReadList<double>(List(key, "a list of numbers"), Place(key));
 }
 
 std::vector<std::string> JsonObject::Texts(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_array()) Fail(key, "a list of strings");
-  std::vector<std::string> texts;
-  for (const Json& item : value) {
-    if (!item.is_string()) Fail(key, "a list of strings");
-    texts.push_back(item.get<std::string>());
-  }
-  return texts;
+  return ReadList<std::string>(List(key, "a list of strings"), Place(key));
 }
 
 std::vector<std::vector<double>> JsonObject::Matrix(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_array()) Fail(key, "a list of rows of numbers");
   std::vector<std::vector<double>> rows;
-  for (const Json& row : value) {
-    if (!row.is_array()) Fail(key, "a list of rows of numbers");
-    rows.emplace_back();
-    for (const Json& item : row) {
-      if (!item.is_number() || !std::isfinite(item.get<double>()))
-        Fail(key, "a matrix of finite numbers");
-      rows.back().push_back(item.get<double>());
-    }
+  for (const Json& row : List(key, "a list of rows of numbers")) {
+    if (!row.is_array()) Fail(row, Place(key), "a row of numbers");
+    rows.push_back(ReadList<double>(row, Place(key)));
   }
   return rows;
 }
 
 JsonObject JsonObject::Child(const std::string& key) const {
-  JsonObject child(Get(key), where_ + ": " + key);
-  return child;
+  return JsonObject(Get(key), Place(key));
 }
 
 std::vector<JsonObject> JsonObject::Children(const std::string& key) const {
-  const Json& value = Get(key);
-  if (!value.is_array()) Fail(key, "a list of objects");
+  const Json& value = List(key, "a list of objects");
   std::vector<JsonObject> children;
   for (std::size_t i = 0; i < value.size(); ++i) {
-    children.emplace_back(value[i], fmt::format("{}: {}[{}]", where_, key, i));
+    children.emplace_back(value[i], fmt::format("{}[{}]", Place(key), i));
     children.back().document_ = where_;
   }
   return children;
@@ -177,18 +183,6 @@ void JsonObject::RejectOthers() const {
   }
 }
 
-Intrinsics ParseIntrinsics(const JsonObject& object) {
-  Intrinsics intrinsics;
-  intrinsics.width = object.Int("width");
-  intrinsics.height = object.Int("height");
-  intrinsics.fx = object.Number("fx");
-  intrinsics.fy = object.Number("fy");
-  intrinsics.cx = object.Number("cx");
-  intrinsics.cy = object.Number("cy");
-  if (object.Has("distortion")) intrinsics.distortion = object.Numbers("distortion");
-  object.RejectOthers();
-  intrinsics.Validate(object.where());
-  return intrinsics;
-}
+Intrinsics ParseIntrinsics(const JsonObject& object) { return ReadDescribed<Intrinsics>(object); }
 
 }  // namespace volalign

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -10,9 +11,16 @@
 namespace volalign {
 
 /// Parses JSON; throws DataError in one line, with `name` and the position, for a syntax error (NaN
-/// is one), a duplicate key or a null anywhere: a key without a value has to be absent (design
-/// section 9).
+/// is one), a duplicate key or a null anywhere: a key without a value has to be absent.
 nlohmann::json ParseStrictJson(const std::string& text, const std::string& name);
+
+/// Read one value. `place` says where it stands ("capture.json: sensors[0]: depth_scale"). Throw
+/// DataError with the place, the value and what was expected. An int may be written as 3.0.
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, bool* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, int* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::uint64_t* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, double* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::string* value);
 
 /// A JSON object that remembers which keys were asked for. Everything throws DataError, which says
 /// where and what was expected. The document must outlive it.
@@ -22,6 +30,8 @@ class JsonObject {
   JsonObject(const nlohmann::json& value, std::string where);
 
   const std::string& where() const { return where_; }
+  /// Of a key's value, for messages.
+  std::string Place(const std::string& key) const { return where_ + ": " + key; }
   /// Replaces the part after the document's name in later messages by something more telling;
   /// returns where().
   const std::string& Renamed(const std::string& part) const;
@@ -37,14 +47,21 @@ class JsonObject {
   std::vector<std::vector<double>> Matrix(const std::string& key) const;
   JsonObject Child(const std::string& key) const;
   std::vector<JsonObject> Children(const std::string& key) const;
-  /// Keys in the document's order.
+  /// Keys in alphabetical order: the parser does not keep the document's.
   std::vector<std::string> Keys() const;
 
   /// Throws for the first key that was neither asked for nor tested, with the nearest known one.
   void RejectOthers() const;
 
  private:
-  [[noreturn]] void Fail(const std::string& key, const char* expected) const;
+  template <class T>
+  T Value(const std::string& key) const {
+    T value{};
+    ReadJsonValue(Get(key), Place(key), &value);
+    return value;
+  }
+  /// The value of `key`, which has to be a list of `what`.
+  const nlohmann::json& List(const std::string& key, const char* what) const;
 
   const nlohmann::json* value_;
   std::string document_;

@@ -19,7 +19,7 @@ namespace volalign {
 
 /// One sensor's outcome. Failed: code, reason and hint, no pose. Weak: a pose,
 /// and what to be wary of.
-struct SensorResult {
+struct SensorOutcome {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
   SensorCode code = SensorCode::kNone;
@@ -46,11 +46,15 @@ struct SensorResult {
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;
-  SegmentationResult segmentation;  ///< full size
-  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 
   Eigen::Vector3d sigma_translation_m() const { return SigmaTranslation(covariance); }
   Eigen::Vector3d sigma_rotation_deg() const { return SigmaRotationDeg(covariance); }
+};
+
+/// The outcome with the images that it comes from.
+struct SensorResult : SensorOutcome {
+  SegmentationResult segmentation;  ///< full size
+  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
 };
 
 struct PairResult {

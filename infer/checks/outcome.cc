@@ -14,6 +14,10 @@ const char* ToString(SensorStatus status) {
   return "failed";
 }
 
+std::vector<SensorStatus> AllOf(SensorStatus) {
+  return {SensorStatus::kOk, SensorStatus::kWeak, SensorStatus::kFailed};
+}
+
 const char* ToString(SensorCode code) {
   switch (code) {
     case SensorCode::kNone:
@@ -54,6 +58,14 @@ const char* ToString(SensorCode code) {
       return "uncertain";
   }
   return "";
+}
+
+std::vector<SensorCode> AllOf(SensorCode) {
+  std::vector<SensorCode> codes;
+  for (int code = 0; code <= static_cast<int>(SensorCode::kUncertain); ++code) {
+    codes.push_back(static_cast<SensorCode>(code));
+  }
+  return codes;
 }
 
 }  // namespace volalign

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace volalign {
 
 enum class SensorStatus { kOk, kWeak, kFailed };
 const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
+std::vector<SensorStatus> AllOf(SensorStatus);
 
 /// Why a sensor is failed or weak.
 enum class SensorCode {
@@ -33,6 +35,7 @@ enum class SensorCode {
 };
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);
+std::vector<SensorCode> AllOf(SensorCode);
 
 /// Why a sensor has no pose, or what to be wary of in one that has.
 struct Finding {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -11,6 +10,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/statistics.h"
 #include "core/strict_json.h"
 
 namespace volalign {
@@ -41,76 +41,96 @@ Image16 MedianOfFrames(const std::vector<Image16>& frames) {
     for (const Image16& frame : frames) {
       if (frame[i] > 0) values.push_back(frame[i]);
     }
-    if (values.empty()) continue;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    median[i] = *middle;
+    median[i] = Quantile(values, 0.5);
   }
   return median;
+}
+
+std::string ParseName(const JsonObject& object) {
+  const std::string name = object.Text("name");
+  const bool plain = !name.empty() && name != "." && name != ".." && name != "overview" &&
+                     name != "merged" && name.find_first_of("/\\") == std::string::npos;
+  if (!plain) {
+    throw DataError(
+        fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
+                    "use another plain word",
+                    object.where(), name));
+  }
+  return name;
+}
+
+std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
+  if (object.Get("depth").is_string()) return {object.Text("depth")};
+  const std::vector<std::string> files = object.Texts("depth");
+  if (files.empty()) {
+    throw DataError(
+        fmt::format("{}: depth is an empty list; name at least one depth file", object.where()));
+  }
+  return files;
+}
+
+double ParseDepthScale(const JsonObject& object, std::optional<double> common_scale) {
+  if (!object.Has("depth_scale") && !common_scale) {
+    throw DataError(fmt::format(
+        "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
+        object.where()));
+  }
+  const double scale = object.Has("depth_scale") ? object.Number("depth_scale") : *common_scale;
+  if (!(scale > 0)) {
+    throw DataError(
+        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), scale));
+  }
+  return scale;
+}
+
+/// One depth file of a sensor, of its intrinsics' size.
+Image16 ReadFrame(const std::filesystem::path& path, const Intrinsics& intrinsics,
+                  const std::string& where) {
+  Image16 image;
+  try {
+    image = ReadDepthFile(path);
+  } catch (const IoError& error) {
+    throw IoError(fmt::format("{}: {}", where, error.what()));
+  } catch (const DataError& error) {
+    throw DataError(fmt::format("{}: {}", where, error.what()));
+  }
+  if (image.width() != intrinsics.width || image.height() != intrinsics.height) {
+    throw DataError(fmt::format(
+        "{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution", where,
+        path.string(), image.width(), image.height(), intrinsics.width, intrinsics.height));
+  }
+  return image;
 }
 
 SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& folder,
                         std::optional<double> common_scale) {
   SensorFrame frame;
-  frame.name = object.Text("name");
-  const bool plain = !frame.name.empty() && frame.name != "." && frame.name != ".." &&
-                     frame.name != "overview" && frame.name != "merged" &&
-                     frame.name.find_first_of("/\\") == std::string::npos;
-  if (!plain) {
-    throw DataError(
-        fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
-                    "use another plain word",
-                    object.where(), frame.name));
-  }
+  frame.name = ParseName(object);
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
-
-  const Json& depth = object.Get("depth");
-  if (depth.is_string()) {
-    frame.depth_files = {depth.get<std::string>()};
-  } else {
-    frame.depth_files = object.Texts("depth");
-  }
-  if (frame.depth_files.empty()) {
-    throw DataError(fmt::format("{}: depth is an empty list; name at least one depth file", where));
-  }
+  frame.depth_files = ParseDepthFiles(object);
   frame.intrinsics = ParseIntrinsics(object.Child("intrinsics"));
   frame.quarter_turns = ParseTurns(object);
   if (object.Has("serial")) frame.serial = object.Text("serial");
-  if (object.Has("depth_scale")) {
-    frame.depth_scale = object.Number("depth_scale");
-  } else if (common_scale) {
-    frame.depth_scale = *common_scale;
-  } else {
-    throw DataError(fmt::format(
-        "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
-        where));
-  }
-  if (!(frame.depth_scale > 0)) {
-    throw DataError(
-        fmt::format("{}: depth_scale = {} violates depth_scale > 0", where, frame.depth_scale));
-  }
+  frame.depth_scale = ParseDepthScale(object, common_scale);
   object.RejectOthers();
 
   std::vector<Image16> images;
   for (const std::string& file : frame.depth_files) {
-    const std::filesystem::path path = folder / file;
-    try {
-      images.push_back(ReadDepthFile(path));
-    } catch (const IoError& error) {
-      throw IoError(fmt::format("{}: {}", where, error.what()));
-    } catch (const DataError& error) {
-      throw DataError(fmt::format("{}: {}", where, error.what()));
-    }
-    const Image16& image = images.back();
-    if (image.width() != frame.intrinsics.width || image.height() != frame.intrinsics.height) {
-      throw DataError(fmt::format(
-          "{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution", where,
-          path.string(), image.width(), image.height(), frame.intrinsics.width,
-          frame.intrinsics.height));
-    }
+    images.push_back(ReadFrame(folder / file, frame.intrinsics, where));
   }
   frame.depth = ToMetres(MedianOfFrames(images), frame.depth_scale);
   return frame;
+}
+
+/// Gives the sensors the poses that `truth` has for them.
+void ParseGroundTruth(const JsonObject& truth, const std::string& name,
+                      std::vector<SensorFrame>* sensors) {
+  for (SensorFrame& frame : *sensors) {
+    if (!truth.Has(frame.name)) continue;
+    frame.ground_truth = PoseFromRows(truth.Matrix(frame.name),
+                                      fmt::format("{}: ground_truth of \"{}\"", name, frame.name));
+  }
+  truth.RejectOthers();
 }
 
 }  // namespace
@@ -144,13 +164,7 @@ Capture ReadCapture(const std::filesystem::path& path) {
     throw DataError(fmt::format("{}: sensors is empty; list at least one sensor", name));
   }
   if (root.Has("ground_truth")) {
-    const JsonObject truth = root.Child("ground_truth");
-    for (SensorFrame& frame : capture.sensors) {
-      if (!truth.Has(frame.name)) continue;
-      frame.ground_truth = PoseFromRows(
-          truth.Matrix(frame.name), fmt::format("{}: ground_truth of \"{}\"", name, frame.name));
-    }
-    truth.RejectOthers();
+    ParseGroundTruth(root.Child("ground_truth"), name, &capture.sensors);
   }
   root.RejectOthers();
   return capture;

@@ -9,7 +9,7 @@
 
 namespace volalign {
 
-/// A capture.json (design section 9) with its images.
+/// A capture.json (docs/formats.md) with its images.
 struct Capture {
   std::filesystem::path path;
   std::vector<SensorFrame> sensors;

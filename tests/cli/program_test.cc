@@ -196,9 +196,9 @@ TEST_F(Program, ASensorThatFailsGivesStatus2) {
       Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
   const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
-  EXPECT_EQ(extrinsics.sensors[0].status == "failed", false);
-  EXPECT_EQ(extrinsics.sensors[1].status, "failed");
-  EXPECT_EQ(extrinsics.sensors[1].code, "no_depth");
+  EXPECT_NE(extrinsics.sensors[0].status, SensorStatus::kFailed);
+  EXPECT_EQ(extrinsics.sensors[1].status, SensorStatus::kFailed);
+  EXPECT_EQ(extrinsics.sensors[1].code, SensorCode::kNoDepth);
 }
 
 TEST_F(Program, BadCapturesAreOneLineErrors) {

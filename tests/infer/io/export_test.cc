@@ -60,40 +60,48 @@ TempFolder* ExportTest::folder_ = nullptr;
 
 TEST_F(ExportTest, ExtrinsicsReadBack) {
   const Extrinsics read = ReadExtrinsics(*folder_ / "extrinsics.json");
-  EXPECT_EQ(read.verdict, "failed");
+  EXPECT_EQ(read.verdict, SensorStatus::kFailed);
   EXPECT_EQ(read.capture, "capture.json");
-  EXPECT_EQ(read.model_file, "model.pt");
-  EXPECT_EQ(read.structure_sha256, rig_->structure.Hash());
+  ASSERT_TRUE(read.model.has_value());
+  EXPECT_EQ(read.model->file, "model.pt");
+  EXPECT_EQ(read.model->sha256, std::string(64, 'a'));
+  EXPECT_EQ(read.structure.name, rig_->structure.name());
+  EXPECT_EQ(read.structure.sha256, rig_->structure.Hash());
   EXPECT_NE(read.tool.find("volalign"), std::string::npos);
   ASSERT_EQ(read.sensors.size(), 3u);
   for (const Extrinsics::Sensor& sensor : read.sensors) {
     const auto& from = *std::find_if(result_->sensors.begin(), result_->sensors.end(),
                                      [&](const SensorResult& s) { return s.name == sensor.name; });
     const auto& frame = rig_->frames[static_cast<std::size_t>(&from - result_->sensors.data())];
-    EXPECT_EQ(sensor.status, ToString(from.status));
-    EXPECT_EQ(sensor.code, ToString(from.code));
+    EXPECT_EQ(sensor.status, from.status);
+    EXPECT_EQ(sensor.code, from.code);
     EXPECT_EQ(sensor.intrinsics, frame.intrinsics);
-    EXPECT_EQ(sensor.depth, frame.depth_files);
+    EXPECT_EQ(sensor.depth_files, frame.depth_files);
+    EXPECT_EQ(sensor.depth_scale, frame.depth_scale);
+    EXPECT_EQ(sensor.quarter_turns, from.quarter_turns);
+    EXPECT_EQ(sensor.reason, from.reason);
+    EXPECT_EQ(sensor.hint, from.hint);
     EXPECT_EQ(sensor.serial, frame.serial);
     ASSERT_EQ(sensor.structure_from_sensor.has_value(), from.structure_from_sensor.has_value());
     EXPECT_EQ(sensor.error.has_value(), sensor.name == "left");
     if (!sensor.structure_from_sensor) continue;
     EXPECT_TRUE(sensor.structure_from_sensor->isApprox(*from.structure_from_sensor, 1e-12));
-    EXPECT_TRUE(sensor.initial->isApprox(from.initial, 1e-12));
+    EXPECT_TRUE(sensor.initial.isApprox(from.initial, 1e-12));
     EXPECT_TRUE(sensor.covariance.isApprox(from.covariance, 1e-12));
     EXPECT_EQ(sensor.sides, from.sides);
     EXPECT_DOUBLE_EQ(sensor.rms_to_structure_m, from.rms_to_structure_m);
     EXPECT_DOUBLE_EQ(sensor.depth_offset_m, from.depth_offset_m);
     EXPECT_DOUBLE_EQ(sensor.depth_gain, from.depth_gain);
     EXPECT_DOUBLE_EQ(sensor.sigma_depth_gain, from.sigma_depth_gain);
-    EXPECT_EQ(sensor.unconstrained, UnconstrainedDirections(from.covariance));
+    EXPECT_EQ(sensor.refinement_accepted, from.refinement_accepted);
+    EXPECT_EQ(sensor.points, from.points);
   }
   ASSERT_EQ(read.pairs.size(), 1u);
   EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
   EXPECT_DOUBLE_EQ(read.metrics->d2, result_->metrics->d2);
   EXPECT_EQ(read.timings_s.size(), result_->timings_s.size());
   ASSERT_TRUE(read.assembly.has_value());
-  EXPECT_EQ(read.assembly->code, "");
+  EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kNone);
   EXPECT_DOUBLE_EQ(read.assembly->overlap, result_->assembly->overlap);
 }
 
@@ -125,14 +133,17 @@ TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
   EXPECT_DOUBLE_EQ(read.boxes[1].yaw_deg, 0.01 * 180 / M_PI);
   EXPECT_DOUBLE_EQ(read.boxes[1].sigma_z_m, 2e-3);
   EXPECT_FALSE(read.boxes[0].estimated);
-  EXPECT_TRUE(read.size_estimated);
-  EXPECT_DOUBLE_EQ(read.size_scale, 0.99);
+  EXPECT_TRUE(read.size.estimated);
+  EXPECT_DOUBLE_EQ(read.size.scale, 0.99);
   const Extrinsics::Sensor& back =
       *std::find_if(read.sensors.begin(), read.sensors.end(),
                     [](const Extrinsics::Sensor& sensor) { return sensor.name == "left"; });
   EXPECT_DOUBLE_EQ(back.depth_gain, 1.004);
   EXPECT_DOUBLE_EQ(back.depth_offset_m, -0.003);
-  EXPECT_EQ(back.unconstrained, std::vector<std::string>{"along structure z (0.25 m)"});
+  EXPECT_EQ(
+      nlohmann::json::parse(ReadFile(*folder_ / "built.json"))["sensors"]["left"]["unconstrained"],
+      nlohmann::json({"along structure z (0.25 m)"}));
+  EXPECT_DOUBLE_EQ(back.sigma_translation_m().z(), 0.25);
   const std::string report = FormatReport(result);
   EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
             std::string::npos);
@@ -152,7 +163,7 @@ TEST_F(ExportTest, FilesFromBeforeEstimatesAreRead) {
   WriteFileAtomically(*folder_ / "old.json", json.dump());
   const Extrinsics read = ReadExtrinsics(*folder_ / "old.json");
   EXPECT_TRUE(read.boxes.empty());
-  EXPECT_EQ(read.size_scale, 1);
+  EXPECT_EQ(read.size.scale, 1);
   EXPECT_EQ(read.sensors[0].depth_gain, 1);
 }
 
@@ -169,10 +180,10 @@ TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
                   MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
   const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
   ASSERT_TRUE(read.assembly.has_value());
-  EXPECT_EQ(read.assembly->code, SensorCode::kAssemblyTurned);
-  EXPECT_EQ(read.assembly->box, "top");
-  EXPECT_EQ(read.assembly->other_box, "");
-  EXPECT_EQ(read.assembly->turn_deg, 90);
+  EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kAssemblyTurned);
+  EXPECT_EQ(read.assembly->arrangement.box, "top");
+  EXPECT_EQ(read.assembly->arrangement.other_box, "");
+  EXPECT_EQ(read.assembly->arrangement.turn_deg, 90);
   EXPECT_DOUBLE_EQ(read.assembly->overlap, 0.98);
   EXPECT_DOUBLE_EQ(read.assembly->described_overlap, 0.8);
   EXPECT_NE(FormatReport(result).find("verdict: failed: box top is turned by 90 deg"),
@@ -190,7 +201,7 @@ TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
 }
 
 TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
-  // Read with a JSON library alone: row-major, structure from sensor, as design section 9 words it.
+  // Read with a JSON library alone: row-major, structure from sensor, as docs/formats.md words it.
   const auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
   EXPECT_EQ(json["format"], "volalign.extrinsics/1");
   EXPECT_EQ(json["convention"],
@@ -208,7 +219,7 @@ TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
   }
   EXPECT_EQ(rows[3], nlohmann::json({0.0, 0.0, 0.0, 1.0}));
   const auto& blind = json["sensors"]["blind"];
-  EXPECT_EQ(blind["code"], SensorCode::kNoDepth);
+  EXPECT_EQ(blind["code"], "no_depth");
   EXPECT_FALSE(blind.contains("structure_from_sensor"));
   EXPECT_EQ(json.dump().find("null"), std::string::npos);
   EXPECT_TRUE(json["sensors"]["left"]["depth"].is_string());
@@ -302,7 +313,7 @@ TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
   const std::string report = FormatReport(*result_);
   for (const std::string part :
-       {"left", "right", "blind", SensorCode::kNoDepth, "2 of 3 sensors placed", "verdict: failed", "d1"}) {
+       {"left", "right", "blind", "no_depth", "2 of 3 sensors placed", "verdict: failed", "d1"}) {
     EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
   }
 }

@@ -1,0 +1,166 @@
+#include "infer/evaluate/items.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "core/procrustes.h"
+#include "core/structure_gltf.h"
+#include "infer/io/capture.h"
+#include "render/depth_renderer.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr char kAsTheRig[] = "as the rig";
+/// Turns the structure on between seeds: consecutive multiples of the golden angle never bunch.
+constexpr double kGoldenAngleDeg = 137.50776405003785;
+
+std::vector<Eigen::Vector3d> Corners(const Structure& structure) {
+  std::vector<Eigen::Vector3d> corners;
+  for (const Box& box : structure.boxes()) {
+    for (int i = 0; i < 8; ++i) {
+      const Eigen::Vector3d sign(i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5);
+      corners.push_back(box.structure_from_box * Eigen::Vector3d(sign.cwiseProduct(box.size)));
+    }
+  }
+  return corners;
+}
+
+/// "configs/rig_ring8.yaml" -> "ring8"
+std::string RigName(const std::string& path) {
+  const std::string stem = std::filesystem::path(path).stem().string();
+  return stem.rfind("rig_", 0) == 0 ? stem.substr(4) : stem;
+}
+
+}  // namespace
+
+EvaluationStill StillOf(const RigCapture& capture) {
+  EvaluationStill still;
+  still.structure = capture.structure;
+  for (const CapturedSensor& sensor : capture.sensors) {
+    SensorFrame frame;
+    frame.name = sensor.name;
+    frame.depth = sensor.depth;
+    frame.intrinsics = sensor.intrinsics;
+    if (capture.structure_present) frame.ground_truth = sensor.structure_from_sensor;
+    still.frames.push_back(std::move(frame));
+    still.labels.push_back(sensor.labels);
+  }
+  const Structure built = capture.structure.Displaced(capture.box_offsets, capture.size_scale);
+  still.nominal_from_built =
+      AlignPoints(Corners(built), Corners(capture.structure)).target_from_source;
+  return still;
+}
+
+EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sensors,
+                       DepthRenderer* renderer) {
+  EvaluationItem item;
+  item.rig = name;
+  item.sensors = sensors.empty() ? kAsTheRig : sensors;
+  item.seed = rig.seed;
+  if (!sensors.empty()) {
+    for (RigSensor& sensor : rig.sensors) {
+      sensor.sensor = sensors;
+      sensor.image_size.clear();
+    }
+  }
+  item.identity =
+      WriteConfig(rig) + ReadStructure(rig.structure).Hash() + Sha256(ReadFile(rig.intrinsics));
+  item.load = [rig, renderer] { return StillOf(RenderRig(rig, *renderer)); };
+  return item;
+}
+
+EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& structure) {
+  const Capture capture = ReadCapture(path);
+  EvaluationItem item;
+  item.rig = path.string();
+  item.identity = Sha256(ReadFile(path));
+  for (const SensorFrame& frame : capture.sensors) {
+    for (const std::string& file : frame.depth_files) {
+      item.identity += Sha256(ReadFile(path.parent_path() / file));
+    }
+  }
+  EvaluationStill still;
+  still.structure = capture.structure ? ReadStructure(capture.structure->string()) : structure;
+  item.identity += still.structure.Hash();
+  still.frames = capture.sensors;
+  item.load = [still] { return still; };
+  return item;
+}
+
+std::vector<NamedRig> ReadRigs(const RigSeries& series) {
+  std::vector<NamedRig> rigs;
+  std::set<std::string> names;
+  for (const std::string& path : series.files) {
+    if (!names.insert(RigName(path)).second) {
+      throw ConfigError(fmt::format("--rigs: two are named {}", RigName(path)));
+    }
+    ConfigSource source = ConfigSource::FromFile(path);
+    for (const std::string& change : series.changes) source.Set(change);
+    rigs.push_back({RigName(path), ReadRig(source)});
+  }
+  return rigs;
+}
+
+std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const RigSeries& series,
+                                     DepthRenderer* renderer) {
+  const std::vector<std::string> own_sensors{""};
+  std::vector<EvaluationItem> items;
+  for (const NamedRig& named : rigs) {
+    const std::vector<std::uint64_t> own_seed{named.rig.seed};
+    for (const std::string& sensors : series.sensors.empty() ? own_sensors : series.sensors) {
+      for (const std::uint64_t seed : series.seeds.empty() ? own_seed : series.seeds) {
+        Rig rig = named.rig;
+        rig.seed = seed;
+        if (!series.keep_yaw) {
+          rig.structure_yaw_deg =
+              std::fmod(rig.structure_yaw_deg + kGoldenAngleDeg * static_cast<double>(seed), 360.0);
+        }
+        items.push_back(RigItem(named.name, rig, sensors, renderer));
+      }
+    }
+  }
+  return items;
+}
+
+std::vector<std::uint64_t> ParseSeeds(const std::string& text) {
+  const auto fail = [&]() -> ConfigError {
+    return ConfigError(fmt::format(
+        "--seeds {}: FIRST:END (END not included), or numbers with commas, e.g. 1000:1020", text));
+  };
+  const auto number = [&](const std::string& part) {
+    if (part.empty() || part.size() > 18 ||
+        !std::all_of(part.begin(), part.end(), [](unsigned char c) { return std::isdigit(c); })) {
+      throw fail();
+    }
+    return static_cast<std::uint64_t>(std::stoull(part));
+  };
+  std::vector<std::uint64_t> seeds;
+  const std::size_t colon = text.find(':');
+  if (colon != std::string::npos) {
+    const std::uint64_t first = number(text.substr(0, colon)), end = number(text.substr(colon + 1));
+    constexpr std::uint64_t kMost = 1000000;
+    if (end <= first || end - first > kMost) throw fail();
+    for (std::uint64_t seed = first; seed < end; ++seed) seeds.push_back(seed);
+    return seeds;
+  }
+  std::set<std::uint64_t> unique;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t comma = std::min(text.find(',', begin), text.size());
+    seeds.push_back(number(text.substr(begin, comma - begin)));
+    if (!unique.insert(seeds.back()).second) throw fail();
+    begin = comma + 1;
+  }
+  return seeds;
+}
+
+}  // namespace volalign

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/view/sensor_frame.h"
+#include "render/rig.h"
+
+namespace volalign {
+
+class DepthRenderer;
+
+/// One still of a rig, with what is known about it.
+struct EvaluationStill {
+  Structure structure;              ///< nominal
+  std::vector<SensorFrame> frames;  ///< with ground truth where there is one
+  std::vector<LabelImage> labels;   ///< what each sensor truly sees; empty for a real capture
+  /// Best rigid fit of the boxes' corners as they stand onto the nominal ones: no capture can tell
+  /// the nominal frame from the one in which the boxes' displacements average out.
+  Pose nominal_from_built = Pose::Identity();
+};
+
+/// A still that is made when its turn comes.
+struct EvaluationItem {
+  std::string rig;      ///< name of the rig, or the capture's path
+  std::string sensors;  ///< pool name that all sensors were set to; "as the rig"; "" for a capture
+  std::optional<std::uint64_t> seed;
+  std::string identity;  ///< everything that the still depends on
+  std::function<EvaluationStill()> load;
+};
+
+/// The still of a rendered rig.
+EvaluationStill StillOf(const RigCapture& capture);
+
+/// A rig to render. `sensors`, where not empty, takes the place of every sensor's own model (at the
+/// pool's own image size). The renderer must outlive the item. Throws IoError when the structure or
+/// the intrinsics cannot be read.
+EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sensors,
+                       DepthRenderer* renderer);
+
+/// A capture.json, of the structure that it names or else `structure`. Throws IoError.
+EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& structure);
+
+/// Rigs to render under several seeds and with several kinds of sensors.
+struct RigSeries {
+  std::vector<std::string> files;    ///< rig.yaml
+  std::vector<std::string> changes;  ///< KEY=VALUE over every rig
+  /// Pool names, each of which all sensors are set to in turn; empty: the rig's own.
+  std::vector<std::string> sensors;
+  std::vector<std::uint64_t> seeds;  ///< empty: the rig's own
+  /// false: each seed turns the structure by a golden angle more, so that no two face the sensors
+  /// alike.
+  bool keep_yaw = false;
+};
+
+/// A rig of a series, named after its file: "configs/rig_ring8.yaml" is "ring8".
+struct NamedRig {
+  std::string name;
+  Rig rig;
+};
+
+/// Throws IoError or ConfigError, also for two rigs of one name.
+std::vector<NamedRig> ReadRigs(const RigSeries& series);
+
+/// Every rig x kind of sensors x seed, in this order. Throws as RigItem.
+std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const RigSeries& series,
+                                     DepthRenderer* renderer);
+
+/// "1000:1020" (1000 to 1019), "7" or "1,5,9". Throws ConfigError.
+std::vector<std::uint64_t> ParseSeeds(const std::string& text);
+
+}  // namespace volalign

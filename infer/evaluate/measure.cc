@@ -1,0 +1,140 @@
+#include "infer/evaluate/measure.h"
+
+#include <cstdint>
+#include <utility>
+
+#include "infer/calibrate.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/pose/sides_fix_pose.h"
+
+namespace volalign {
+
+namespace {
+
+/// Remembers the network's answers for the frames of one still.
+class SharedSegmenter : public Segmenter {
+ public:
+  explicit SharedSegmenter(Segmenter* inner) : inner_(inner) {}
+
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    std::vector<std::size_t> answer(requests.size());
+    std::vector<SegmentationRequest> unknown;
+    for (std::size_t i = 0; i < requests.size(); ++i) {
+      answer[i] = Find(requests[i]);
+      if (answer[i] < known_.size()) continue;
+      answer[i] = known_.size();
+      known_.push_back(
+          {*requests[i].depth, *requests[i].intrinsics, requests[i].quarter_turns, {}});
+      unknown.push_back(requests[i]);
+    }
+    if (!unknown.empty()) {
+      std::vector<SegmentationResult> seen = inner_->Segment(unknown);
+      for (std::size_t j = 0; j < seen.size(); ++j) {
+        known_[known_.size() - seen.size() + j].result = std::move(seen[j]);
+      }
+    }
+    std::vector<SegmentationResult> results;
+    for (const std::size_t i : answer) results.push_back(known_[i].result);
+    return results;
+  }
+
+ private:
+  struct Known {
+    DepthImage depth;
+    Intrinsics intrinsics;
+    int turns;
+    SegmentationResult result;
+  };
+
+  std::size_t Find(const SegmentationRequest& request) const {
+    const Intrinsics& k = *request.intrinsics;
+    for (std::size_t i = 0; i < known_.size(); ++i) {
+      const Intrinsics& other = known_[i].intrinsics;
+      if (known_[i].turns == request.quarter_turns && other.fx == k.fx && other.fy == k.fy &&
+          other.cx == k.cx && other.cy == k.cy && other.distortion == k.distortion &&
+          known_[i].depth == *request.depth) {
+        return i;
+      }
+    }
+    return known_.size();
+  }
+
+  Segmenter* inner_;
+  std::vector<Known> known_;
+};
+
+bool SeesAPose(const Structure& structure, const LabelImage& labels,
+               const InitialPoseOptions& options) {
+  std::map<int, int> pixels;
+  for (const std::uint8_t label : labels) {
+    if (label) ++pixels[label];
+  }
+  std::vector<int> seen;
+  for (const auto& [label, count] : pixels) {
+    if (count >= options.evidence.min_pixels) seen.push_back(label);
+  }
+  return SidesFixPose(structure, seen, KeypointKind::kExposed);
+}
+
+EvaluatedSensor::Errors ErrorsOf(const SensorResult& sensor, const Pose& truth) {
+  EvaluatedSensor::Errors errors;
+  errors.initial = ComparePoses(sensor.initial, truth);
+  errors.refined = ComparePoses(*sensor.structure_from_sensor, truth);
+  errors.delta = LeftDifference(*sensor.structure_from_sensor, truth);
+  return errors;
+}
+
+/// `labels`, where there are some: what the sensor truly sees.
+EvaluatedSensor Measure(const SensorResult& result, const SensorFrame& frame,
+                        const LabelImage* labels, const EvaluationStill& still,
+                        const InitialPoseOptions& options) {
+  EvaluatedSensor sensor;
+  sensor.name = result.name;
+  sensor.status = result.status;
+  sensor.code = result.code;
+  if (labels) sensor.sides_fix_pose = SeesAPose(still.structure, *labels, options);
+  if (!result.structure_from_sensor) return sensor;
+  sensor.sides = static_cast<int>(result.sides.size());
+  sensor.initial_rms_to_structure_m = result.initial_rms_to_structure_m;
+  sensor.rms_to_structure_m = result.rms_to_structure_m;
+  sensor.inlier_share = result.inlier_share;
+  sensor.sigma = result.covariance.diagonal().cwiseSqrt();
+  if (frame.ground_truth) {
+    sensor.nominal = ErrorsOf(result, *frame.ground_truth);
+    sensor.built = ErrorsOf(result, still.nominal_from_built * *frame.ground_truth);
+  }
+  return sensor;
+}
+
+}  // namespace
+
+Vector6d LeftDifference(const Pose& from, const Pose& to) {
+  const Eigen::Matrix3d rotation = to.linear() * from.linear().transpose();
+  Vector6d delta;
+  delta << to.translation() - rotation * from.translation(), RotationLog(rotation);
+  return delta;
+}
+
+std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
+                                         const std::vector<EvaluationVariant>& variants,
+                                         Segmenter& segmenter) {
+  SharedSegmenter shared(&segmenter);
+  std::vector<EvaluatedCase> cases;
+  for (const EvaluationVariant& variant : variants) {
+    const CalibrationResult calibration =
+        Calibrate(still.frames, still.structure, shared, variant.options);
+    EvaluatedCase one;
+    one.variant = variant.name;
+    one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};
+    for (std::size_t i = 0; i < calibration.sensors.size(); ++i) {
+      one.results.push_back(Measure(calibration.sensors[i], still.frames[i],
+                                    i < still.labels.size() ? &still.labels[i] : nullptr, still,
+                                    variant.options.initial));
+    }
+    cases.push_back(std::move(one));
+  }
+  return cases;
+}
+
+}  // namespace volalign

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/pose.h"
+#include "infer/checks/outcome.h"
+#include "infer/evaluate/items.h"
+#include "infer/evaluate/variants.h"
+#include "infer/view/segmenter.h"
+
+namespace volalign {
+
+/// One sensor's outcome. Errors and intervals stand where there is a ground truth and the sensor
+/// was placed.
+struct EvaluatedSensor {
+  std::string name;
+  SensorStatus status = SensorStatus::kFailed;
+  SensorCode code = SensorCode::kNone;
+  int sides = 0;
+  /// Whether the sides that it truly sees, each with evidence.min_pixels, fix six degrees of
+  /// freedom (SidesFixPose).
+  std::optional<bool> sides_fix_pose;
+  double initial_rms_to_structure_m = 0, rms_to_structure_m = 0, inlier_share = 0;
+
+  /// Estimated against true poses. `built`: against those in the frame in which the boxes'
+  /// displacements average out.
+  struct Errors {
+    PoseError initial, refined;
+    /// [translation; rotation vector], m and rad, that takes the refined pose to the true one
+    /// (PerturbLeft), which the covariance is of.
+    Vector6d delta = Vector6d::Zero();
+  };
+  std::optional<Errors> nominal, built;
+  Vector6d sigma = Vector6d::Zero();  ///< square roots of the covariance's diagonal, m and rad
+
+  bool placed() const { return status != SensorStatus::kFailed; }
+};
+
+/// One still under one variant.
+struct EvaluatedCase {
+  std::string fingerprint;  ///< of the item, the variant and the program
+  std::string rig, sensors, variant;
+  std::optional<std::uint64_t> seed;
+  std::vector<EvaluatedSensor> results;
+  std::map<std::string, double> timings_s;
+};
+
+/// [translation; rotation vector] with PerturbLeft(delta, from) = to.
+Vector6d LeftDifference(const Pose& from, const Pose& to);
+
+/// Calibrates a still under each variant; the network sees each frame once.
+std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
+                                         const std::vector<EvaluationVariant>& variants,
+                                         Segmenter& segmenter);
+
+}  // namespace volalign

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "infer/evaluate/measure.h"
+
+namespace volalign {
+
+/// Failed although the sides that it truly sees fix a pose.
+bool IsLost(const EvaluatedSensor& sensor);
+/// Placed more than 10 cm or 5 deg off.
+bool IsWrong(const EvaluatedSensor& sensor);
+
+struct ErrorStatistics {
+  double median = 0, p95 = 0, max = 0;
+};
+
+/// Sensors of one rig (or "all"), one choice of sensors and one variant. Statistics are over the
+/// placed sensors with a ground truth.
+struct EvaluationSummary {
+  std::string rig, sensors, variant;
+  int count = 0, placed = 0, weak = 0;
+  int fixable = 0;  ///< sensors whose true sides fix a pose
+  int lost = 0;     ///< of those: failed
+  int wrong = 0;    ///< placed, over 10 cm or 5 deg off
+  int measured = 0;
+  ErrorStatistics initial_mm, initial_deg, refined_mm, refined_deg;
+  ErrorStatistics built_initial_mm, built_initial_deg, built_refined_mm, built_refined_deg;
+  /// Shares of the six components of all sensors within their central 68 % and 95 % intervals.
+  double cover68 = 0, cover95 = 0, built_cover68 = 0, built_cover95 = 0;
+};
+
+/// Every rig x sensors x variant in order of appearance, then pooled over rigs, then over all.
+/// Cases of captures without any ground truth are left out.
+std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& cases);
+
+}  // namespace volalign

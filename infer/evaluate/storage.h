@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "infer/evaluate/measure.h"
+
+namespace volalign {
+
+inline constexpr char kEvaluationFormat[] = "volalign.evaluation/1";
+
+/// evaluation.json: the cases, and for people and other programs their summary and the model.
+/// Throws IoError.
+void WriteEvaluation(const std::filesystem::path& path, const std::vector<EvaluatedCase>& cases,
+                     const std::string& model_file, const std::string& model_sha256);
+
+/// The cases of an evaluation.json, strictly. Throws IoError, or DataError, for a file that is no
+/// evaluation too.
+std::vector<EvaluatedCase> ReadEvaluation(const std::filesystem::path& path);
+
+}  // namespace volalign

@@ -1,0 +1,104 @@
+#include "infer/evaluate/tables.h"
+
+#include <fmt/format.h>
+
+#include "infer/evaluate/statistics.h"
+
+namespace volalign {
+
+namespace {
+
+std::string Cell(const ErrorStatistics& s, int count, int digits) {
+  if (count == 0) return "-";
+  return fmt::format("{:.{}f} / {:.{}f} / {:.{}f}", s.median, digits, s.p95, digits, s.max, digits);
+}
+
+std::string Percent(double share, int count) {
+  return count == 0 ? "-" : fmt::format("{:.0f} %", 100 * share);
+}
+
+std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
+  std::string text =
+      "Errors of placed sensors, median / 95 % / largest. As built: in the frame in which the "
+      "boxes' "
+      "own displacements average out.\n\n"
+      "| rig | sensors | variant | initial, mm | deg | refined, mm | deg | as built, mm | deg |\n"
+      "|---|---|---|---|---|---|---|---|---|\n";
+  for (const EvaluationSummary& s : summaries) {
+    text += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", s.rig, s.sensors,
+                        s.variant, Cell(s.initial_mm, s.measured, 1),
+                        Cell(s.initial_deg, s.measured, 2), Cell(s.refined_mm, s.measured, 1),
+                        Cell(s.refined_deg, s.measured, 2), Cell(s.built_refined_mm, s.measured, 1),
+                        Cell(s.built_refined_deg, s.measured, 2));
+  }
+  text +=
+      "\nLost: failed although the sides in view fix a pose. Wrong: placed more than 10 cm or 5 "
+      "deg "
+      "off. Intervals: share of the pose components (three of translation, three of rotation) "
+      "within "
+      "the covariance's 68 % and 95 % intervals.\n\n"
+      "| rig | sensors | variant | placed | weak | lost | wrong | 68 % | 95 % | 68 %, as built | "
+      "95 %, as built |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
+  for (const EvaluationSummary& s : summaries) {
+    text += fmt::format("| {} | {} | {} | {} of {} | {} | {} of {} | {} | {} | {} | {} | {} |\n",
+                        s.rig, s.sensors, s.variant, s.placed, s.count, s.weak, s.lost, s.fixable,
+                        s.wrong, Percent(s.cover68, s.measured), Percent(s.cover95, s.measured),
+                        Percent(s.built_cover68, s.measured), Percent(s.built_cover95, s.measured));
+  }
+  return text;
+}
+
+/// Sensors that were lost or placed wrong, so that one can look at them.
+std::string Culprits(const std::vector<EvaluatedCase>& cases) {
+  std::string text;
+  for (const EvaluatedCase& one : cases) {
+    for (const EvaluatedSensor& sensor : one.results) {
+      const bool lost = IsLost(sensor), wrong = IsWrong(sensor);
+      if (!lost && !wrong) continue;
+      text +=
+          fmt::format("- {} {}{}, {}, sensor {}: ", one.rig, one.sensors,
+                      one.seed ? fmt::format(" seed {}", *one.seed) : "", one.variant, sensor.name);
+      text += lost ? fmt::format("lost ({})\n", ToString(sensor.code))
+                   : fmt::format("{}, but {:.0f} mm and {:.1f} deg off\n", ToString(sensor.status),
+                                 1000 * sensor.nominal->refined.translation_m,
+                                 sensor.nominal->refined.rotation_deg);
+    }
+  }
+  return text.empty() ? text : "\nLost or wrong:\n\n" + text;
+}
+
+std::string CaptureTable(const std::vector<const EvaluatedCase*>& cases) {
+  std::string text =
+      "| capture | sensor | variant | status | sides | initial RMS to the structure, mm | refined "
+      "| "
+      "within 3 cm |\n|---|---|---|---|---|---|---|---|\n";
+  for (const EvaluatedCase* one : cases) {
+    for (const EvaluatedSensor& sensor : one->results) {
+      const std::string head = fmt::format(
+          "| {} | {} | {} | {}{}{} ", one->rig, sensor.name, one->variant, ToString(sensor.status),
+          sensor.code == SensorCode::kNone ? "" : ", ", ToString(sensor.code));
+      text += sensor.placed()
+                  ? fmt::format("{}| {} | {:.1f} | {:.1f} | {:.0f} % |\n", head, sensor.sides,
+                                1000 * sensor.initial_rms_to_structure_m,
+                                1000 * sensor.rms_to_structure_m, 100 * sensor.inlier_share)
+                  : head + "| - | - | - | - |\n";
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string FormatEvaluation(const std::vector<EvaluatedCase>& cases) {
+  std::string text;
+  const std::vector<EvaluationSummary> summaries = SummariseCases(cases);
+  if (!summaries.empty()) text += SummaryTables(summaries) + Culprits(cases);
+  std::vector<const EvaluatedCase*> captures;
+  for (const EvaluatedCase& one : cases) {
+    if (one.sensors.empty()) captures.push_back(&one);
+  }
+  if (!captures.empty()) text += (text.empty() ? "" : "\n") + CaptureTable(captures);
+  return text;
+}
+
+}  // namespace volalign

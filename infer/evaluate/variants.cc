@@ -1,0 +1,36 @@
+#include "infer/evaluate/variants.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "core/error.h"
+
+namespace volalign {
+
+std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source,
+                                            const std::string& compare) {
+  if (compare.empty()) return {{"volalign", ReadConfig<CalibrateOptions>(source)}};
+  const std::size_t equals = compare.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == compare.size()) {
+    throw ConfigError(fmt::format(
+        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.edge_weight=1,30", compare));
+  }
+  std::vector<EvaluationVariant> variants;
+  std::set<std::string> names;
+  for (std::size_t begin = equals + 1; begin <= compare.size();) {
+    const std::size_t comma = std::min(compare.find(',', begin), compare.size());
+    const std::string value = compare.substr(begin, comma - begin);
+    if (!names.insert(value).second) {
+      throw ConfigError(fmt::format("--compare {}: {} stands twice", compare, value));
+    }
+    ConfigSource own = source;
+    own.Set(compare.substr(0, equals + 1) + value);
+    variants.push_back({value, ReadConfig<CalibrateOptions>(own)});
+    begin = comma + 1;
+  }
+  return variants;
+}
+
+}  // namespace volalign

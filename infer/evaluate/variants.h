@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+#include "infer/calibrate.h"
+
+namespace volalign {
+
+/// Calibration options to compare, e.g. {"paper", ...} and {"robust", ...}.
+struct EvaluationVariant {
+  std::string name;
+  CalibrateOptions options;
+};
+
+/// The options that `compare` ("initial.method=paper,robust") asks for over `source`, each named
+/// after its value, in order; without it one, of `source` alone, named "volalign". Throws
+/// ConfigError.
+std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source, const std::string& compare);
+
+}  // namespace volalign

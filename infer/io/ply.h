@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "core/image.h"
+#include "core/structure.h"
+#include "infer/calibrate.h"
+
+namespace volalign {
+
+/// A point of an aligned cloud, structure frame.
+struct AlignedPoint {
+  float x = 0, y = 0, z = 0;  ///< m
+  Rgb colour;                 ///< of the label; grey for background
+  std::uint8_t label = 0;
+  float confidence = 0;
+  /// m: to the side that the label names, or, for background, to the structure.
+  float residual = 0;
+};
+
+/// Points of a sensor within `max_radius` m of the structure's vertical axis, depths corrected by
+/// its gain and offset; none without a pose.
+std::vector<AlignedPoint> AlignedPoints(const SensorResult& sensor, const Structure& structure,
+                                        double max_radius = 3.0);
+
+/// Binary little-endian PLY: x y z red green blue label confidence residual. Atomic. Throws
+/// IoError.
+void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points);
+
+}  // namespace volalign

@@ -1,0 +1,150 @@
+#include "infer/io/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "infer/refine/refine.h"
+
+namespace volalign {
+
+namespace {
+
+const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::string& a,
+                           const std::string& b) {
+  for (const PairResult& pair : pairs) {
+    if ((pair.a == a && pair.b == b) || (pair.a == b && pair.b == a)) return &pair;
+  }
+  return nullptr;
+}
+
+/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it.
+std::string OverlapTable(const CalibrationResult& result) {
+  constexpr std::size_t kWidest = 16;  // sensors
+  if (result.pairs.empty()) return "";
+  double worst = 0;
+  for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
+  const std::string summary =
+      fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
+                  result.pairs.size() == 1 ? "" : "s", 1000 * worst);
+  std::vector<std::string> names;
+  std::size_t width = 5;
+  for (const SensorResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    names.push_back(sensor.name);
+    width = std::max(width, sensor.name.size());
+  }
+  if (names.size() > kWidest) return summary;
+  std::string text = fmt::format("{:<{}}", "", width);
+  for (const std::string& name : names) text += fmt::format("  {:>{}}", name, width);
+  text += "   overlap, % above the diagonal; RMS, mm below\n";
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += fmt::format("{:<{}}", names[i], width);
+    for (std::size_t j = 0; j < names.size(); ++j) {
+      const PairResult* pair = FindPair(result.pairs, names[i], names[j]);
+      std::string cell = i == j ? "." : "-";
+      if (pair && i < j) cell = fmt::format("{:.0f}", 100 * pair->overlap);
+      if (pair && i > j) cell = fmt::format("{:.1f}", 1000 * pair->rms_m);
+      text += fmt::format("  {:>{}}", cell, width);
+    }
+    text += '\n';
+  }
+  return text + summary;
+}
+
+std::string SensorRow(const SensorResult& sensor, std::size_t width) {
+  const std::string head =
+      fmt::format("{:<{}}  {:<6}", sensor.name, width, ToString(sensor.status));
+  if (!sensor.structure_from_sensor) return head + "\n";
+  std::string row = fmt::format("{}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
+                                sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
+                                1000 * sensor.sigma_translation_m().maxCoeff(),
+                                sensor.sigma_rotation_deg().maxCoeff(), 100 * sensor.inlier_share,
+                                sensor.refinement_accepted ? "yes" : "no");
+  if (sensor.error) {
+    row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
+                       sensor.error->rotation_deg);
+  }
+  return row + "\n";
+}
+
+std::string SensorTable(const std::vector<SensorResult>& sensors) {
+  std::size_t width = 6;
+  bool truth = false;
+  for (const SensorResult& sensor : sensors) {
+    width = std::max(width, sensor.name.size());
+    truth = truth || sensor.error.has_value();
+  }
+  std::string text =
+      fmt::format("{:<{}}  {:<6}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}", "sensor", width,
+                  "status", "sides", "rms mm", "sigma mm", "sigma deg", "inliers", "refined");
+  if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
+  text += '\n';
+  for (const SensorResult& sensor : sensors) text += SensorRow(sensor, width);
+  return text;
+}
+
+/// Why sensors are not ok, and what their views leave open.
+std::string Reasons(const std::vector<SensorResult>& sensors) {
+  std::string text;
+  for (const SensorResult& sensor : sensors) {
+    if (sensor.status == SensorStatus::kOk) continue;
+    text += fmt::format("{} is {} ({}): {}; {}\n", sensor.name, ToString(sensor.status),
+                        ToString(sensor.code), sensor.reason, sensor.hint);
+  }
+  for (const SensorResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    for (const std::string& direction : UnconstrainedDirections(sensor.covariance))
+      text += fmt::format("{} is hardly constrained {}\n", sensor.name, direction);
+  }
+  return text;
+}
+
+std::string Boxes(const CalibrationResult& result) {
+  std::string text;
+  for (std::size_t b = 0; b < result.boxes.size(); ++b) {
+    const RefinedBox& box = result.boxes[b];
+    if (!box.estimated) continue;
+    text += fmt::format(
+        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
+        "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
+        result.built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
+        1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
+  }
+  if (result.size_estimated) {
+    text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
+                        100 * result.size_scale, 100 * result.sigma_size_scale);
+  }
+  return text;
+}
+
+std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s) {
+  std::string text;
+  for (const auto& [stage, seconds] : timings_s) {
+    text += fmt::format("{} {} {:.2f}", text.empty() ? "seconds:" : ",", stage, seconds);
+  }
+  return text.empty() ? text : text + "\n";
+}
+
+}  // namespace
+
+std::string FormatReport(const CalibrationResult& result) {
+  std::string text =
+      SensorTable(result.sensors) + Reasons(result.sensors) + Boxes(result) + OverlapTable(result);
+  if (result.metrics) {
+    text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
+                        1000 * result.metrics->d2);
+  }
+  text += Seconds(result.timings_s);
+  text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
+                      result.sensors.size(), ToString(result.verdict()));
+  if (result.assembly && result.assembly->altered()) {
+    text += fmt::format(": {}", result.assembly->arrangement.sentence);
+  }
+  return text + "\n";
+}
+
+}  // namespace volalign

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+
+#include "infer/calibrate.h"
+
+namespace volalign {
+
+/// Table of sensors (status, sides, RMS, standard deviations, errors where there is a ground
+/// truth), reasons and hints of those that are not ok, the boxes as they were found, the overlap of
+/// each two sensors, d1 and d2, and a verdict; for a terminal.
+std::string FormatReport(const CalibrationResult& result);
+
+}  // namespace volalign

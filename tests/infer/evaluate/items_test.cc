@@ -1,0 +1,98 @@
+#include "infer/evaluate/items.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+
+/// Moving every box by one rigid motion moves the sensors by its inverse, as seen from the boxes.
+TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
+  Vector6d motion;
+  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  const Pose moved = PerturbLeft(motion, Pose::Identity());
+  RigCapture capture;
+  capture.structure = PaperStructure();
+  capture.box_offsets.assign(capture.structure.boxes().size(), moved);
+  const EvaluationStill still = StillOf(capture);
+  EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
+}
+
+class RigFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* name : {"rig_ring.yaml", "arc.yaml"}) {
+      series_.files.push_back(
+          folder_
+              .Write(name,
+                     "seed: 4\nstructure_yaw_deg: 10\nsensors:\n"
+                     "  - {name: A, sensor: realsense_d415, image_size: 320x180}\n")
+              .string());
+    }
+  }
+  std::vector<std::string> Names() {
+    std::vector<std::string> names;
+    for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+      names.push_back(item.rig + "/" + item.sensors + "/" + std::to_string(*item.seed));
+    }
+    return names;
+  }
+  /// structure_yaw_deg of the first item's rig, from its identity, the resolved rig.
+  double Yaw() {
+    const std::string identity = RigItems(ReadRigs(series_), series_, nullptr).at(0).identity;
+    const std::string key = "structure_yaw_deg: ";
+    return std::stod(identity.substr(identity.find(key) + key.size()));
+  }
+
+  TempFolder folder_;
+  RigSeries series_;
+};
+
+TEST_F(RigFiles, EveryRigWithEverySensorAndSeed) {
+  EXPECT_EQ(Names(), (std::vector<std::string>{"ring/as the rig/4", "arc/as the rig/4"}));
+  series_.sensors = {"realsense_d415", "azure_kinect_nfov_binned"};
+  series_.seeds = {7, 8};
+  series_.files.resize(1);
+  EXPECT_EQ(Names(), (std::vector<std::string>{"ring/realsense_d415/7", "ring/realsense_d415/8",
+                                               "ring/azure_kinect_nfov_binned/7",
+                                               "ring/azure_kinect_nfov_binned/8"}));
+}
+
+TEST_F(RigFiles, EachSeedTurnsTheStructureByAGoldenAngle) {
+  // 360 deg (1 - 1 / golden ratio) a seed, four of them, on top of the rig's 10 deg.
+  const double golden = 360 * (1 - 2 / (1 + std::sqrt(5.0)));
+  EXPECT_NEAR(Yaw(), std::fmod(10 + 4 * golden, 360), 1e-6);
+  series_.keep_yaw = true;
+  EXPECT_EQ(Yaw(), 10);
+}
+
+TEST_F(RigFiles, BadRigsAreErrors) {
+  series_.changes = {"room_=1"};
+  ExpectError<ConfigError>([&] { ReadRigs(series_); }, {"room_"});
+  series_.changes.clear();
+  series_.files[1] = series_.files[0];
+  ExpectError<ConfigError>([&] { ReadRigs(series_); }, {"two are named ring"});
+}
+
+TEST(Items, ParsesSeeds) {
+  EXPECT_EQ(ParseSeeds("3:6"), (std::vector<std::uint64_t>{3, 4, 5}));
+  EXPECT_EQ(ParseSeeds("7"), (std::vector<std::uint64_t>{7}));
+  EXPECT_EQ(ParseSeeds("9,1"), (std::vector<std::uint64_t>{9, 1}));
+  for (const char* bad : {"", "3:", ":3", "3:3", "5:2", "a", "1,,2", "1,1", "-1", "1.5", "1:2:3"}) {
+    ExpectError<ConfigError>([&] { ParseSeeds(bad); }, {"--seeds"});
+  }
+}
+
+}  // namespace
+}  // namespace volalign

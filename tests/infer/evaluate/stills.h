@@ -1,0 +1,38 @@
+#pragma once
+
+// Stills for the tests of infer/evaluate.
+
+#include <string>
+#include <vector>
+
+#include "infer/evaluate/items.h"
+#include "infer/evaluate/variants.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign::testing_infer {
+
+struct Ring {
+  EvaluationStill still;
+  Rig rig;
+};
+
+/// Sensors about the structure, its boxes displaced by `offsets` where there are some.
+inline Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
+  const Structure nominal = PaperStructure();
+  Ring ring{{}, {offsets.empty() ? nominal : nominal.Displaced(offsets), {}, {}}};
+  for (int i = 0; i < sensors; ++i) {
+    ring.rig.Add("S" + std::to_string(i), RingPose(120.0 * i + 20, 2.0, 0.3 + 0.05 * i));
+  }
+  ring.still.structure = nominal;
+  ring.still.frames = ring.rig.frames;
+  ring.still.labels = ring.rig.labels;
+  return ring;
+}
+
+inline std::vector<EvaluationVariant> TwoVariants() {
+  EvaluationVariant exposed{"exposed", {}}, centre{"centre", {}};
+  centre.options.initial.keypoints = "centre";
+  return {exposed, centre};
+}
+
+}  // namespace volalign::testing_infer

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Runs tests with assertions, address sanitizer and undefined-behaviour sanitizer (preset asan: clang 14, build/asan).
+#   tests/sanitize.sh               the whole suite
+#   tests/sanitize.sh core infer    the quick tests of these folders; builds no more than they need (this is what CI runs)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source cmake/packages.sh
+
+install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"
+export ASAN_SYMBOLIZER_PATH=/usr/lib/llvm-14/bin/llvm-symbolizer
+if [ $# -eq 0 ]; then
+  build_preset asan all
+  ctest --preset asan
+else
+  build_preset asan "${@/#/quick_tests_}"
+  modules=$(IFS='|'; echo "$*")
+  ctest --preset asan -L quick -R "^($modules)/"
+fi
