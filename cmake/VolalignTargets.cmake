@@ -29,8 +29,8 @@ function(volalign_library name)
 endfunction()
 
 # volalign_test(PATH [SLOW] [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/PATH_test.cc as the test PATH.
-# Its label is `quick`, or `slow` with SLOW: over half a minute under the sanitizers, or built from more than its own module.
-# The target quick_tests_MODULE builds the quick tests of a top-level folder.
+# Its label is `quick`, or `slow` with SLOW: several minutes under the sanitizers, or in need of more than its own folder and those below.
+# The target quick_tests_FOLDER builds the quick tests of a top-level folder.
 function(volalign_test name)
   cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
   string(REPLACE "/" "_" target "${name}_test")
