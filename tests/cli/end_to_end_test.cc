@@ -7,7 +7,9 @@
 
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
+#include <iostream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,7 +33,12 @@ namespace volalign {
 namespace {
 
 constexpr char kModel[] = "models/m05-lite.pt";
-constexpr char kCaptures[] = "../shared/captures";
+
+/// The real frames have no licence to be shipped: a folder of their own, or none.
+std::filesystem::path CapturesFolder() {
+  const char* folder = std::getenv("VOLALIGN_CAPTURES");
+  return folder && *folder ? folder : "../shared/captures";
+}
 
 std::vector<SensorFrame> Frames(const RigCapture& capture) {
   std::vector<SensorFrame> frames;
@@ -51,6 +58,19 @@ CalibrationResult CalibrateFrames(const std::vector<SensorFrame>& frames) {
   return Calibrate(frames, segmenter->structure(), *segmenter);
 }
 
+// The bounds of this file are one and a half times the largest error that was measured over the
+// sensors of the same test when they were set: 7.3 mm and 0.19 deg for the rig as shipped, 10.5 mm
+// and 0.32 deg (4.5 mm in the median) for its other seeds, 7.6 mm and 0.21 deg with a sensor less,
+// 8.0 mm and 0.20 deg for two neighbours of a wrong focal length.
+void ExpectWithin(const SensorResult& sensor, double translation_m, double rotation_deg,
+                  const std::string& where) {
+  ASSERT_TRUE(sensor.error.has_value()) << where << " " << sensor.name << ": " << sensor.reason;
+  EXPECT_FALSE(!(sensor.error->translation_m < translation_m))
+      << where << " " << sensor.name << ": " << sensor.error->translation_m << " m";
+  EXPECT_FALSE(!(sensor.error->rotation_deg < rotation_deg))
+      << where << " " << sensor.name << ": " << sensor.error->rotation_deg << " deg";
+}
+
 class EndToEnd : public testing::Test {
  protected:
   RigCapture Render(const Rig& rig) { return RenderRig(rig, renderer_); }
@@ -63,17 +83,12 @@ TEST_F(EndToEnd, NoisyRingOfEightIsPlaced) {
   const Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
   const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
   EXPECT_EQ(result.placed(), 8) << FormatReport(result);
-  for (const SensorResult& sensor : result.sensors) {
-    ASSERT_TRUE(sensor.error.has_value()) << sensor.name;
-    EXPECT_LT(sensor.error->translation_m, 0.02) << sensor.name;
-    EXPECT_LT(sensor.error->rotation_deg, 1.0) << sensor.name;
-  }
+  for (const SensorResult& sensor : result.sensors) ExpectWithin(sensor, 0.011, 0.29, "");
   ASSERT_TRUE(result.assembly.has_value());
   EXPECT_FALSE(result.assembly->altered());
 }
 
-/// Other rooms and other noise: docs/results.md has the distribution. A sensor whose warp happens
-/// to tilt what it sees may be up to 3 cm off, none is lost or turned.
+/// Other rooms and other noise: docs/results.md has the distribution.
 TEST_F(EndToEnd, OtherNoisyRingsArePlaced) {
   Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
   std::vector<double> errors;
@@ -82,13 +97,11 @@ TEST_F(EndToEnd, OtherNoisyRingsArePlaced) {
     const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
     EXPECT_EQ(result.placed(), 8) << "seed " << seed << "\n" << FormatReport(result);
     for (const SensorResult& sensor : result.sensors) {
-      ASSERT_TRUE(sensor.error.has_value()) << "seed " << seed << " " << sensor.name;
-      EXPECT_LT(sensor.error->translation_m, 0.04) << "seed " << seed << " " << sensor.name;
-      EXPECT_LT(sensor.error->rotation_deg, 1.0) << "seed " << seed << " " << sensor.name;
-      errors.push_back(sensor.error->translation_m);
+      ExpectWithin(sensor, 0.016, 0.49, "seed " + std::to_string(seed));
+      if (sensor.error) errors.push_back(sensor.error->translation_m);
     }
   }
-  EXPECT_LT(Summarise(errors).median, 0.02);
+  EXPECT_LT(Summarise(errors).median, 0.0068);
 }
 
 /// One sensor of either kind, in a room drawn from `seed`.
@@ -141,6 +154,9 @@ TEST_F(EndToEnd, AFailedSensorDoesNotTakeTheOthersWithIt) {
   const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
   EXPECT_EQ(result.placed(), 7) << FormatReport(result);
   EXPECT_EQ(result.sensors[3].status, SensorStatus::kFailed);
+  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
+    if (i != 3) ExpectWithin(result.sensors[i], 0.0115, 0.31, "");
+  }
 }
 
 /// A network that was trained on one stack, shown others.
@@ -190,13 +206,14 @@ TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
   EXPECT_EQ(result.sensors[1].code, SensorCode::kIntrinsicsSuspect) << FormatReport(result);
   for (const std::size_t i : {0u, 2u}) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << FormatReport(result);
+    ExpectWithin(result.sensors[i], 0.012, 0.30, "beside a wrong focal length");
   }
 }
 
-SensorFrame RealFrame(const std::string& file, const Intrinsics& intrinsics) {
+SensorFrame RealFrame(const std::string& name, const Intrinsics& intrinsics) {
   SensorFrame frame;
-  frame.name = std::filesystem::path(file).stem();
-  frame.depth = ToMetres(ReadDepthFile(std::filesystem::path(kCaptures) / file), 0.001);
+  frame.name = name;
+  frame.depth = ToMetres(ReadDepthFile(CapturesFolder() / (name + ".pgm")), 0.001);
   frame.intrinsics = intrinsics;
   return frame;
 }
@@ -209,27 +226,75 @@ Intrinsics FromPool(const std::string& sensor, int width, std::size_t entry) {
   throw Error("not in the pool: " + sensor);
 }
 
-void ExpectPlacedWell(const CalibrationResult& result) {
-  for (const SensorResult& sensor : result.sensors) {
-    EXPECT_EQ(sensor.status, SensorStatus::kOk) << FormatReport(result);
-    EXPECT_GT(sensor.points, 3000) << sensor.name;
-    EXPECT_LT(sensor.rms_to_structure_m, 0.015) << sensor.name;
+/// Real frames, whose poses nobody knows: the answer is how far what was measured lies from the
+/// boxes. Bounds are 1.25 times what was measured when they were set; what came out is printed.
+class RealCaptures : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(CapturesFolder())) {
+      GTEST_SKIP() << "no folder " << CapturesFolder()
+                   << ": set VOLALIGN_CAPTURES to the one of the real frames (they have no licence "
+                      "to be shipped)";
+    }
   }
-}
 
-TEST(RealCaptures, AzureKinectPair) {
-  if (!std::filesystem::exists(kCaptures))
-    GTEST_SKIP() << kCaptures << " is not here (no licence to ship it)";
+  static void ExpectFit(const SensorResult& sensor, double measured_rms_mm) {
+    EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.name << ": " << sensor.reason;
+    EXPECT_GT(sensor.points, 10000) << sensor.name;
+    EXPECT_GT(sensor.inlier_share, 0.98) << sensor.name;
+    EXPECT_FALSE(!(1000 * sensor.rms_to_structure_m < 1.25 * measured_rms_mm))
+        << sensor.name << ": " << 1000 * sensor.rms_to_structure_m << " mm";
+    std::cout << fmt::format("{}: {:.2f} mm RMS (bound {:.2f})\n", sensor.name,
+                             1000 * sensor.rms_to_structure_m, 1.25 * measured_rms_mm);
+  }
+};
+
+TEST_F(RealCaptures, AzureKinectPair) {
   const Intrinsics intrinsics = FromPool("azure_kinect_nfov_binned", 320, 0);
-  ExpectPlacedWell(CalibrateFrames(
-      {RealFrame("KA03_Depth.pgm", intrinsics), RealFrame("KAX1_Depth.pgm", intrinsics)}));
+  const CalibrationResult result =
+      CalibrateFrames({RealFrame("KA03_Depth", intrinsics), RealFrame("KAX1_Depth", intrinsics)});
+  ExpectFit(result.sensors[0], 5.7);
+  ExpectFit(result.sensors[1], 4.9);
 }
 
-TEST(RealCaptures, RealSense) {
-  if (!std::filesystem::exists(kCaptures))
-    GTEST_SKIP() << kCaptures << " is not here (no licence to ship it)";
+double OverlapOf(const CalibrationResult& result, const std::string& a, const std::string& b) {
+  for (const PairResult& pair : result.pairs) {
+    if (pair.a == a && pair.b == b) return pair.overlap;
+  }
+  return 0;
+}
+
+/// Four of one rig. Their lenses are missing from the published intrinsics, and the program does
+/// not estimate one: the bounds say what comes out so far, not what should. With the lens of
+/// another device of the same kind (the factory calibration in issue 1518 of Microsoft's
+/// Azure-Kinect-Sensor-SDK) two neighbours share half as much again of what they see, because bent
+/// walls become straight and meet; on the structure itself three of the four fit better and one
+/// worse, and the boxes seem to be 102 % of their nominal size rather than 98 %.
+TEST_F(RealCaptures, FourAzureKinects) {
+  std::vector<SensorFrame> frames;
+  for (const char* name : {"KA03_Depth", "KA04_Depth", "KA06_Depth", "KAX1_Depth"})
+    frames.push_back(RealFrame(name, FromPool("azure_kinect_nfov_binned", 320, 0)));
+  const CalibrationResult pinhole = CalibrateFrames(frames);
+  for (SensorFrame& frame : frames)
+    frame.intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
+  const CalibrationResult lens = CalibrateFrames(frames);
+  const double pinhole_mm[] = {6.4, 9.7, 8.2, 4.9}, lens_mm[] = {5.2, 6.0, 6.9, 9.4};
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    ExpectFit(pinhole.sensors[i], pinhole_mm[i]);
+    ExpectFit(lens.sensors[i], lens_mm[i]);
+  }
+  const double without = OverlapOf(pinhole, "KA03_Depth", "KA04_Depth");
+  const double with = OverlapOf(lens, "KA03_Depth", "KA04_Depth");
+  std::cout << fmt::format("KA03 and KA04 share {:.0f} %, {:.0f} % with a lens\n", 100 * without,
+                           100 * with);
+  EXPECT_GT(without, 0.25);
+  EXPECT_GT(with, 1.3 * without);
+  EXPECT_GE(lens.pairs.size(), 6u) << "every two see something in common";
+}
+
+TEST_F(RealCaptures, RealSense) {
   const Intrinsics intrinsics = FromPool("realsense_d415", 1280, 0).Resized(320, 180);
-  ExpectPlacedWell(CalibrateFrames({RealFrame("input.pgm", intrinsics)}));
+  ExpectFit(CalibrateFrames({RealFrame("input", intrinsics)}).sensors[0], 10.9);
 }
 
 }  // namespace

@@ -4,18 +4,26 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <torch/csrc/jit/api/module.h>
+#include <torch/csrc/jit/serialization/import.h>
+
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "core/checkpoint.h"
 #include "core/config.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
-#include "infer/io/extrinsics.h"
 
 namespace volalign {
 namespace {
@@ -95,10 +103,19 @@ TEST_F(Program, SaysWhatItCanDo) {
        {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
     EXPECT_NE(help.output.find(command), std::string::npos) << command;
   }
-  EXPECT_EQ(Volalign("--version").status, 0);
-  EXPECT_EQ(Volalign("").status, 1);
-  EXPECT_EQ(Volalign("fly").status, 1);
-  EXPECT_EQ(Volalign("calibrate --capture").status, 1);
+  const Outcome version = Volalign("--version");
+  EXPECT_EQ(version.status, 0);
+  EXPECT_TRUE(std::regex_match(version.output, std::regex("volalign [0-9]+\\.[0-9]+\\.[0-9]+\n")))
+      << version.output;
+  const auto expect_usage = [](const std::string& arguments, const std::string& part) {
+    const Outcome run = Volalign(arguments);
+    EXPECT_EQ(run.status, 1) << arguments;
+    EXPECT_NE(run.output.find(part), std::string::npos) << arguments << ": " << run.output;
+    EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
+  };
+  expect_usage("", "subcommand");
+  expect_usage("fly", "subcommand");
+  expect_usage("calibrate --capture", "--capture");
 }
 
 TEST_F(Program, BuildsAStructure) {
@@ -116,6 +133,8 @@ TEST_F(Program, ConfigReferenceIsTheDocumentedOne) {
       << "regenerate with: volalign config reference > docs/config.md";
 }
 
+// What tells the paper's models apart (its table of models): attention, soft Procrustes, and the
+// distances of the sensors. A resolved recipe is a recipe, and says the same when it is read again.
 TEST_F(Program, RecipesResolve) {
   struct Recipe {
     const char *name, *attention, *procrustes, *farthest_cm, *width, *noise, *position_mm;
@@ -141,7 +160,10 @@ TEST_F(Program, RecipesResolve) {
     EXPECT_EQ(value("data.assembly.position_mm"), recipe.position_mm);
     EXPECT_EQ(value("loss.lambda"), "0.1");
     EXPECT_EQ(value("run.batch_size"), "16");
+    WriteFileAtomically(Path("resolved.yaml"), run.output);
   }
+  EXPECT_EQ(Volalign("config show " + Path("resolved.yaml")).output,
+            ReadFile(Path("resolved.yaml")));
 }
 
 TEST_F(Program, UnknownConfigKeysAreErrors) {
@@ -162,6 +184,8 @@ TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
   EXPECT_EQ(ReadDepthFile(Path("samples/000000/00000999_depth.png")).width(), 160);
   EXPECT_EQ(ReadPng8(Path("samples/000001/00001000_labels.png")).width(), 160);
   run = Volalign(command + " --count 5 --threads 3");
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_EQ(ReadJson(Path("samples/index.json")).at("count"), 5);
   EXPECT_NE(run.output.find("2 samples after 3"), std::string::npos) << run.output;
   run = Volalign(command + " --count 5 --seed 2");
   EXPECT_EQ(run.status, 1);
@@ -190,26 +214,62 @@ TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   ::unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
   ExpectError(blind, {"run.validation_dataset", "run.validation_samples=0"});
   EXPECT_EQ(run.status, 0) << run.output;
-  EXPECT_TRUE(fs::exists(Path("run/model.pt")));
+  const CheckpointMeta meta = LoadCheckpoint(Path("run/model.pt")).meta;
+  EXPECT_EQ(meta.samples, 6);
+  EXPECT_EQ(meta.network.base_channels, 2);
+  EXPECT_EQ(meta.image_sizes, (std::vector<std::pair<int, int>>{{40, 36}}));
+  EXPECT_EQ(meta.structure.Hash(), ReadStructureYaml("configs/structure.yaml").Hash());
+}
+
+/// Number of points that a PLY file's header announces, where its body has as many of `size` bytes.
+std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
+  const std::string file = ReadFile(path);
+  const std::string element = "element vertex ", end = "end_header\n";
+  const std::size_t count = std::stoul(file.substr(file.find(element) + element.size()));
+  EXPECT_EQ(file.size() - file.find(end) - end.size(), size * count) << path;
+  return count;
 }
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
   const Outcome run = Volalign("calibrate --capture " + WriteSmallCapture() +
                                " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
-  const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
-  ASSERT_EQ(extrinsics.sensors.size(), 2u);
-  for (const auto& sensor : extrinsics.sensors) {
-    ASSERT_TRUE(sensor.error.has_value()) << sensor.name;
-    EXPECT_LT(sensor.error->translation_m, 0.02) << sensor.name;
-    EXPECT_LT(sensor.error->rotation_deg, 1.0) << sensor.name;
-    EXPECT_EQ(ReadPng8(Path("out/labels/" + sensor.name + ".png")).width(),
-              sensor.intrinsics.width);
-    EXPECT_TRUE(fs::exists(Path("out/confidence/" + sensor.name + ".png")));
-    EXPECT_TRUE(fs::exists(Path("out/pictures/" + sensor.name + ".png")));
-    EXPECT_TRUE(fs::exists(Path("out/clouds/" + sensor.name + ".ply")));
+  const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
+  const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
+  ASSERT_EQ(extrinsics.at("sensors").size(), 2u);
+  constexpr std::size_t kPointBytes = 3 * 4 + 3 + 1 + 2 * 4;
+  std::size_t points = 0;
+  for (const std::string name : {"A", "B"}) {
+    const nlohmann::json& sensor = extrinsics["sensors"].at(name);
+    // Against what the renderer wrote, without the program's own comparison.
+    const nlohmann::json& truth = capture.at("ground_truth").at(name);
+    const nlohmann::json& pose = sensor.at("structure_from_sensor");
+    for (std::size_t row = 0; row < 3; ++row) {
+      EXPECT_NEAR(pose.at(row).at(3).get<double>(), truth.at(row).at(3).get<double>(), 0.01)
+          << name;
+    }
+    EXPECT_LT(sensor.at("error").at("translation_m").get<double>(), 0.01) << name;
+    EXPECT_LT(sensor.at("error").at("rotation_deg").get<double>(), 0.2) << name;
+
+    // Labels and confidences are pictures of the frame; as many are labelled as the report says.
+    const LabelImage labels = ReadPng8(Path("out/labels/" + name + ".png"));
+    const auto confidence = ReadPng8(Path("out/confidence/" + name + ".png"));
+    ASSERT_EQ(labels.width(), sensor.at("intrinsics").at("width")) << name;
+    ASSERT_EQ(confidence.size(), labels.size()) << name;
+    int labelled = 0;
+    for (std::size_t k = 0; k < labels.size(); ++k) {
+      if (labels[k] == 0) continue;
+      ++labelled;
+      EXPECT_GT(confidence[k], 0) << name << " " << k;
+      if (confidence[k] == 0) break;
+    }
+    EXPECT_EQ(labelled, sensor.at("points")) << name;
+    EXPECT_GT(ReadPngRgb(Path("out/pictures/" + name + ".png")).width(), labels.width()) << name;
+    const std::size_t cloud = CountPlyPoints(Path("out/clouds/" + name + ".ply"), kPointBytes);
+    EXPECT_GE(cloud, static_cast<std::size_t>(labelled)) << name;
+    points += cloud;
   }
-  EXPECT_TRUE(fs::exists(Path("out/clouds/merged.ply")));
+  EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
 }
 
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
@@ -218,10 +278,14 @@ TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const Outcome run =
       Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
-  const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
-  EXPECT_NE(extrinsics.sensors[0].status, SensorStatus::kFailed);
-  EXPECT_EQ(extrinsics.sensors[1].status, SensorStatus::kFailed);
-  EXPECT_EQ(extrinsics.sensors[1].code, SensorCode::kNoDepth);
+  const nlohmann::json sensors = ReadJson(Path("out/extrinsics.json")).at("sensors");
+  EXPECT_EQ(sensors.at("A").at("status"), "ok");
+  EXPECT_LT(sensors.at("A").at("error").at("translation_m").get<double>(), 0.01);
+  EXPECT_EQ(sensors.at("B").at("status"), "failed");
+  EXPECT_EQ(sensors.at("B").at("code"), "no_depth");
+  EXPECT_FALSE(sensors.at("B").contains("structure_from_sensor"));
+  EXPECT_NE(run.output.find(sensors.at("B").at("reason").get<std::string>()), std::string::npos)
+      << run.output;
 }
 
 TEST_F(Program, BadCapturesAreOneLineErrors) {
@@ -326,7 +390,11 @@ TEST_F(Program, BadModelsAreOneLineErrors) {
 TEST_F(Program, ExportsTorchScript) {
   const Outcome run = Volalign("export --model models/m05-lite.pt -o " + Path("m.ts"));
   EXPECT_EQ(run.status, 0) << run.output;
-  EXPECT_TRUE(fs::exists(Path("m.ts")));
+  // As a user of TorchScript has it: the module and nothing of ours.
+  torch::jit::Module module = torch::jit::load(Path("m.ts"));
+  const at::Tensor out = module.forward({at::full({1, 1, 40, 36}, 2.0f)}).toTensor();
+  EXPECT_EQ(out.sizes(), (std::vector<std::int64_t>{1, 21, 40, 36}));
+  EXPECT_LT((out.exp().sum(1) - 1).abs().max().item<float>(), 1e-4f) << "log-probabilities";
   ExpectError(Volalign("export --model " + Path("no.pt") + " -o " + Path("n.ts")), {"no.pt"});
   EXPECT_FALSE(fs::exists(Path("n.ts")));
 }

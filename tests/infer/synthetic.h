@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "core/random.h"
 #include "core/structure.h"
 #include "core/visibility.h"
+#include "infer/calibrate.h"
 #include "infer/io/capture.h"
 #include "infer/view/camera_rays.h"
 #include "infer/view/segmenter.h"
@@ -61,6 +63,54 @@ inline Pose RingPose(double phi_deg, double rho = 2.0, double y = 0.4, double ro
                 roll_deg * M_PI / 180);
 }
 
+/// Ray (x/z, y/z) of a pixel through the lens: Newton's method on OpenCV's documented model, whose
+/// terms are written out here. It shares no code with infer/view/camera_rays, which asks OpenCV.
+/// NaN where it does not converge.
+inline Eigen::Vector2d RayThroughLens(const Intrinsics& k, double u, double v) {
+  const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };
+  const double k1 = d(0), k2 = d(1), p1 = d(2), p2 = d(3), k3 = d(4), k4 = d(5), k5 = d(6),
+               k6 = d(7);
+  const auto distort = [&](const Eigen::Vector2d& ray) -> Eigen::Vector2d {
+    const double x = ray.x(), y = ray.y(), r2 = ray.squaredNorm();
+    const double factor =
+        (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    return {x * factor + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * factor + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+  };
+  const Eigen::Vector2d seen((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+  Eigen::Vector2d ray = seen;
+  for (int step = 0; step < 50; ++step) {
+    constexpr double kH = 1e-6;
+    const Eigen::Vector2d dx = (distort(ray + Eigen::Vector2d(kH, 0)) - distort(ray)) / kH;
+    const Eigen::Vector2d dy = (distort(ray + Eigen::Vector2d(0, kH)) - distort(ray)) / kH;
+    const Eigen::Vector2d miss = seen - distort(ray);
+    if (miss.norm() < 1e-12) return ray;
+    const double det = dx.x() * dy.y() - dx.y() * dy.x();
+    ray += Eigen::Vector2d(miss.x() * dy.y() - miss.y() * dy.x(),
+                           miss.y() * dx.x() - miss.x() * dx.y()) /
+           det;
+  }
+  return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+}
+
+/// An Azure Kinect with its lens: the factory calibration in issue 1518 of Microsoft's
+/// Azure-Kinect-Sensor-SDK, for the 320x288 picture.
+inline Intrinsics KinectWithLens() {
+  Intrinsics intrinsics = Kinect();
+  intrinsics.fx = intrinsics.fy = 252.3;
+  intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
+  return intrinsics;
+}
+
+inline RayTable RaysThroughLens(const Intrinsics& intrinsics) {
+  RayTable table{intrinsics.width, intrinsics.height, {}};
+  for (int v = 0; v < intrinsics.height; ++v) {
+    for (int u = 0; u < intrinsics.width; ++u)
+      table.rays.push_back(RayThroughLens(intrinsics, u, v).cast<float>());
+  }
+  return table;
+}
+
 struct Scene {
   bool floor = true;
   double wall = 0;  ///< walls at |x| = |z| = wall where positive
@@ -71,14 +121,15 @@ struct SyntheticView {
   LabelImage labels;
 };
 
+/// Lens and all, where the intrinsics have one.
 inline SyntheticView Render(const Structure& structure, const Intrinsics& intrinsics,
                             const Pose& pose, const Scene& scene = {}) {
-  const RayTable rays = ComputeRays(intrinsics);
+  const RayTable rays = RaysThroughLens(intrinsics);
   StructureView view = CastView(structure, rays, pose);
   const Eigen::Vector3d origin = pose.translation();
   for (int v = 0; v < intrinsics.height; ++v) {
     for (int u = 0; u < intrinsics.width; ++u) {
-      if (view.depth(u, v) > 0) continue;
+      if (view.depth(u, v) > 0 || !rays.at(u, v).allFinite()) continue;
       const Eigen::Vector3d direction =
           pose.linear() * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
       double nearest = 1e9;
@@ -160,11 +211,62 @@ inline Rig RingOfEight(const Scene& scene = {}) {
   return rig;
 }
 
+/// Keeps the labels of sides for which `keep` is true.
+template <class Keep>
+void Restrict(const Structure& structure, LabelImage* labels, Keep keep) {
+  for (std::uint8_t& label : *labels) {
+    if (label && !keep(structure.SideOfLabel(label))) label = 0;
+  }
+}
+
+/// Three sensors round the structure in a room.
+inline Rig ThreeSensors() {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  return rig;
+}
+
+/// Calibrates what the rig's frames show, with its labels.
+inline CalibrationResult CalibrateRig(const Rig& rig, const CalibrateOptions& options = {}) {
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  return Calibrate(rig.frames, rig.structure, segmenter, options);
+}
+
 /// Gaussian noise with a standard deviation of `sigma_at_2m` * (z / 2)^2, m.
 inline void AddNoise(DepthImage* depth, double sigma_at_2m, std::uint64_t seed) {
   RandomStream random(seed, 0, "noise");
   for (float& z : *depth) {
     if (z > 0) z += static_cast<float>(random.Normal() * sigma_at_2m * z * z / 4);
+  }
+}
+
+/// Errors as depth sensors have them beside white noise: smooth, with a standard deviation of
+/// `sigma` m and correlated over about `length` pixels. A sum of Gaussian bumps at random places.
+inline void AddSmoothError(DepthImage* depth, double sigma, double length, std::uint64_t seed) {
+  RandomStream random(seed, 0, "smooth error");
+  const int width = depth->width(), height = depth->height();
+  Image<float> field(width, height, 0.0f);
+  const int bumps = static_cast<int>(12 * width * height / (length * length));
+  const int reach = static_cast<int>(3 * length);
+  for (int k = 0; k < bumps; ++k) {
+    const double x = random.Uniform(-length, width + length);
+    const double y = random.Uniform(-length, height + length);
+    const double size = random.Normal();
+    for (int v = std::max(0, static_cast<int>(y) - reach);
+         v < std::min(height, static_cast<int>(y) + reach); ++v) {
+      for (int u = std::max(0, static_cast<int>(x) - reach);
+           u < std::min(width, static_cast<int>(x) + reach); ++u) {
+        const double d2 = (u - x) * (u - x) + (v - y) * (v - y);
+        field(u, v) += static_cast<float>(size * std::exp(-d2 / (length * length)));
+      }
+    }
+  }
+  double squares = 0;
+  for (const float e : field) squares += static_cast<double>(e) * e;
+  const double scale = sigma / std::sqrt(squares / static_cast<double>(field.size()));
+  for (std::size_t i = 0; i < field.size(); ++i) {
+    if ((*depth)[i] > 0) (*depth)[i] += static_cast<float>(scale * field[i]);
   }
 }
 
