@@ -11,9 +11,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "core/config.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
+#include "infer/calibrate.h"
 #include "infer/io/extrinsics.h"
 
 namespace volalign {
@@ -171,8 +173,9 @@ TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
 }
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
-  const Outcome run = Volalign("calibrate --capture " + WriteSmallCapture() +
-                               " --model models/m05-lite.pt -o " + Path("out"));
+  const Outcome run =
+      Volalign("calibrate --capture " + WriteSmallCapture() +
+               " --model models/m05-lite.pt --set refine.edge_weight=29 -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const Extrinsics extrinsics = ReadExtrinsics(Path("out/extrinsics.json"));
   ASSERT_EQ(extrinsics.sensors.size(), 2u);
@@ -187,6 +190,12 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
     EXPECT_TRUE(fs::exists(Path("out/clouds/" + sensor.name + ".ply")));
   }
   EXPECT_TRUE(fs::exists(Path("out/clouds/merged.ply")));
+  // The resolved options, which --config reads again.
+  EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
+  const auto options =
+      ReadConfig<CalibrateOptions>(ConfigSource::FromFile(Path("out/options.yaml")));
+  EXPECT_EQ(options.refine.edge_weight, 29);
+  EXPECT_EQ(WriteConfig(options), ReadFile(Path("out/options.yaml")));
 }
 
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
@@ -205,12 +214,20 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   const std::string capture = WriteSmallCapture();
   const nlohmann::json good = ReadJson(capture);
 
-  ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file"});
+  ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file", "capture.json"});
+  ExpectCalibrateError(Path("capture"), {"is a folder", "capture.json"});
+  WriteFileAtomically(Path("taken"), "x");
+  ExpectError(Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " +
+                       Path("taken")),
+              {"taken", "choose another"});
 
   nlohmann::json bad = good;
   bad["sensors"][0]["depth"] = "gone.png";
   WriteJson(capture, bad);
-  ExpectCalibrateError(capture, {"gone.png"});
+  ExpectCalibrateError(capture, {"\"A\"", "gone.png", "relative to the capture's folder"});
+  bad["sensors"][0]["depth"] = "/dev/zero";
+  WriteJson(capture, bad);
+  ExpectCalibrateError(capture, {"\"A\"", "/dev/zero", "device"});
 
   bad = good;
   bad["sensors"][0]["intrinsics"]["width"] = 640;
