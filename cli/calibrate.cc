@@ -3,12 +3,15 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "cli/commands.h"
+#include "core/config.h"
+#include "core/file_util.h"
 #include "core/structure_gltf.h"
 #include "infer/io/capture.h"
 #include "infer/io/export.h"
@@ -74,11 +77,13 @@ int RunCalibrate(const Options& options) {
   CalibrationResult result = Calibrate(capture.sensors, *structure, *segmenter, config);
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
+  WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", WriteConfig(config));
   WriteCalibration(options.output, result, capture.sensors, *structure,
                    {options.capture, segmenter->file(), segmenter->sha256()});
   fmt::print("{}", FormatReport(result));
-  fmt::print("written: {}/extrinsics.json, labels/, confidence/, pictures/, clouds/\n",
-             options.output);
+  fmt::print(
+      "written: {}/extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",
+      options.output);
   return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
 }
 

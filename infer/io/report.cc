@@ -84,7 +84,12 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
   if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
   text += '\n';
   for (const SensorResult& sensor : sensors) text += SensorRow(sensor, width);
-  return text;
+  text +=
+      "sides: found; rms: of labelled points to the structure, of those within 10 cm; sigma: the "
+      "largest standard deviation along an axis; inliers: labelled points within 3 cm; refined: no "
+      "where the initial pose was kept";
+  if (truth) text += "; error: against the capture's ground truth";
+  return text + '\n';
 }
 
 /// Why sensors are not ok, and what their views leave open.

@@ -7,8 +7,9 @@
 namespace volalign {
 
 /// Table of sensors (status, sides, RMS, standard deviations, errors where there is a ground
-/// truth), reasons and hints of those that are not ok, the boxes as they were found, the overlap of
-/// each two sensors, d1 and d2, and a verdict; for a terminal.
+/// truth) with a line that says what its columns are, reasons and hints of those that are not ok,
+/// the boxes as they were found, the overlap of each two sensors, d1 and d2, and a verdict; for a
+/// terminal.
 std::string FormatReport(const CalibrationResult& result);
 
 }  // namespace volalign

@@ -24,6 +24,7 @@
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
+#include "infer/calibrate.h"
 
 namespace volalign {
 namespace {
@@ -231,8 +232,9 @@ std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
 }
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
-  const Outcome run = Volalign("calibrate --capture " + WriteSmallCapture() +
-                               " --model models/m05-lite.pt -o " + Path("out"));
+  const Outcome run =
+      Volalign("calibrate --capture " + WriteSmallCapture() +
+               " --model models/m05-lite.pt --set refine.edge_weight=29 -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
   const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
@@ -270,6 +272,12 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
     points += cloud;
   }
   EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
+  // The resolved options, which --config reads again.
+  EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
+  const auto options =
+      ReadConfig<CalibrateOptions>(ConfigSource::FromFile(Path("out/options.yaml")));
+  EXPECT_EQ(options.refine.edge_weight, 29);
+  EXPECT_EQ(WriteConfig(options), ReadFile(Path("out/options.yaml")));
 }
 
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
@@ -292,12 +300,20 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   const std::string capture = WriteSmallCapture();
   const nlohmann::json good = ReadJson(capture);
 
-  ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file"});
+  ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file", "capture.json"});
+  ExpectCalibrateError(Path("capture"), {"is a folder", "capture.json"});
+  WriteFileAtomically(Path("taken"), "x");
+  ExpectError(Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " +
+                       Path("taken")),
+              {"taken", "choose another"});
 
   nlohmann::json bad = good;
   bad["sensors"][0]["depth"] = "gone.png";
   WriteJson(capture, bad);
-  ExpectCalibrateError(capture, {"gone.png"});
+  ExpectCalibrateError(capture, {"\"A\"", "gone.png", "relative to the capture's folder"});
+  bad["sensors"][0]["depth"] = "/dev/zero";
+  WriteJson(capture, bad);
+  ExpectCalibrateError(capture, {"\"A\"", "/dev/zero", "device"});
 
   bad = good;
   bad["sensors"][0]["intrinsics"]["width"] = 640;

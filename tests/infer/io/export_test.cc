@@ -433,8 +433,8 @@ TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
   const std::string report = FormatReport(*result_);
-  for (const std::string part :
-       {"left", "right", "blind", "no_depth", "2 of 3 sensors placed", "verdict: failed", "d1"}) {
+  for (const std::string part : {"left", "right", "blind", "no_depth", "refined: no where",
+                                 "2 of 3 sensors placed", "verdict: failed", "d1"}) {
     EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
   }
 }
