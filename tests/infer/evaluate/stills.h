@@ -31,7 +31,7 @@ inline Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
 
 inline std::vector<EvaluationVariant> TwoVariants() {
   EvaluationVariant exposed{"exposed", {}}, centre{"centre", {}};
-  centre.options.initial.keypoints = "centre";
+  centre.options.initial.keypoints = KeypointKind::kCentre;
   return {exposed, centre};
 }
 

@@ -14,9 +14,9 @@ TEST(Variants, OneAValueOverTheSharedOptions) {
   const auto variants = ReadVariants(source, "initial.method=paper,robust");
   ASSERT_EQ(variants.size(), 2u);
   EXPECT_EQ(variants[0].name, "paper");
-  EXPECT_EQ(variants[0].options.initial.method, "paper");
+  EXPECT_EQ(variants[0].options.initial.method, PoseMethod::kPaper);
   EXPECT_EQ(variants[1].name, "robust");
-  EXPECT_EQ(variants[1].options.initial.method, "robust");
+  EXPECT_EQ(variants[1].options.initial.method, PoseMethod::kRobust);
   for (const EvaluationVariant& variant : variants)
     EXPECT_EQ(variant.options.refine.edge_weight, 7);
   const auto alone = ReadVariants(source, "");
