@@ -13,6 +13,7 @@
 #include "core/config.h"
 #include "core/file_util.h"
 #include "core/structure_gltf.h"
+#include "core/torch_threads.h"
 #include "infer/io/capture.h"
 #include "infer/io/export.h"
 #include "infer/io/report.h"
@@ -68,8 +69,9 @@ int RunCalibrate(const Options& options) {
   const auto start = std::chrono::steady_clock::now();
   const Capture capture = ReadCapture(options.capture);
   std::optional<Structure> structure = GivenStructure(options, capture);
+  SetTorchThreads(config.threads);
   const std::unique_ptr<NetworkSegmenter> segmenter =
-      LoadNetworkSegmenter(options.model, structure ? &*structure : nullptr, config.threads);
+      LoadNetworkSegmenter(options.model, structure ? &*structure : nullptr);
   if (!structure) structure = segmenter->structure();
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 

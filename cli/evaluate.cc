@@ -12,6 +12,7 @@
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/torch_threads.h"
 #include "infer/evaluate/tables.h"
 #include "infer/view/segmenter.h"
 #include "render/depth_renderer.h"
@@ -80,8 +81,8 @@ int RunEvaluate(const Options& options) {
   const std::vector<NamedRig> rigs = ReadRigs(series);
   if (!options.seeds.empty()) series.seeds = ParseSeeds(options.seeds);
 
-  const std::unique_ptr<NetworkSegmenter> segmenter =
-      LoadNetworkSegmenter(options.model, nullptr, variants.front().options.threads);
+  SetTorchThreads(variants.front().options.threads);
+  const std::unique_ptr<NetworkSegmenter> segmenter = LoadNetworkSegmenter(options.model);
   std::optional<EglContext> egl;
   std::optional<DepthRenderer> renderer;
   std::vector<EvaluationItem> items;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "core/torch_threads.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
 
@@ -32,7 +33,9 @@ Command AddTrainCommand(CLI::App& program) {
             TrainOptions train_options;
             train_options.run_dir = options->run_dir;
             train_options.resume = options->resume;
-            Train(ReadTrainConfig(source), train_options);
+            const TrainConfig config = ReadTrainConfig(source);
+            SetTorchThreads(config.run.threads);
+            Train(config, train_options);
             return 0;
           }};
 }

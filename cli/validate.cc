@@ -6,6 +6,7 @@
 
 #include "cli/commands.h"
 #include "core/checkpoint.h"
+#include "core/torch_threads.h"
 #include "train/checkpoint_validation.h"
 
 namespace volalign {
@@ -35,6 +36,7 @@ Command AddValidateCommand(CLI::App& program) {
                     : ConfigSource::FromFile(options->config);
             for (const std::string& assignment : options->assignments) source.Set(assignment);
             const TrainConfig config = ReadTrainConfig(source);
+            SetTorchThreads(config.run.threads);
             const ValidationResult result = ValidateCheckpoint(model, config, options->samples);
             fmt::print("{}: {} training samples, validated on seed {}\n\n{}", options->model,
                        model.meta.samples, config.run.validation_seed, ValidationTable(result));

@@ -1,6 +1,5 @@
 #include "train/checkpoint_validation.h"
 
-#include <ATen/Parallel.h>
 #include <fmt/format.h>
 
 #include <array>
@@ -17,7 +16,6 @@
 namespace volalign {
 
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples) {
-  if (config.run.threads > 0) at::set_num_threads(config.run.threads);
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
   CheckStructure(model.meta, context->structure);

@@ -1,7 +1,6 @@
 #include "train/trainer.h"
 
 #include <ATen/Context.h>
-#include <ATen/Parallel.h>
 #include <ATen/ops/stack.h>
 #include <c10/core/GradMode.h>
 #include <fmt/format.h>
@@ -170,7 +169,6 @@ class Trainer {
         options_(options),
         device_(ParseDevice(config.run.device)),
         progress_(options.quiet) {
-    if (config.run.threads > 0) at::set_num_threads(config.run.threads);
     at::manual_seed(static_cast<std::uint64_t>(config.run.seed));
     const StructureNetOptions net_options = config.model.Options(data.structure.num_classes());
     net_ = StructureNet(net_options);

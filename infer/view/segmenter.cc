@@ -1,6 +1,5 @@
 #include "infer/view/segmenter.h"
 
-#include <ATen/Parallel.h>
 #include <ATen/ops/cat.h>
 #include <ATen/ops/from_blob.h>
 #include <c10/core/GradMode.h>
@@ -25,8 +24,7 @@ constexpr std::size_t kBatch = 8;
 
 class TorchSegmenter : public NetworkSegmenter {
  public:
-  TorchSegmenter(const std::filesystem::path& checkpoint, const Structure* structure,
-                 int num_threads)
+  TorchSegmenter(const std::filesystem::path& checkpoint, const Structure* structure)
       : model_(LoadCheckpoint(checkpoint)),
         file_(checkpoint.string()),
         sha256_(Sha256(ReadFile(checkpoint))) {
@@ -35,7 +33,6 @@ class TorchSegmenter : public NetworkSegmenter {
     for (at::Tensor& weight : model_.net->parameters()) {
       if (weight.dim() == 4) weight.set_data(weight.contiguous(at::MemoryFormat::ChannelsLast));
     }
-    at::set_num_threads(num_threads);
   }
 
   using NetworkSegmenter::Segment;
@@ -119,9 +116,8 @@ std::vector<SegmentationResult> TorchSegmenter::Segment(
 }  // namespace
 
 std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
-                                                       const Structure* structure,
-                                                       int num_threads) {
-  return std::make_unique<TorchSegmenter>(checkpoint, structure, num_threads);
+                                                       const Structure* structure) {
+  return std::make_unique<TorchSegmenter>(checkpoint, structure);
 }
 
 }  // namespace volalign

@@ -45,9 +45,9 @@ class NetworkSegmenter : public Segmenter {
 };
 
 /// Loads a checkpoint (core/checkpoint.h). `structure`, where given, must have the topology and
-/// labels that the network was trained on. Throws IoError or DataError.
+/// labels that the network was trained on. Threads of LibTorch are the program's to set
+/// (core/torch_threads.h). Throws IoError or DataError.
 std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
-                                                       const Structure* structure = nullptr,
-                                                       int num_threads = 2);
+                                                       const Structure* structure = nullptr);
 
 }  // namespace volalign

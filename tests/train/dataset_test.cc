@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/torch_threads.h"
 #include "render/dataset.h"
 #include "render/sample_stream.h"
 #include "tests/core/expect_error.h"
@@ -24,11 +25,12 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 TrainConfig SmallRecipe() {
+  SetTorchThreads(1);
   ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
   for (const char* assignment :
        {"model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36, 64x36]",
         "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=4",
-        "optim.warmup_samples=4", "loss.min_side_pixels=3", "run.threads=1"}) {
+        "optim.warmup_samples=4", "loss.min_side_pixels=3"}) {
     source.Set(assignment);
   }
   return ReadTrainConfig(source);

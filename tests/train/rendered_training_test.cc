@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/file_util.h"
+#include "core/torch_threads.h"
 #include "tests/core/temp_folder.h"
 #include "train/trainer.h"
 
@@ -25,12 +26,13 @@ std::vector<json> TrainRows(const std::filesystem::path& folder) {
 }
 
 TEST(Train, RenderedRunResumesWithTheSameSamples) {
+  SetTorchThreads(1);
   const TempFolder folder;
   ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
   for (const char* assignment :
        {"model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36, 64x36]",
         "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=2",
-        "optim.warmup_samples=4", "loss.min_side_pixels=3", "run.threads=1"}) {
+        "optim.warmup_samples=4", "loss.min_side_pixels=3"}) {
     source.Set(assignment);
   }
   TrainConfig config = ReadTrainConfig(source);

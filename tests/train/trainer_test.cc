@@ -16,6 +16,7 @@
 #include "core/checkpoint.h"
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/torch_threads.h"
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/train/synthetic_source.h"
@@ -51,7 +52,7 @@ TrainConfig TinyConfig() {
   config.run.validation_samples = 2;
   config.run.precision = "bf16";
   config.run.channels_last = true;
-  config.run.threads = 1;
+  SetTorchThreads(1);
   return config;
 }
 

@@ -36,9 +36,9 @@ TEST(FindFloor, CountsEverySecondPixelOfEverySecondRow) {
   // The tolerance at 1.2 m is 3 cm + 2 % of 1.2 m = 5.4 cm.
   const float depths[] = {1.2f, 1.24f, 1.16f, 1.3f, 0.6f, 0.0f};
   for (int i = 0; i < 6; ++i) scene.view.depth(1 + 2 * i, 1) = depths[i];
-  // Second row: on the floor 2 cm and 10 cm beside the cube, under the floor by 17 cm (over three
+  // Second row: on the floor 2 cm and 10 cm beside the cube, under the floor by 18 cm (over three
   // tolerances), by 15 cm (under), on the cube, and without depth.
-  const float depths_2[] = {1.2f, 1.2f, 1.37f, 1.35f, 0.8f, 0.0f};
+  const float depths_2[] = {1.2f, 1.2f, 1.38f, 1.35f, 0.8f, 0.0f};
   const double x[] = {-0.02, -0.1, -0.5, -0.5, 0.2, 0};
   for (int i = 0; i < 6; ++i) {
     scene.view.depth(1 + 2 * i, 3) = depths_2[i];

@@ -88,7 +88,6 @@ TEST(InitialPose, AStrongLensIsUndone) {
     const InitialPose bent = EstimateInitialPose(MakeSensorView(rendered.depth, pinhole),
                                                  Certain(rendered.labels), structure, {});
     EXPECT_GT(ComparePoses(bent.structure_from_sensor, truth).translation_m, 0.01) << phi;
-    EXPECT_LT(bent.agreement.score(), pose.agreement.score() - 0.1) << phi;
   }
 }
 

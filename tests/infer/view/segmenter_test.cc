@@ -1,5 +1,6 @@
 #include "infer/view/segmenter.h"
 
+#include <ATen/Parallel.h>
 #include <ATen/ops/from_blob.h>
 #include <ATen/ops/rand.h>
 #include <c10/core/GradMode.h>
@@ -70,6 +71,15 @@ class NetworkSegmenterTest : public ::testing::Test {
     return largest;
   }
 
+  static int DifferentLabels(const LabelImage& a, const LabelImage& b) {
+    int different = a.width() == b.width() && a.height() == b.height() ? 0 : 1000000;
+    for (std::size_t i = 0; different < 1000000 && i < a.size(); ++i) different += a[i] != b[i];
+    return different;
+  }
+
+  /// Pixels whose label may differ, where two classes are as likely under float rounding.
+  static constexpr int kTies = 20;
+
   TempFolder folder_;
   StructureNet net_{nullptr};
   CheckpointMeta meta_;
@@ -82,9 +92,7 @@ TEST_F(NetworkSegmenterTest, IsTheNetworkOnFramesItKnows) {
   const SegmentationResult result = segmenter->Segment(depth, k, 0);
   const SegmentationResult direct = Direct(depth);
   EXPECT_LT(LargestDifference(result.confidence, direct.confidence), 1e-4);
-  int different = 0;
-  for (std::size_t i = 0; i < depth.size(); ++i) different += result.labels[i] != direct.labels[i];
-  EXPECT_LE(different, 20);  // ties under float rounding
+  EXPECT_LE(DifferentLabels(result.labels, direct.labels), kTies);
   EXPECT_EQ(segmenter->structure().Hash(), PaperStructure().Hash());
   EXPECT_EQ(segmenter->sha256().size(), 64u);
 }
@@ -97,6 +105,9 @@ TEST_F(NetworkSegmenterTest, TurnsForthAndBack) {
     const SegmentationResult result = segmenter->Segment(depth, k, turns);
     const SegmentationResult direct = Direct(Turn(depth, turns));
     EXPECT_LT(LargestDifference(result.confidence, Turn(direct.confidence, -turns)), 1e-4) << turns;
+    EXPECT_LE(DifferentLabels(result.labels, Turn(direct.labels, -turns)), kTies) << turns;
+    // An image of these labels that is not turned back, or the other way, would differ.
+    EXPECT_GT(DifferentLabels(Turn(result.labels, 2), Turn(direct.labels, -turns)), 100 * kTies);
   }
 }
 
@@ -117,7 +128,20 @@ TEST_F(NetworkSegmenterTest, BatchesFramesOfMixedSizes) {
     ASSERT_EQ(together[i].labels.width(), i % 2 ? wide.width : full.width);
     ASSERT_EQ(together[i].labels.height(), i % 2 ? wide.height : full.height);
     EXPECT_LT(LargestDifference(together[i].confidence, alone[i].confidence), 1e-4) << i;
+    EXPECT_LE(DifferentLabels(together[i].labels, alone[i].labels), kTies) << i;
   }
+}
+
+// The number of threads is the program's to set, and holds for all of its networks.
+TEST_F(NetworkSegmenterTest, LeavesLibTorchsThreadsAlone) {
+  const int before = at::get_num_threads();
+  for (const int threads : {1, 3}) {
+    at::set_num_threads(threads);
+    LoadNetworkSegmenter(folder_ / "model.pt")
+        ->Segment(RandomDepth(160, 144), Kinect().Resized(160, 144), 0);
+    EXPECT_EQ(at::get_num_threads(), threads);
+  }
+  at::set_num_threads(before);
 }
 
 TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
