@@ -130,7 +130,7 @@ Gates CoarseGates(int iteration) {
           std::cos(std::max(kAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
 }
 
-State SolveCoarse(const JointProblem& problem, State state) {
+State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_initial, State state) {
   std::vector<double> sigmas(problem.size(), kStartSigma);
   for (int iteration = 0; iteration < problem.options.outer_iterations; ++iteration) {
     CeresProblem ceres;
@@ -143,7 +143,11 @@ State SolveCoarse(const JointProblem& problem, State state) {
                                       pose);
       ceres.problem->AddParameterBlock(offset, 1);
       ceres.problem->SetParameterBlockConstant(offset);
-      if (problem.HasStructureTerms(i)) AddStructureTerms(coarse, i);
+      if (kept_initial[i]) {
+        ceres.problem->SetParameterBlockConstant(pose);
+      } else if (problem.HasStructureTerms(i)) {
+        AddStructureTerms(coarse, i);
+      }
     }
     for (std::size_t a = 0; a < problem.size(); ++a) {
       for (std::size_t b = 0; b < problem.size(); ++b) {

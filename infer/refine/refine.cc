@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/error.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
 #include "infer/refine/estimates.h"
@@ -19,10 +20,25 @@ namespace {
 
 using namespace refine_internal;  // NOLINT(google-build-using-namespace): its own parts
 
-std::vector<Pose> Starts(const std::vector<RefineSensor>& sensors) {
+/// Where everything begins. A sensor that has no place to begin at is kept at its fallback.
+Solution Begin(const JointProblem& problem, const FreeSet& asked_for) {
   std::vector<Pose> starts;
-  for (const RefineSensor& sensor : sensors) starts.push_back(sensor.start);
-  return starts;
+  for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
+  Solution solution{
+      asked_for, NominalState(problem.structure, starts), {}, std::vector<char>(problem.size(), 0)};
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!starts[i].matrix().allFinite()) KeepInitial(problem, i, &solution);
+  }
+  return solution;
+}
+
+void CheckPoses(const std::vector<RefineSensor>& sensors) {
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (sensors[i].to_beat.matrix().allFinite() && sensors[i].fallback.matrix().allFinite())
+      continue;
+    throw DataError(fmt::format(
+        "sensor {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
+  }
 }
 
 /// Gauge: the mean displacement of the estimated boxes is zero. The priors all but see to it.
@@ -176,15 +192,15 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
     nothing.built = structure;
     return nothing;
   }
+  CheckPoses(sensors);
   const JointProblem problem(structure, sensors, options);
   const FreeSet asked_for =
       AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size());
 
-  Solution solution{asked_for,
-                    NominalState(structure, Starts(sensors)),
-                    {},
-                    std::vector<char>(sensors.size(), 0)};
-  if (options.coarse) solution.state = SolveCoarse(problem, std::move(solution.state));
+  Solution solution = Begin(problem, asked_for);
+  if (options.coarse) {
+    solution.state = SolveCoarse(problem, solution.kept_initial, std::move(solution.state));
+  }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
   if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));

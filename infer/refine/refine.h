@@ -80,7 +80,8 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
 /// out, widened by how far the poses would move if it did not, and for a sensor that goes back
 /// to its fallback by how far the refused one was from it. A prior of 1 m and 1 rad bounds
-/// directions that nothing constrains. Throws ConfigError for a bad options.estimate.
+/// directions that nothing constrains. Throws ConfigError for a bad
+/// options.estimate, DataError for a pose to beat or to fall back to that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options);
 

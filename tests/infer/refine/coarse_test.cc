@@ -40,8 +40,8 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
   }
   const RefineOptions options;
   const JointProblem problem(rig.structure, sensors, options);
-  const State state =
-      SolveCoarse(problem, NominalState(rig.structure, {sensors[0].start, sensors[1].start}));
+  const State state = SolveCoarse(
+      problem, {0, 0}, NominalState(rig.structure, {sensors[0].start, sensors[1].start}));
   for (std::size_t i = 0; i < 2; ++i) {
     const PoseError error = ComparePoses(state.poses[i].ToPose(), *rig.frames[i].ground_truth);
     EXPECT_FALSE(!(error.translation_m < 5e-3)) << error.translation_m;
