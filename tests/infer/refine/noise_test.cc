@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdint>
 
@@ -15,49 +16,117 @@ using testing_infer::PaperStructure;
 using testing_infer::ParameterPoint;
 using testing_infer::RingPose;
 
+/// Correlation of two bearings, rad apart, of a Matern field of smoothness 3/2 (Rasmussen and
+/// Williams, "Gaussian Processes for Machine Learning", equation 4.17).
+double Matern(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double length) {
+  const double d = (a / a.z() - b / b.z()).norm();
+  return (1 + std::sqrt(3.0) * d / length) * std::exp(-std::sqrt(3.0) * d / length);
+}
+
 TEST(FitNoise, FindsTheSizeOfWarps) {
-  // Fields drawn from a Gaussian process of known size (Cholesky), pose and constants unknown.
+  // Depths that are off by a Gaussian field over the image, of known size at 2 m and growing with
+  // the depth, pose and constants unknown.
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = RingPose(35);
-  SensorEvidence evidence = Observe(structure, pose, 14);
-  for (FaceObservation& face : evidence.faces) face.multipath = 0;
-  const auto n = static_cast<Eigen::Index>(evidence.faces.size());
+  SensorEvidence clean = Observe(structure, pose, 14);
+  for (FaceObservation& face : clean.faces) face.multipath = 0;
+  const auto n = static_cast<Eigen::Index>(clean.faces.size());
   ASSERT_GT(n, 60);
   Priors priors;
   priors.offset = 0.007;
   priors.gain = 0.003;
   priors.edge_shift = 0.7;
-  const SensorEvidence clean = evidence;
+  constexpr double kLength = 0.1;
+  Eigen::MatrixXd correlation(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j)
+      correlation(i, j) = Matern(clean.faces[static_cast<std::size_t>(i)].p,
+                                 clean.faces[static_cast<std::size_t>(j)].p, kLength);
+  }
+  const Eigen::MatrixXd root = correlation.ldlt().transpositionsP().transpose() *
+                               (Eigen::MatrixXd(correlation.ldlt().matrixL()) *
+                                correlation.ldlt().vectorD().cwiseMax(0).cwiseSqrt().asDiagonal());
+  ASSERT_TRUE((root * root.transpose()).isApprox(correlation, 1e-9));
   for (const double sigma : {0.002, 0.008}) {
-    evidence.noise = NoiseModel();
-    evidence.noise.warp = sigma;
-    evidence.noise.warp_length = 0.1;
-    evidence.faces = clean.faces;
-    SetCovariance(model, pose, &evidence);
-    const Eigen::MatrixXd root = evidence.face_root;
-    double logarithm = 0;
+    double size = 0, length = 0;
     constexpr int kDraws = 12;
     for (int draw = 0; draw < kDraws; ++draw) {
       RandomStream random(3, static_cast<std::uint64_t>(draw), "warp");
       Eigen::VectorXd white(n);
       for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
-      const Eigen::VectorXd distance = root * white;
+      const Eigen::VectorXd field = root * white;
       SensorEvidence seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
-        const Eigen::Vector3d ray = face.p / face.p.z();
-        const double along = structure.SideOfLabel(face.label).normal.dot(pose.linear() * ray);
-        face.p += ray * (distance[i] / along);
+        face.p *= 1 + sigma / 2 * field[i];
       }
       const ParameterPoint at(model, pose);
       FitNoise(model, at.Parameters(), priors, &seen);
-      logarithm += std::log(seen.noise.warp / sigma) / kDraws;
-      // The factor is that of the fitted covariance.
-      EXPECT_EQ(seen.face_root.rows(), n);
+      size += std::log(seen.noise.warp / sigma) / kDraws;
+      length += std::log(seen.noise.warp_length / kLength) / kDraws;
+      EXPECT_EQ(seen.face_root.rows(), n) << "the factor is that of the fitted covariance";
     }
-    EXPECT_LT(std::abs(logarithm), std::log(1.6)) << sigma << ": off by " << std::exp(logarithm);
+    EXPECT_LT(std::abs(size), std::log(1.3)) << sigma << ": off by " << std::exp(size);
+    EXPECT_LT(std::abs(length), std::log(1.5)) << kLength << ": off by " << std::exp(length);
   }
+}
+
+TEST(SetCovariance, IsThatOfItsParts) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(20);
+  SensorEvidence evidence = Observe(structure, pose, 40);
+  EdgeObservation edge;
+  edge.p = evidence.faces.front().p;
+  edge.label = evidence.faces.front().label;
+  edge.pixel = 0.008;
+  edge.variance = 0.1;
+  evidence.edges = {edge, edge, edge};
+  evidence.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
+  evidence.edges[2].edge = 2;  // another line: nothing in common
+  evidence.noise.warp = 0.004;
+  evidence.noise.warp_length = 0.1;
+  evidence.noise.edge = 1.5;
+  evidence.noise.line = 0.003;
+  SetCovariance(model, pose, &evidence);
+  const Eigen::MatrixXd faces = evidence.face_root * evidence.face_root.transpose();
+  for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      // A depth error of 4 mm at 2 m moves a point by its cosine; but at grazing incidence by a
+      // fifth.
+      const auto moved = [&](const FaceObservation& face) {
+        const Eigen::Vector3d ray = pose.linear() * face.p / face.p.z();
+        const double along = structure.SideOfLabel(face.label).normal.dot(ray);
+        return 0.004 * face.p.z() / 2 * std::sqrt(along * along + 0.2 * 0.2);
+      };
+      const FaceObservation &a = evidence.faces[i], &b = evidence.faces[j];
+      double expected = moved(a) * moved(b) * Matern(a.p, b.p, 0.1);
+      if (i == j) {
+        const Eigen::Vector3d normal =
+            pose.linear().transpose() * structure.SideOfLabel(a.label).normal;
+        const double sine = normal.cross(a.p.normalized()).norm();
+        expected += a.variance + std::pow(sine * 0.0003 * a.p.z(), 2) + 3e-4 * 3e-4;
+      }
+      EXPECT_NEAR(faces(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), expected,
+                  1e-11);
+    }
+  }
+  const Eigen::MatrixXd edges = evidence.edge_root * evidence.edge_root.transpose();
+  const double line = 0.004 * 0.004 + 0.003 * 0.003, smooth = std::pow(0.6 * 0.008, 2);
+  const double apart = Matern(evidence.edges[0].p, evidence.edges[1].p, 0.15);
+  EXPECT_NEAR(edges(0, 0), 2.25 * (smooth + line + 0.1 * 0.008 * 0.008), 1e-12);
+  EXPECT_NEAR(edges(0, 1), 2.25 * (smooth * apart + line), 1e-12);
+  EXPECT_NEAR(edges(0, 2), 0, 1e-15);
+}
+
+TEST(SetCovariance, SaysWhereThereIsNone) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  SensorEvidence evidence = Observe(structure, RingPose(20), 40);
+  evidence.faces[1].variance = -1;
+  SetCovariance(model, RingPose(20), &evidence);
+  EXPECT_FALSE(evidence.face_root.allFinite());
 }
 
 }  // namespace

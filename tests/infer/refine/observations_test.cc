@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <stdexcept>
 
 #include "tests/infer/refine/points_and_evidence.h"
@@ -29,6 +30,83 @@ TEST(SeamShare, SeamsAreWhereSurfacesMeetAtAnInwardCorner) {
   EXPECT_NEAR(SeamShare(structure, side("bottom/up"), {0.11, -0.405, 0}), 0.8, 1e-9);
   // The top box's front: nothing rises before it.
   EXPECT_NEAR(SeamShare(structure, side("top/front"), {0.05, 0.6, 0}), 0, 1e-9);
+}
+
+/// Points of one image block on the top box's front, seen head on from 1.5 m: `off` in front of it.
+struct Block {
+  Structure structure = PaperStructure();
+  int label = testing_infer::LabelOf(structure, "top/front");
+  Pose pose = Pose::Identity();
+  SensorPoints points;
+
+  Block() {
+    const Side& side = structure.SideOfLabel(label);
+    pose.linear().col(2) = -side.normal;
+    pose.linear().col(1) = side.axis_u;
+    pose.linear().col(0) = pose.linear().col(1).cross(pose.linear().col(2));
+    pose.translation() = side.centre + 1.5 * side.normal;
+  }
+  void Add(double x, double off, int block, BlockUse use = BlockUse::kFit) {
+    SidePoint point;
+    point.p = {x, 0, 1.5 - off};
+    point.normal = -Eigen::Vector3d::UnitZ();
+    point.label = label;
+    point.block = block;
+    point.use = use;
+    points.side_points.push_back(point);
+  }
+  SensorEvidence Gather(BlockUse use = BlockUse::kFit) const {
+    SensorEvidence evidence;
+    GatherObservations(structure, NominalState(structure, {pose}), 0, points, use, {pose},
+                       {0.06, 0.02, 0.9}, &evidence);
+    return evidence;
+  }
+};
+
+TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
+  Block block;
+  for (int i = 0; i < 4; ++i) block.Add(0.002 * i, i % 2 ? 0.001 : -0.001, 7);
+  block.Add(0.05, 0.05, 7);  // of the same block, but 5 cm in front of the others
+  block.Add(0.05, 0.07, 7);  // beyond the gate
+  block.Add(0, 0, 8);        // too few of a block
+  block.Add(0.001, 0, 8);
+  for (int i = 0; i < 3; ++i) block.Add(0.1, 0, 9, BlockUse::kAccept);
+  const SensorEvidence evidence = block.Gather();
+  ASSERT_EQ(evidence.faces.size(), 1u);
+  const FaceObservation& face = evidence.faces[0];
+  EXPECT_EQ(face.label, block.label);
+  EXPECT_TRUE(face.p.isApprox(Eigen::Vector3d(0.003, 0, 1.5), 1e-9)) << face.p.transpose();
+  // About the upper median of -1, -1, 1, 1 and 50 mm, which is 1 mm: squares 4 + 4 mm^2, of four
+  // points that are worth two.
+  EXPECT_NEAR(face.variance, 2 * 8e-6 / 16, 1e-12);
+  EXPECT_NEAR(face.multipath, 0, 1e-9) << "nothing rises in front of the top box";
+  EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
+  EXPECT_EQ(block.Gather(BlockUse::kChoose).faces.size(), 0u);
+}
+
+TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = testing_infer::RingPose(35);
+  SensorEvidence evidence = testing_infer::Observe(structure, pose, 14);
+  ASSERT_GT(evidence.faces.size(), 60u);
+  FaceObservation& odd = evidence.faces[20];
+  const Eigen::Vector3d normal =
+      pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
+  odd.p += 0.05 * normal;
+  const SensorEvidence before = evidence;
+  Priors priors;
+  priors.offset = 0.007;
+  WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors, &evidence);
+  for (std::size_t k = 0; k < evidence.faces.size(); ++k) {
+    const double widened = evidence.faces[k].variance - before.faces[k].variance;
+    // 5 cm, less the little that the fit follows, against a limit of 2.5 mm: 4 (size^2 - limit^2).
+    if (k == 20) {
+      EXPECT_NEAR(std::sqrt(widened / 4), 0.05, 0.003);
+    } else {
+      EXPECT_EQ(widened, 0) << k;
+    }
+  }
 }
 
 }  // namespace
