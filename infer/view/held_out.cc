@@ -11,7 +11,7 @@ BlockUse UseOfBlock(int u, int v) {
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
   RandomStream random(0, block, "held_out");
   if (random.Below(5) != 0) return BlockUse::kFit;
-  return random.Below(2) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
+  return random.Below(4) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
 }
 
 }  // namespace volalign
