@@ -8,7 +8,8 @@ namespace volalign {
 
 namespace {
 
-constexpr int kOneIn = 5;  // blocks, of which one is held out
+constexpr int kOneIn = 5;        // blocks, of which one is held out
+constexpr int kChooseOneIn = 4;  // held-out blocks, of which one chooses estimates
 
 }  // namespace
 
@@ -17,7 +18,7 @@ BlockUse UseOfBlock(int u, int v) {
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
   RandomStream random(0, block, "held_out");
   if (random.Below(kOneIn) != 0) return BlockUse::kFit;
-  return random.Below(2) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
+  return random.Below(kChooseOneIn) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
 }
 
 }  // namespace volalign
