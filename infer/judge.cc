@@ -33,8 +33,8 @@ void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorRes
 
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
-           const LabelledView& labelled, const Structure& nominal, const Structure& built,
-           const JudgeOptions& options, SensorResult* sensor) {
+           const LabelledView& labelled, const std::string& unsolved, const Structure& nominal,
+           const Structure& built, const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
@@ -52,10 +52,10 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
-  const std::optional<Finding> weakness =
-      FindWeakness({quality, sensor->covariance, depth.same_depth_as, placed.suspect_intrinsics,
-                    labelled.other_pose, frame.quarter_turns != kAutoTurns},
-                   options.verdict);
+  const std::optional<Finding> weakness = FindWeakness(
+      {quality, sensor->covariance, unsolved, depth.same_depth_as, placed.suspect_intrinsics,
+       labelled.other_pose, frame.quarter_turns != kAutoTurns},
+      options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
   DemoteIfNotFinite(sensor);
@@ -112,7 +112,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i], structure, stages.refined.built, options, &result.sensors[i]);
+          stages.labelled[i], stages.refined.sensors[j].problem, structure, stages.refined.built,
+          options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);
   result.metrics = MeasureSetDistances(result.sensors, stages.refined.built);

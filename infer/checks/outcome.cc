@@ -46,6 +46,8 @@ const char* ToString(SensorCode code) {
       return "intrinsics_suspect";
     case SensorCode::kNotFinite:
       return "not_finite";
+    case SensorCode::kUnsolved:
+      return "unsolved";
     case SensorCode::kSamePose:
       return "same_pose";
     case SensorCode::kAmbiguous:

@@ -27,6 +27,7 @@ enum class SensorCode {
   kIntrinsicsSuspect,
   kNotFinite,  ///< numbers that no solver should leave
   // Weak: the sensor has a pose that is to be used with care.
+  kUnsolved,
   kSamePose,
   kAmbiguous,
   kFewInliers,

@@ -16,6 +16,11 @@ Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance) {
 }
 
 std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
+  if (!evidence.unsolved.empty()) {
+    return Finding{SensorCode::kUnsolved, evidence.unsolved,
+                   "check the depths and intrinsics of this sensor and of its neighbours, and the "
+                   "prior standard deviations (refine.*_sigma_*)"};
+  }
   if (!evidence.same_depth_as.empty()) {
     return Finding{SensorCode::kDuplicateDepth,
                    fmt::format("{} has the same depth map", evidence.same_depth_as),

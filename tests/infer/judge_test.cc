@@ -70,6 +70,17 @@ TEST(JudgeSensors, EverySensorGetsWhatIsItsOwn) {
   EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
 }
 
+TEST(JudgeSensors, ASensorThatCouldNotBeSolvedIsWeak) {
+  Stages stages;
+  stages.results.refined.sensors[1].accepted = false;
+  stages.results.refined.sensors[1].problem = "its solution is no number";
+  const CalibrationResult result = stages.Judge();
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kWeak);
+  EXPECT_EQ(result.sensors[2].code, SensorCode::kUnsolved);
+  EXPECT_EQ(result.sensors[2].reason, "its solution is no number");
+}
+
 TEST(JudgeSensors, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
   Stages stages;
   Pose& refined = stages.results.refined.sensors[1].structure_from_sensor;

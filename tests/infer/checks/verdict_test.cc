@@ -48,6 +48,8 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        },
        "fx = 300"},
       {SensorCode::kDuplicateDepth, [](PlacedEvidence* e) { e->same_depth_as = "KA04"; }, "KA04"},
+      {SensorCode::kUnsolved, [](PlacedEvidence* e) { e->unsolved = "no solution"; },
+       "no solution"},
   };
   PlacedEvidence evidence = AtTheLimits();
   for (const Case& c : cases) {
