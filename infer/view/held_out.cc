@@ -8,8 +8,8 @@ namespace volalign {
 
 namespace {
 
-constexpr int kAcceptOneIn = 5;  // blocks, of which one accepts poses
-constexpr int kChooseOneIn = 8;  // of the others, of which one chooses estimates
+constexpr int kHeldOutOneIn = 5;  // blocks, of which one is held out
+constexpr int kChooseOneIn = 4;   // held-out blocks, of which one chooses estimates
 
 }  // namespace
 
@@ -17,8 +17,8 @@ BlockUse UseOfBlock(int u, int v) {
   const auto block = static_cast<std::uint64_t>(v / kHeldOutBlock) << 32 |
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
   RandomStream random(0, block, "held_out");
-  if (random.Below(kAcceptOneIn) == 0) return BlockUse::kAccept;
-  return random.Below(kChooseOneIn) == 0 ? BlockUse::kChoose : BlockUse::kFit;
+  if (random.Below(kHeldOutOneIn) != 0) return BlockUse::kFit;
+  return random.Below(kChooseOneIn) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
 }
 
 }  // namespace volalign

@@ -8,11 +8,11 @@ inline constexpr int kHeldOutBlock = 16;
 /// What the pixels of an image block are for. No two of these uses share a block, so that what is
 /// judged by them was not made to fit them.
 enum class BlockUse {
-  /// Seven tenths: poses and parameters are fitted to them.
+  /// Four fifths: poses and parameters are fitted to them.
   kFit,
-  /// A tenth: which parameters are estimated at all, which those of all sensors decide together.
+  /// A twentieth: which parameters are estimated at all, which those of all sensors decide together.
   kChoose,
-  /// A fifth: whether a refined pose is better than the one it has to beat, sensor by sensor.
+  /// Three twentieths: whether a refined pose is better than the one it has to beat, sensor by sensor.
   kAccept
 };
 BlockUse UseOfBlock(int u, int v);
