@@ -10,7 +10,8 @@ namespace volalign {
 struct MiouOptions {
   int num_classes = 0;
   /// false: over the classes present in either map (`miou`); true: all classes,
-  /// one that is absent from both maps counting as 1, as the code of the paper's authors has it (`miou_authors`).
+  /// one that is absent from both maps counting as 1, as the code of the paper's authors has it
+  /// (`miou_authors`).
   bool absent_counts_as_one = false;
 };
 

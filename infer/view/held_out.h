@@ -10,9 +10,11 @@ inline constexpr int kHeldOutBlock = 16;
 enum class BlockUse {
   /// Four fifths: poses and parameters are fitted to them.
   kFit,
-  /// A twentieth: which parameters are estimated at all, which those of all sensors decide together.
+  /// A twentieth: which parameters are estimated at all, which those of all sensors decide
+  /// together.
   kChoose,
-  /// Three twentieths: whether a refined pose is better than the one it has to beat, sensor by sensor.
+  /// Three twentieths: whether a refined pose is better than the one it has to beat, sensor by
+  /// sensor.
   kAccept
 };
 BlockUse UseOfBlock(int u, int v);

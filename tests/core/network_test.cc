@@ -26,8 +26,8 @@ StructureNetOptions Small() {
   return options;
 }
 
-/// The paper's network in closed form, by hand: convolution weights and biases for width c, K classes,
-/// r blocks.
+/// The paper's network in closed form, by hand: convolution weights and biases for width c, K
+/// classes, r blocks.
 std::int64_t ClosedFormParameters(std::int64_t c, std::int64_t k, std::int64_t r, bool attention) {
   const std::int64_t encoder3 =
       4 * (2 + 4 + 4) + 8 * (4 + 8 + 8) + 16 * (8 + 16 + 16) + 3 * 16 * 16;
