@@ -125,15 +125,25 @@ TEST(Refine, FindsADepthOffset) {
             4e-3);
 }
 
-TEST(Refine, NeverWorse) {
+Rig TwoSensors() {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(85));
+  return rig;
+}
+
+/// What a solution sees of the first sensor is 2 cm off; what it is judged by is not.
+std::vector<SensorPoints> MisledPointsOf(const Rig& rig) {
   std::vector<SensorPoints> points = PointsOf(rig);
-  // What the solution sees is 2 cm off; what it is judged by is not.
   for (SidePoint& point : points[0].side_points) {
     if (point.use == BlockUse::kFit) point.p.z() += 0.02;
   }
+  return points;
+}
+
+TEST(Refine, NeverWorse) {
+  const Rig rig = TwoSensors();
+  const std::vector<SensorPoints> points = MisledPointsOf(rig);
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
@@ -154,13 +164,8 @@ TEST(Refine, NeverWorse) {
 }
 
 TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(40));
-  rig.Add("B", RingPose(85));
-  std::vector<SensorPoints> points = PointsOf(rig);
-  for (SidePoint& point : points[0].side_points) {
-    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
-  }
+  const Rig rig = TwoSensors();
+  const std::vector<SensorPoints> points = MisledPointsOf(rig);
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose& truth = *rig.frames[i].ground_truth;
@@ -183,9 +188,7 @@ TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
 }
 
 TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(40));
-  rig.Add("B", RingPose(85));
+  const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -223,13 +226,8 @@ TEST(Refine, PointsThatAreNotFiniteAreNone) {
 
 TEST(Refine, ASensorThatGoesBackPullsNoOther) {
   // One that is refused, and whose boxes are not estimated, leaves the other as if it were alone.
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(40));
-  rig.Add("B", RingPose(85));
-  std::vector<SensorPoints> points = PointsOf(rig);
-  for (SidePoint& point : points[0].side_points) {
-    if (point.use == BlockUse::kFit) point.p.z() += 0.02;
-  }
+  const Rig rig = TwoSensors();
+  const std::vector<SensorPoints> points = MisledPointsOf(rig);
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
@@ -349,9 +347,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
 }
 
 TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(40));
-  rig.Add("B", RingPose(85));
+  const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < 2; ++i) {
