@@ -16,6 +16,14 @@
 namespace volalign {
 
 template <class Archive>
+void Describe(Archive& ar, LensOutcome& lens) {
+  ar.Choice("source", lens.estimated, "estimated", "assumed");
+  ar.IfFinite("sigma_focal", lens.sigmas[0]);
+  ar.IfFinite("sigma_k1", lens.sigmas[1]);
+  ar.IfFinite("sigma_k2", lens.sigmas[2]);
+}
+
+template <class Archive>
 void Describe(Archive& ar, SensorOutcome& sensor) {
   ar("status", sensor.status);
   ar.Optional("code", sensor.code);

@@ -31,10 +31,20 @@ void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorRes
   sensor->sigma_depth_gain = refined.sigma_depth_gain;
 }
 
+void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t frame,
+              SensorResult* sensor) {
+  const auto lens = static_cast<std::size_t>(lenses.of_frame[frame]);
+  sensor->lens.sigmas = lenses.lenses[lens].prior_sigmas;
+  if (lens >= refined.lenses.size()) return;
+  sensor->lens.estimated = refined.lenses[lens].estimated;
+  sensor->lens.sigmas = refined.lenses[lens].sigmas;
+}
+
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
-           const LabelledView& labelled, const std::string& unsolved, const Structure& nominal,
-           const Structure& built, const JudgeOptions& options, SensorResult* sensor) {
+           const LabelledView& labelled, const std::optional<Finding>& suspect_lens,
+           const std::string& unsolved, const Structure& nominal, const Structure& built,
+           const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
@@ -54,7 +64,7 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   }
   const std::optional<Finding> weakness = FindWeakness(
       {quality, sensor->covariance, unsolved, depth.same_depth_as, placed.suspect_intrinsics,
-       labelled.other_pose, frame.quarter_turns != kAutoTurns},
+       suspect_lens, labelled.other_pose, frame.quarter_turns != kAutoTurns},
       options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
@@ -98,6 +108,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
     SensorResult& sensor = result.sensors[i];
     LabelledView& labelled = stages.labelled[i];
     sensor.name = frames[i].name;
+    sensor.intrinsics = frames[i].intrinsics;
+    TakeLens(stages.lenses, stages.refined, i, &sensor);
     sensor.view = std::move(stages.views[i]);
     sensor.segmentation = std::move(labelled.segmentation);
     sensor.quarter_turns = labelled.quarter_turns;
@@ -112,8 +124,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i], stages.refined.sensors[j].problem, structure, stages.refined.built,
-          options, &result.sensors[i]);
+          stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j].problem,
+          structure, stages.refined.built, options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);
   result.metrics = MeasureSetDistances(result.sensors, stages.refined.built);

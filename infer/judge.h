@@ -23,6 +23,8 @@ struct StageResults {
   std::vector<Placement> placements;
   std::optional<AssemblyReport> assembly;
   RefineResult refined;
+  LensSet lenses;  ///< of the views
+  std::vector<std::optional<Finding>> suspect_lenses;
 };
 
 struct JudgeOptions {

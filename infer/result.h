@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/camera.h"
 #include "core/metrics.h"
 #include "core/pose.h"
 #include "core/structure.h"
@@ -16,6 +17,13 @@
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
+
+/// What is known about a sensor's lens.
+struct LensOutcome {
+  bool estimated = false;  ///< from the capture; false: as the capture or the sensor's kind has it
+  /// Standard deviations of the logarithm of the focal length, of k1 and of k2.
+  Eigen::Vector3d sigmas = Eigen::Vector3d::Zero();
+};
 
 /// One sensor's outcome. Failed: code, reason and hint, no pose. Weak: a pose,
 /// and what to be wary of.
@@ -46,6 +54,10 @@ struct SensorOutcome {
   std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
 
   int quarter_turns = 0;
+
+  /// That the pose belongs to.
+  Intrinsics intrinsics;
+  LensOutcome lens;
 
   Eigen::Vector3d sigma_translation_m() const { return SigmaTranslation(covariance); }
   Eigen::Vector3d sigma_rotation_deg() const { return SigmaRotationDeg(covariance); }

@@ -58,6 +58,8 @@ const char* ToString(SensorCode code) {
       return "large_residual";
     case SensorCode::kLabelsDisagree:
       return "labels_disagree";
+    case SensorCode::kLensSuspect:
+      return "lens_suspect";
     case SensorCode::kUncertain:
       return "uncertain";
   }

@@ -33,6 +33,7 @@ enum class SensorCode {
   kFewInliers,
   kLargeResidual,
   kLabelsDisagree,
+  kLensSuspect,
   kUncertain
 };
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.

@@ -41,7 +41,7 @@ struct OwnPose {
 };
 
 /// The sensor's pose from its own view, everything that may be estimated being free.
-OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial,
+OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial, const SensorLens& lens,
                     const Structure& structure, const RefineOptions& options) {
   RefineOptions alone = options;
   alone.max_overlap_points = 0;
@@ -50,8 +50,8 @@ OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial,
   const RefinedSensor refined =
       Refine(structure,
              {{&points, initial.from_keypoints, initial.structure_from_sensor,
-               initial.structure_from_sensor, true}},
-             alone)
+               initial.structure_from_sensor, true, 0}},
+             alone, {lens})
           .sensors.front();
   return {refined.structure_from_sensor,
           std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff())};
@@ -67,8 +67,22 @@ Finding ExplainAlteredStack(const AssemblyReport& report) {
           "(--structure)"};
 }
 
+/// Points of a view of these intrinsics, for the refinement.
+SensorPoints SampleThrough(const SensorView& view, const Intrinsics& intrinsics,
+                           const SensorLens& lens, const SegmentationResult& segmentation,
+                           const Structure& structure, const PlacementOptions& options) {
+  SamplingOptions sampling;
+  sampling.min_confidence = options.initial.evidence.min_confidence;
+  sampling.max_side_points = options.refine.max_side_points;
+  sampling.max_edge_points = options.refine.max_edge_points;
+  SensorPoints points = SamplePoints(view, segmentation, structure, sampling);
+  points.intrinsics = intrinsics;
+  points.lens = lens.change;
+  return points;
+}
+
 /// See PlaceSensors. `intrinsics`: those of the view.
-Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
+Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics, const SensorLens& lens,
                       const LabelledView& labelled, bool use_structure, const Structure& structure,
                       const PlacementOptions& options) {
   const InitialPose& initial = labelled.initial;
@@ -76,14 +90,11 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
       CheckIntrinsics(view, intrinsics, labelled, structure, options);
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
-  SamplingOptions sampling;
-  sampling.min_confidence = options.initial.evidence.min_confidence;
-  sampling.max_side_points = options.refine.max_side_points;
-  sampling.max_edge_points = options.refine.max_edge_points;
   OwnPose own{initial.structure_from_sensor, 0};
   if (use_structure) {
-    own = RefineAlone(SamplePoints(view, labelled.segmentation, structure, sampling), initial,
-                      structure, options.refine);
+    own = RefineAlone(
+        SampleThrough(view, intrinsics, lens, labelled.segmentation, structure, options), initial,
+        lens, structure, options.refine);
   }
 
   const Pose& pose = own.structure_from_sensor;
@@ -99,10 +110,11 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics,
     return *std::move(failure);
   }
 
-  PlacedSensor placed{pose,
-                      SamplePoints(view, LabelsFromPose(view, structure, pose, kRelabelDistance),
-                                   structure, sampling),
-                      std::nullopt};
+  PlacedSensor placed{
+      pose,
+      SampleThrough(view, intrinsics, lens, LabelsFromPose(view, structure, pose, kRelabelDistance),
+                    structure, options),
+      std::nullopt};
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
   return placed;
 }
@@ -149,7 +161,8 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
                                     const std::vector<DepthFinding>& depths,
                                     const std::vector<LabelledView>& labelled,
                                     const std::optional<AssemblyReport>& assembly,
-                                    const Structure& structure, const PlacementOptions& options) {
+                                    const LensSet& lenses, const Structure& structure,
+                                    const PlacementOptions& options) {
   std::vector<Placement> placements(frames.size());
   const bool altered = assembly && assembly->altered();
   ParallelFor(frames.size(), options.threads, [&](std::size_t i) {
@@ -159,7 +172,7 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
       placements[i] = ExplainAlteredStack(*assembly);
     } else {
       placements[i] =
-          PlaceSensor(views[i], frames[i].intrinsics, labelled[i],
+          PlaceSensor(views[i], frames[i].intrinsics, lenses.Of(i), labelled[i],
                       HasStructureTerms(frames[i].name, options.refine), structure, options);
       if (altered && std::holds_alternative<PlacedSensor>(placements[i]))
         placements[i] = ExplainAlteredStack(*assembly);
@@ -172,13 +185,13 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
 std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
                                           const std::vector<LabelledView>& labelled,
                                           const std::vector<Placement>& placements,
-                                          const RefineOptions& options) {
+                                          const LensSet& lenses, const RefineOptions& options) {
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
       sensors.push_back({&placed->points, labelled[i].initial.from_keypoints,
                          labelled[i].initial.structure_from_sensor, placed->own_pose,
-                         HasStructureTerms(frames[i].name, options)});
+                         HasStructureTerms(frames[i].name, options), lenses.of_frame[i]});
     }
   }
   return sensors;

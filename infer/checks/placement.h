@@ -14,6 +14,7 @@
 #include "infer/pose/orientation.h"
 #include "infer/refine/refine.h"
 #include "infer/refine/sensor_points.h"
+#include "infer/view/lens.h"
 #include "infer/view/sensor_frame.h"
 #include "infer/view/sensor_view.h"
 
@@ -48,13 +49,14 @@ std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
 /// structure. A sensor in options.refine.without_structure, which its neighbours' overlap is to
 /// hold, is taken at its initial pose. Where the stack is built otherwise than described, no sensor
 /// is placed. One result a sensor; `depths`, `views` and `labelled` are
-/// the frames'.
+/// the frames', which have the intrinsics of `lenses`.
 std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
                                     const std::vector<SensorView>& views,
                                     const std::vector<DepthFinding>& depths,
                                     const std::vector<LabelledView>& labelled,
                                     const std::optional<AssemblyReport>& assembly,
-                                    const Structure& structure, const PlacementOptions& options);
+                                    const LensSet& lenses, const Structure& structure,
+                                    const PlacementOptions& options);
 
 /// The placed sensors, in order, as the joint refinement takes them, from their own poses on. What
 /// it has to beat on held-out points is the keypoint pose: one that was fitted to the sensor's own
@@ -63,6 +65,6 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
 std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
                                           const std::vector<LabelledView>& labelled,
                                           const std::vector<Placement>& placements,
-                                          const RefineOptions& options);
+                                          const LensSet& lenses, const RefineOptions& options);
 
 }  // namespace volalign

@@ -14,6 +14,20 @@ namespace volalign {
 
 /// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
 /// neither a near nor a far sensor is favoured.
+struct LensCheckOptions {
+  double min_sigmas = 4;
+  double min_bend_m = 0.008;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("min_sigmas", min_sigmas,
+       "standard deviations by which the lens that makes large planes flat has to differ from the "
+       "one that is used",
+       Above(0));
+    ar("min_bend_m", min_bend_m, "how far, m, it has to bend them", Above(0));
+  }
+};
+
 struct VerdictOptions {
   // Of the frame.
   double min_valid_share = 0.01;
@@ -27,6 +41,7 @@ struct VerdictOptions {
   double suspicious_score = 0.85;
   double far_off_intrinsics = 0.08;
   IntrinsicsCheckOptions intrinsics;
+  LensCheckOptions lens;
   // Of the sensor's own pose, for it to be placed.
   double min_on_side_share = 0.5;
   double min_explained_share = 0.4;
@@ -124,6 +139,7 @@ struct PlacedEvidence {
   std::string unsolved;                       ///< RefinedSensor::problem
   std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_intrinsics;  ///< where others fit better
+  std::optional<Finding> suspect_lens;        ///< where flat surfaces look bent
   std::string other_pose;                     ///< LabelledView::other_pose
   bool known_turns = false;                   ///< the capture gives its quarter_turns
 };

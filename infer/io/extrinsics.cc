@@ -25,6 +25,10 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   Describe(ar, static_cast<SensorOutcome&>(sensor));
   ar("intrinsics", sensor.intrinsics);
+  // The first files have the given ones alone.
+  ar.Later("intrinsics_given", sensor.intrinsics_given);
+  ar.Later("lens", sensor.lens);
+  ar.Optional("sensor", sensor.sensor);
   ar.OneOrList("depth", sensor.depth_files);
   ar("depth_scale", sensor.depth_scale);
   ar("quarter_turns", sensor.quarter_turns);
@@ -84,7 +88,8 @@ namespace {
 Extrinsics::Sensor SensorOf(const SensorResult& result, const SensorFrame& frame) {
   Extrinsics::Sensor sensor;
   static_cast<SensorOutcome&>(sensor) = result;
-  sensor.intrinsics = frame.intrinsics;
+  sensor.intrinsics_given = frame.intrinsics;
+  sensor.sensor = frame.sensor;
   sensor.depth_files = frame.depth_files;
   sensor.depth_scale = frame.depth_scale;
   sensor.serial = frame.serial;

@@ -218,4 +218,16 @@ std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
   return labelled;
 }
 
+void UpdateInitialPoses(const std::vector<SensorView>& views, const Structure& structure,
+                        const InitialPoseOptions& initial, int threads,
+                        std::vector<LabelledView>* labelled) {
+  ParallelFor(views.size(), threads, [&](std::size_t i) {
+    LabelledView& of = (*labelled)[i];
+    if (!of.initial.found) return;
+    const Pose near = of.initial.structure_from_sensor;
+    InitialPose updated = EstimateInitialPose(views[i], of.segmentation, structure, initial, &near);
+    if (updated.found) of.initial = std::move(updated);
+  });
+}
+
 }  // namespace volalign

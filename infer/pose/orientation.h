@@ -78,4 +78,10 @@ std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
                                      const OrientationOptions& options, int threads,
                                      StageClock* clock);
 
+/// Finds the initial poses again with the labels as they are, near where they were: for views whose
+/// rays have changed.
+void UpdateInitialPoses(const std::vector<SensorView>& views, const Structure& structure,
+                        const InitialPoseOptions& initial, int threads,
+                        std::vector<LabelledView>* labelled);
+
 }  // namespace volalign

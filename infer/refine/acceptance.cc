@@ -54,8 +54,9 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   const double no_offset = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
-  Residuals(model, evidence, {block.values, &no_offset, kNone.data(), state.build.data()}, &r,
-            &jacobian);
+  Residuals(model, evidence,
+            {block.values, &no_offset, kNone.data(), state.Lens(sensor).data(), state.build.data()},
+            &r, &jacobian);
   constexpr Eigen::Index kOwn = SensorColumns::kOwn;
   const Eigen::VectorXd sigmas =
       SharedPriorSigmas(priors, evidence.noise.multipath, 0).head<kOwn>();
@@ -111,7 +112,7 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
                        {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
-    WidenOutliers(problem.model, state.Parameters(i), problem.priors, &held_out[i]);
+    WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
   }

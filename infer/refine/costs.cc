@@ -1,6 +1,9 @@
 #include "infer/refine/costs.h"
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace volalign::refine_internal {
@@ -97,6 +100,55 @@ bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,
   }
   if (jacobians[2]) jacobians[2][0] = weight_ * normal.dot(Rotate(a, p_ / p_.z()));
   if (jacobians[3]) jacobians[3][0] = -weight_ * n_.dot(q_) / q_.z();
+  return true;
+}
+
+OverlapThroughLensCost::OverlapThroughLensCost(const LensPoint& a, const LensPoint& b,
+                                               const Eigen::Vector3d& n_b, double weight,
+                                               bool shared)
+    : a_(a), b_(b), n_(n_b), weight_(weight), shared_(shared) {
+  set_num_residuals(1);
+  *mutable_parameter_block_sizes() = {7, 7, 1, 1, kLensParameters};
+  if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
+}
+
+bool OverlapThroughLensCost::Evaluate(double const* const* parameters, double* residuals,
+                                      double** jacobians) const {
+  constexpr int kLensA = 4;
+  const int lens_b = shared_ ? kLensA : kLensA + 1;
+  const Eigen::Vector3d p = a_.Through(parameters[kLensA]), q = b_.Through(parameters[lens_b]);
+  if (!OverlapCost(p, q, n_, weight_).Evaluate(parameters, residuals, jacobians)) return false;
+  if (!jacobians) return true;
+  const auto by_lens = [&](int block) { return Eigen::Map<Eigen::RowVector3d>(jacobians[block]); };
+  const Eigen::Vector3d normal_in_a =
+      Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], n_);
+  if (jacobians[kLensA]) {
+    by_lens(kLensA) =
+        weight_ * (p.z() + parameters[2][0]) * normal_in_a.head<2>().transpose() * a_.by_lens;
+  }
+  if (!shared_ && jacobians[lens_b]) by_lens(lens_b).setZero();
+  if (jacobians[lens_b]) {
+    by_lens(lens_b) -= weight_ * (q.z() + parameters[3][0]) * n_.head<2>().transpose() * b_.by_lens;
+  }
+  return true;
+}
+
+LensEvidenceCost::LensEvidenceCost(const LensEvidence& evidence) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(evidence.information);
+  const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0);
+  const double least = 1e-12 * values.maxCoeff();
+  root_ = values.cwiseSqrt().asDiagonal() * solver.eigenvectors().transpose();
+  const Eigen::Vector3d moment = solver.eigenvectors().transpose() * evidence.moment;
+  for (int k = 0; k < kLensParameters; ++k)
+    target_[k] = values[k] > least ? moment[k] / std::sqrt(values[k]) : 0;
+}
+
+bool LensEvidenceCost::Evaluate(double const* const* parameters, double* residuals,
+                                double** jacobians) const {
+  Eigen::Map<Eigen::Vector3d>{residuals} =
+      root_ * Eigen::Map<const LensChange>(parameters[0]) - target_;
+  if (jacobians && jacobians[0])
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{jacobians[0]} = root_;
   return true;
 }
 

@@ -12,6 +12,7 @@
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/refine/pose_block.h"
+#include "infer/view/lens.h"
 
 namespace volalign::refine_internal {
 
@@ -59,6 +60,48 @@ class OverlapCost : public ceres::SizedCostFunction<1, 7, 7, 1, 1> {
  private:
   Eigen::Vector3d p_, q_, n_;
   double weight_;
+};
+
+/// A point and the lens that it was seen through.
+struct LensPoint {
+  Eigen::Vector3d p;
+  RayByLensMatrix by_lens;
+  LensChange lens;  ///< with which p was measured
+
+  /// Where it is when the lens is another.
+  Eigen::Vector3d Through(const double* change) const {
+    Eigen::Vector3d moved = p;
+    moved.head<2>() += p.z() * by_lens * (Eigen::Map<const LensChange>(change) - lens);
+    return moved;
+  }
+};
+
+/// OverlapCost, the sensors' lenses being parameter blocks too, a single one where `shared`. The
+/// normal stays as it was measured.
+class OverlapThroughLensCost : public ceres::CostFunction {
+ public:
+  OverlapThroughLensCost(const LensPoint& a, const LensPoint& b, const Eigen::Vector3d& n_b,
+                         double weight, bool shared);
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  LensPoint a_, b_;
+  Eigen::Vector3d n_;
+  double weight_;
+  bool shared_;
+};
+
+/// 0.5 |residuals|^2 is -log-likelihood of a lens change, but for a constant.
+class LensEvidenceCost : public ceres::SizedCostFunction<kLensParameters, kLensParameters> {
+ public:
+  explicit LensEvidenceCost(const LensEvidence& evidence);
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  Eigen::Matrix3d root_;
+  Eigen::Vector3d target_;
 };
 
 /// A loose prior on the pose: [(T p0 - T0 p0) / sigma_t; 2 vec(q q0^-1) / sigma_r], p0 the sensor's

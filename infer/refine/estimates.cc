@@ -57,6 +57,14 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
     return posterior.Sigma(column) < kObservable * prior;
   };
   kept.size = free.size && observable(layout.Size(), priors.size);
+  for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
+    bool any = false;
+    for (Eigen::Index k = 0; k < kLensParameters; ++k) {
+      const Eigen::Index column = layout.Lens(lens) + k;
+      any = any || observable(column, prior_sigmas[column]);
+    }
+    kept.lens[lens] = free.lens[lens] && any;
+  }
   const Eigen::MatrixXd projection = GaugeProjection(structure, priors);
   const auto boxes = static_cast<int>(layout.boxes());
   const Eigen::VectorXd variances =
@@ -118,10 +126,11 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   if (!kept) return solution;
   solution = std::move(*kept);
 
-  const std::array<std::function<bool(FreeSet*)>, 4> kinds = {
+  const std::array<std::function<bool(FreeSet*)>, 5> kinds = {
       [](FreeSet* f) { return Clear(&f->boxes); },
       [](FreeSet* f) { return std::exchange(f->size, false); },
-      [](FreeSet* f) { return Clear(&f->gain); }, [](FreeSet* f) { return Clear(&f->offset); }};
+      [](FreeSet* f) { return Clear(&f->gain); }, [](FreeSet* f) { return Clear(&f->offset); },
+      [](FreeSet* f) { return Clear(&f->lens); }};
   for (const auto& drop : kinds) {
     FreeSet less = solution.free;
     if (!drop(&less)) continue;

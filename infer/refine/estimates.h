@@ -26,9 +26,9 @@ double UnseenCost(const JointProblem& problem, const State& state,
                   const std::vector<SensorEvidence>& unseen);
 
 /// Keeps those parameters that the capture tells clearly more about than their priors do, of
-/// kinds (boxes, size, gain, offset) without which the observations of GatherUnseen do not fit as
-/// well. The others are nominal in the solution that is returned. `solution.free` is what was asked
-/// for.
+/// kinds (boxes, size, gain, offset, lens) without which the observations of GatherUnseen do not
+/// fit as well. The others are nominal in the solution that is returned. `solution.free` is what
+/// was asked for.
 Solution ChooseEstimates(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -6,6 +6,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "infer/view/lens.h"
+
 namespace volalign::refine_internal {
 
 /// One image block's points on one side, as one measurement. Sensor frame, m.
@@ -14,6 +16,7 @@ struct FaceObservation {
   int label = 0;
   double multipath = 0;  ///< see SeamShare
   double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
+  RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
 
 /// Silhouette points of one image block along one edge of a side. Only their bearing counts.
@@ -24,6 +27,7 @@ struct EdgeObservation {
   int axis = 0;         ///< see EdgePoint
   double pixel = 0;     ///< m across the edge, in the side's plane, that one pixel covers
   double variance = 0;  ///< px^2, independent of the other observations'
+  RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
 
 /// Errors that a sensor's observations share, beyond its constant depth error.
@@ -39,6 +43,7 @@ struct SensorEvidence {
   std::vector<FaceObservation> faces;
   std::vector<EdgeObservation> edges;
   NoiseModel noise;
+  LensChange lens = LensChange::Zero();  ///< with which the points were measured
   /// Lower Cholesky factors of the covariances of the residuals, faces and edges, in m.
   Eigen::MatrixXd face_root, edge_root;
 };

@@ -102,10 +102,18 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
   const double share =
       std::sqrt(static_cast<double>(cells) / static_cast<double>(matches.size())) / excess;
   for (const WeightedMatch& match : matches) {
+    const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
+      const SensorPoints& points = *problem.sensors[i].points;
+      return LensPoint{p, points.RayByLensAt(p), points.lens};
+    };
+    const bool shared = state->lens_of[a] == state->lens_of[b];
+    std::vector<double*> blocks = {state->poses[a].values, state->poses[b].values,
+                                   &state->offsets[a], &state->offsets[b], state->Lens(a).data()};
+    if (!shared) blocks.push_back(state->Lens(b).data());
     ceres->problem->AddResidualBlock(
-        new OverlapCost(match.from->p, match.to->p, match.to->normal, share / match.sigma),
-        ceres->loss.get(), state->poses[a].values, state->poses[b].values, &state->offsets[a],
-        &state->offsets[b]);
+        new OverlapThroughLensCost(through_lens(a, match.from->p), through_lens(b, match.to->p),
+                                   match.to->normal, share / match.sigma, shared),
+        ceres->loss.get(), blocks);
   }
 }
 
@@ -124,7 +132,20 @@ void AddSensorTerms(const JointProblem& problem, const SensorEvidence& evidence,
       nuisance);
   if (problem.HasStructureTerms(i) && !evidence.faces.empty()) {
     ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr, pose, offset,
-                                     nuisance, state->build.data());
+                                     nuisance, state->Lens(i).data(), state->build.data());
+  }
+}
+
+/// Priors of the lenses, and what large planes say.
+void AddLensTerms(const JointProblem& problem, const Eigen::VectorXd& sigmas, State* state,
+                  CeresProblem* ceres) {
+  for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
+    const double* prior = sigmas.data() + problem.layout.Lens(lens);
+    double* change = state->lenses[lens].data();
+    ceres->problem->AddResidualBlock(
+        new PriorCost(std::vector<double>(prior, prior + kLensParameters)), nullptr, change);
+    ceres->problem->AddResidualBlock(new LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
+                                     change);
   }
 }
 
@@ -157,8 +178,8 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
     evidence[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &evidence[i]);
-    WidenOutliers(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
-    FitNoise(problem.model, state.Parameters(i), problem.priors, &evidence[i]);
+    WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
+    FitNoise(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
   });
   return evidence;
 }
@@ -176,7 +197,7 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<SensorEvidence>& evidence) {
   std::vector<double> multipath;
   for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
-  return problem.layout.PriorSigmas(problem.priors, multipath);
+  return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
 }
 
 CeresProblem BuildFineProblem(const JointProblem& problem,
@@ -193,6 +214,7 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
     ceres.problem->AddParameterBlock(&state->offsets[i], 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
+    ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(
         new PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr,
@@ -200,6 +222,7 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
     if (!constant[static_cast<std::size_t>(column)])
       AddSensorTerms(problem, evidence[i], sigmas, i, state, &ceres);
   }
+  AddLensTerms(problem, sigmas, state, &ceres);
   const double* of_build = sigmas.data() + layout.Build();
   ceres.problem->AddResidualBlock(
       new PriorCost(std::vector<double>(of_build, of_build + problem.model.size())), nullptr,

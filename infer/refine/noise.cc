@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "infer/refine/likelihood.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
@@ -36,12 +37,6 @@ constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;   // of Nois
 constexpr int kEdgeSteps = 6;
 constexpr std::size_t kMostObservations = 110;  // of each kind: enough for three numbers
 constexpr Eigen::Index kFewestFaces = 12, kFewestEdges = 8;  // that tell more than the defaults
-
-/// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
-double Correlation(double distance, double length) {
-  const double x = 1.7320508 * distance / length;
-  return (1 + x) * std::exp(-x);
-}
 
 Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
 
@@ -108,54 +103,12 @@ Eigen::MatrixXd EdgeCovariance(const SensorEvidence& evidence) {
   return covariance;
 }
 
-/// Negative logarithm of the restricted likelihood of residuals r under covariance C, when the
-/// parameters of J are unknown.
-double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
-                      const Eigen::MatrixXd& jacobian) {
-  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
-  if (root.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
-  const Eigen::VectorXd y = root.matrixL().solve(r);
-  const Eigen::MatrixXd a = root.matrixL().solve(jacobian);
-  Eigen::MatrixXd information = a.transpose() * a;
-  information.diagonal().array() += 1e-3 * (1 + information.diagonal().maxCoeff() * 1e-9);
-  const Eigen::LLT<Eigen::MatrixXd> inner(information);
-  if (inner.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
-  const Eigen::VectorXd projected = inner.matrixL().solve(a.transpose() * y);
-  double log_root = 0, log_inner = 0;
-  for (Eigen::Index i = 0; i < covariance.rows(); ++i) log_root += std::log(root.matrixLLT()(i, i));
-  for (Eigen::Index i = 0; i < information.rows(); ++i)
-    log_inner += std::log(inner.matrixLLT()(i, i));
-  return log_root + log_inner + 0.5 * (y.squaredNorm() - projected.squaredNorm());
-}
-
 /// Lower Cholesky factor; filled with NaN where there is none.
 Eigen::MatrixXd LowerRoot(const Eigen::MatrixXd& covariance) {
   const Eigen::LLT<Eigen::MatrixXd> root(covariance);
   if (root.info() == Eigen::Success) return root.matrixL();
   return Eigen::MatrixXd::Constant(covariance.rows(), covariance.cols(),
                                    std::numeric_limits<double>::quiet_NaN());
-}
-
-/// Least value of a function over the logarithm of its argument: a grid, then a parabola.
-template <class F>
-double MinimiseOverLog(double low, double high, int steps, const F& f, double* best) {
-  std::vector<double> values;
-  const double ratio = std::pow(high / low, 1.0 / (steps - 1));
-  int least = 0;
-  for (int i = 0; i < steps; ++i) {
-    values.push_back(f(low * std::pow(ratio, i)));
-    if (values.back() < values[static_cast<std::size_t>(least)]) least = i;
-  }
-  double shift = 0;
-  if (least > 0 && least + 1 < steps) {
-    const double a = values[static_cast<std::size_t>(least - 1)],
-                 b = values[static_cast<std::size_t>(least)],
-                 c = values[static_cast<std::size_t>(least + 1)];
-    const double bend = a - 2 * b + c;
-    if (std::isfinite(bend) && bend > 0) shift = std::clamp(0.5 * (a - c) / bend, -0.5, 0.5);
-  }
-  *best = low * std::pow(ratio, least + shift);
-  return values[static_cast<std::size_t>(least)];
 }
 
 /// At most kMostObservations of each kind, evenly taken.
@@ -201,6 +154,7 @@ Linearised Linearise(const BuildModel& model, const SensorEvidence& evidence,
   Eigen::VectorXd values(sigmas.size());
   values << parameters.offset[0],
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
+      Eigen::Map<const LensChange>(parameters.lens),
       Eigen::Map<const Eigen::VectorXd>(parameters.build, model.size());
   const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
   linear.residuals -= known * values;

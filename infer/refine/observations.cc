@@ -171,13 +171,16 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
       lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
   }
+  evidence->lens = points.lens;
   evidence->faces.clear();
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
       evidence->faces.push_back(FaceOf(nominal, state.built, places.front(), key.first, of));
   }
+  for (FaceObservation& face : evidence->faces) face.by_lens = points.RayByLensAt(face.p);
   evidence->edges.clear();
   for (const auto& [key, of] : lines) evidence->edges.push_back(EdgeOf(key[0], key[1], key[3], of));
+  for (EdgeObservation& edge : evidence->edges) edge.by_lens = points.RayByLensAt(edge.p);
 }
 
 void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,

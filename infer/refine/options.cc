@@ -11,7 +11,7 @@ namespace volalign {
 EstimateSet ParseEstimate(const std::string& text) {
   EstimateSet set;
   if (text == "none") return set;
-  if (text == "auto") return {true, true, true, true};
+  if (text == "auto") return {true, true, true, true, true};
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     std::string word = text.substr(begin, end - begin);
@@ -24,11 +24,14 @@ EstimateSet ParseEstimate(const std::string& text) {
       set.depth_gain = true;
     } else if (word == "depth_offset") {
       set.depth_offset = true;
+    } else if (word == "lens") {
+      set.lens = true;
     } else {
-      throw ConfigError(fmt::format(
-          "refine.estimate = \"{}\": \"{}\" is none of boxes, size, depth_gain, depth_offset; or "
-          "give auto or none alone",
-          text, word));
+      throw ConfigError(
+          fmt::format("refine.estimate = \"{}\": \"{}\" is none of boxes, size, depth_gain, "
+                      "depth_offset, lens; "
+                      "or give auto or none alone",
+                      text, word));
     }
     begin = end + 1;
   }

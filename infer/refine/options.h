@@ -9,9 +9,10 @@ namespace volalign {
 
 /// What may be estimated beside the poses (`refine.estimate`).
 struct EstimateSet {
-  bool boxes = false, size = false, depth_gain = false, depth_offset = false;
+  bool boxes = false, size = false, depth_gain = false, depth_offset = false, lens = false;
 };
-/// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, separated by commas.
+/// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, lens, separated by
+/// commas.
 /// Throws ConfigError for anything else.
 EstimateSet ParseEstimate(const std::string& text);
 
@@ -23,6 +24,7 @@ struct RefineOptions {
   double depth_gain_sigma_percent = 0.3;
   double depth_offset_sigma_m = 0.007;
   double edge_shift_sigma_px = 0.7;
+  bool lens_per_sensor = false;
   int outer_iterations = 5;
   int inner_iterations = 6;
   int fine_iterations = 3;
@@ -44,7 +46,9 @@ struct RefineOptions {
   void Describe(Archive& ar) {
     ar("estimate", estimate,
        "what is estimated beside the poses, where the capture tells: auto, none, or a list of "
-       "boxes, size, depth_gain, depth_offset (separated by commas)");
+       "boxes, size, depth_gain, depth_offset, lens (separated by commas)");
+    ar("lens_per_sensor", lens_per_sensor,
+       "false: sensors of one kind (the capture's key sensor) have the same lens");
     ar("box_sigma_m", box_sigma_m,
        "prior standard deviation of a box's horizontal place along each axis, m", AtLeast(0));
     ar("box_sigma_deg", box_sigma_deg,

@@ -36,11 +36,12 @@ Priors PriorsOf(const RefineOptions& options) {
 }
 
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
-  Eigen::VectorXd sigmas(1 + kNuisances + 1 + 3 * boxes);
+  Eigen::VectorXd sigmas(1 + kNuisances + kLensParameters + 1 + 3 * boxes);
   sigmas[0] = priors.offset;
   sigmas[1 + kDepthGain] = priors.gain;
   sigmas[1 + kMultipath] = multipath;
   sigmas[1 + kEdgeShift] = sigmas[2 + kEdgeShift] = priors.edge_shift;
+  sigmas.segment<kLensParameters>(1 + kNuisances) = priors.lens;
   auto build = sigmas.tail(1 + 3 * boxes);
   build[0] = priors.size;
   for (int b = 0; b < boxes; ++b) {
@@ -50,11 +51,14 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
   return sigmas;
 }
 
-State NominalState(const Structure& structure, const std::vector<Pose>& poses) {
+State NominalState(const Structure& structure, const std::vector<Pose>& poses,
+                   const std::vector<SensorLens>& lenses, const std::vector<int>& lens_of) {
   State state;
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   state.offsets.assign(poses.size(), 0);
   state.nuisances.assign(poses.size(), {});
+  state.lens_of = lens_of;
+  for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.build.assign(1 + 3 * structure.boxes().size(), 0);
   state.built = structure;
   return state;
@@ -65,12 +69,14 @@ bool FreeSet::AllBoxes() const {
 }
 
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
-                 std::size_t boxes) {
+                 std::size_t boxes, const std::vector<SensorLens>& lenses) {
   FreeSet free;
   free.boxes.assign(boxes, asked.boxes && priors.box > 0);
   free.size = asked.size && priors.size > 0;
   free.gain.assign(sensors, asked.depth_gain && priors.gain > 0);
   free.offset.assign(sensors, asked.depth_offset && priors.offset > 0);
+  for (const SensorLens& lens : lenses)
+    free.lens.push_back(asked.lens && lens.prior_sigmas.maxCoeff() > 0);
   return free;
 }
 
@@ -82,13 +88,16 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
     blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
   for (std::size_t i = 0; i < sensors_; ++i)
     blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
+  for (std::size_t lens = 0; lens < lenses_; ++lens)
+    blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   const int build = static_cast<int>(state->build.size());
   blocks.push_back({state->build.data(), Build(), build, build});
   return blocks;
 }
 
 Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
-                                             const std::vector<double>& multipath) const {
+                                             const std::vector<double>& multipath,
+                                             const std::vector<SensorLens>& lenses) const {
   Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
   const auto boxes = static_cast<int>(boxes_);
   for (std::size_t i = 0; i < sensors_; ++i) {
@@ -96,6 +105,8 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
     sigmas[Offset(i)] = shared[0];
     sigmas.segment<kNuisances>(Nuisance(i, 0)) = shared.segment<kNuisances>(1);
   }
+  for (std::size_t lens = 0; lens < lenses_; ++lens)
+    sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
   sigmas.tail(1 + 3 * boxes) = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);
   return sigmas.unaryExpr(&Positive);
 }
@@ -113,6 +124,9 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     hold(Pose(i), 6);
     hold(Offset(i), 1);
     hold(Nuisance(i, 0), kNuisances);
+  }
+  for (std::size_t lens = 0; lens < lenses_; ++lens) {
+    if (!free.lens[lens]) hold(Lens(lens), kLensParameters);
   }
   if (!free.size) hold(Size(), 1);
   for (std::size_t b = 0; b < boxes_; ++b) {

@@ -14,6 +14,7 @@
 #include "infer/refine/build_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
+#include "infer/view/lens.h"
 
 namespace volalign::refine_internal {
 
@@ -22,12 +23,13 @@ namespace volalign::refine_internal {
 inline constexpr int kNuisances = 4;
 inline constexpr int kDepthGain = 0, kMultipath = 1, kEdgeShift = 2;
 
-/// One sensor's parameter blocks: pose (7), depth offset in m (1), nuisances, and the build that
-/// all sensors share.
+/// One sensor's parameter blocks: pose (7), depth offset in m (1), nuisances, its lens
+/// (LensChange), and the build that all sensors share.
 struct SensorParameters {
   const double* pose;
   const double* offset;
   const double* nuisance;
+  const double* lens;
   const double* build;
 };
 
@@ -35,9 +37,9 @@ struct SensorParameters {
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct SensorColumns {
   static constexpr Eigen::Index kPose = 0, kOffset = 7, kNuisance = 8,
-                                kBuild = kNuisance + kNuisances;
-  /// How many columns are the sensor's own, without its pose.
-  static constexpr Eigen::Index kOwn = kBuild - kOffset;
+                                kLens = kNuisance + kNuisances, kBuild = kLens + kLensParameters;
+  /// How many columns are the sensor's own depth and silhouette errors.
+  static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
   static Eigen::MatrixXd InTangentSpace(const Eigen::MatrixXd& over_blocks, const double* pose);
 };
@@ -48,6 +50,8 @@ struct Priors {
   double edge_shift = 0;        ///< px
   double size = 0;              ///< 1
   double box = 0, yaw = 0;      ///< m, rad
+  /// Of the LensChange of the sensor that they are for; zero: the lens is known.
+  Eigen::Vector3d lens = Eigen::Vector3d::Zero();
 };
 Priors PriorsOf(const RefineOptions& options);
 
@@ -55,7 +59,8 @@ Priors PriorsOf(const RefineOptions& options);
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 
 /// Prior standard deviations of what moves one sensor's residuals beside its pose, in the order of
-/// SensorColumns: offset, nuisances, build. `multipath`, m, belongs to the sensor's noise model.
+/// SensorColumns: offset, nuisances, lens, build. `multipath`, m, belongs to the sensor's noise
+/// model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
 /// How a sensor stands and how it measures depth.
@@ -76,7 +81,9 @@ struct State {
   std::vector<PoseBlock> poses;
   std::vector<double> offsets;
   std::vector<std::array<double, kNuisances>> nuisances;
-  std::vector<double> build;  ///< see BuildModel
+  std::vector<LensChange> lenses;  ///< from the assumed intrinsics
+  std::vector<int> lens_of;        ///< index of each sensor's lens
+  std::vector<double> build;       ///< see BuildModel
   /// The structure as `build` had it when it was last solved for: what points are matched with.
   Structure built;
 
@@ -85,32 +92,43 @@ struct State {
   SensorState Sensor(std::size_t i, const Pose& pose) const {
     return {pose, nuisances[i][kDepthGain], offsets[i]};
   }
+  /// Of a sensor.
+  const LensChange& Lens(std::size_t i) const {
+    return lenses[static_cast<std::size_t>(lens_of[i])];
+  }
+  LensChange& Lens(std::size_t i) { return lenses[static_cast<std::size_t>(lens_of[i])]; }
   SensorParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], nuisances[i].data(), build.data()};
+    return {poses[i].values, &offsets[i], nuisances[i].data(), Lens(i).data(), build.data()};
   }
 };
-/// Everything nominal, the sensors at `poses`.
-State NominalState(const Structure& structure, const std::vector<Pose>& poses);
+/// Everything nominal, the sensors at `poses`, each with the lens of this index.
+/// Lenses begin at SensorLens::change.
+State NominalState(const Structure& structure, const std::vector<Pose>& poses,
+                   const std::vector<SensorLens>& lenses, const std::vector<int>& lens_of);
 
 /// What is estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
   std::vector<char> boxes, gain, offset;  ///< of each box, each sensor, each sensor
+  std::vector<char> lens;                 ///< of each lens
   bool size = false;
 
   bool AllBoxes() const;
 };
 /// What the options ask for, where the prior leaves it open at all.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
-                 std::size_t boxes);
+                 std::size_t boxes, const std::vector<SensorLens>& lenses);
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
-/// poses (6 each), the depth offsets, the nuisances (kNuisances of each sensor), the build.
+/// poses (6 each), the depth offsets, the nuisances (kNuisances of each sensor), the lenses
+/// (kLensParameters each), the build.
 class ParameterLayout {
  public:
-  ParameterLayout(std::size_t sensors, std::size_t boxes) : sensors_(sensors), boxes_(boxes) {}
+  ParameterLayout(std::size_t sensors, std::size_t boxes, std::size_t lenses)
+      : sensors_(sensors), boxes_(boxes), lenses_(lenses) {}
 
   std::size_t sensors() const { return sensors_; }
   std::size_t boxes() const { return boxes_; }
+  std::size_t lenses() const { return lenses_; }
   Eigen::Index size() const { return Build() + 1 + static_cast<Eigen::Index>(3 * boxes_); }
 
   Eigen::Index Pose(std::size_t i) const { return static_cast<Eigen::Index>(6 * i); }
@@ -119,8 +137,12 @@ class ParameterLayout {
   Eigen::Index Nuisance(std::size_t i, int which) const {
     return static_cast<Eigen::Index>(7 * sensors_ + kNuisances * i) + which;
   }
+  /// Of the lens of this index.
+  Eigen::Index Lens(std::size_t lens) const {
+    return static_cast<Eigen::Index>((7 + kNuisances) * sensors_ + kLensParameters * lens);
+  }
   /// Of the whole block. Its first parameter is the size of all boxes.
-  Eigen::Index Build() const { return static_cast<Eigen::Index>((7 + kNuisances) * sensors_); }
+  Eigen::Index Build() const { return Lens(lenses_); }
   Eigen::Index Size() const { return Build(); }
   /// The three of each box (x, z, yaw), box by box from here.
   Eigen::Index Boxes() const { return Build() + 1; }
@@ -137,7 +159,8 @@ class ParameterLayout {
 
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
   /// `multipath`: m, of each sensor.
-  Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath) const;
+  Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
+                              const std::vector<SensorLens>& lenses) const;
 
   /// Which columns are held constant where only `free` is estimated, and where all of the sensors
   /// marked in `kept_initial` stands where it is (none where that is empty).
@@ -147,7 +170,7 @@ class ParameterLayout {
   void SetNominal(const FreeSet& free, State* state) const;
 
  private:
-  std::size_t sensors_, boxes_;
+  std::size_t sensors_, boxes_, lenses_;
 };
 
 }  // namespace volalign::refine_internal

@@ -23,6 +23,8 @@ struct RefineSensor {
   Pose start = Pose::Identity();     ///< where the solution begins
   /// False: nothing ties the sensor to the structure but its neighbours.
   bool use_structure_terms = true;
+  /// Index into the lenses; -1: its lens is known.
+  int lens = -1;
 };
 
 namespace refine_internal {
@@ -30,17 +32,26 @@ namespace refine_internal {
 /// What is given and stays as it is while the parameters are sought. Refers to its arguments.
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<RefineSensor>& sensors,
-               const RefineOptions& options);
+               const std::vector<SensorLens>& lenses, const RefineOptions& options);
 
   const Structure& structure;  ///< as described
   const std::vector<RefineSensor>& sensors;
   const RefineOptions& options;
   BuildModel model;
-  Priors priors;
+  Priors priors;  ///< without a lens's
+  /// Those given, then one for all sensors whose lens is known, where there are any.
+  std::vector<SensorLens> lenses;
+  std::vector<int> lens_of;  ///< of each sensor, into `lenses`
   ParameterLayout layout;
   std::vector<std::vector<int>> overlap_points;  ///< of each sensor, see ChooseOverlapPoints
 
   std::size_t size() const { return sensors.size(); }
+  /// With those of a sensor's lens.
+  Priors PriorsOf(std::size_t i) const {
+    Priors own = priors;
+    own.lens = lenses[static_cast<std::size_t>(lens_of[i])].prior_sigmas;
+    return own;
+  }
   bool HasStructureTerms(std::size_t i) const { return sensors[i].use_structure_terms; }
   bool HasOverlapTerms() const { return options.max_overlap_points > 0; }
   /// One sensor's part in its overlap with others.

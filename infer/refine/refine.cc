@@ -24,8 +24,10 @@ using namespace refine_internal;  // NOLINT(google-build-using-namespace): its o
 Solution Begin(const JointProblem& problem, const FreeSet& asked_for) {
   std::vector<Pose> starts;
   for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
-  Solution solution{
-      asked_for, NominalState(problem.structure, starts), {}, std::vector<char>(problem.size(), 0)};
+  Solution solution{asked_for,
+                    NominalState(problem.structure, starts, problem.lenses, problem.lens_of),
+                    {},
+                    std::vector<char>(problem.size(), 0)};
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!starts[i].matrix().allFinite()) KeepInitial(problem, i, &solution);
   }
@@ -140,7 +142,8 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
 }
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const std::vector<char>& unsolved, const Posterior& posterior) {
+                        const std::vector<char>& unsolved, const Posterior& posterior,
+                        std::size_t given_lenses) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
@@ -153,6 +156,13 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
   result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
   result.built = state.built;
   result.pairs = PairResults(problem, state);
+  for (std::size_t lens = 0; lens < given_lenses; ++lens) {
+    const Eigen::Index column = problem.layout.Lens(lens);
+    result.lenses.push_back(
+        {state.lenses[lens],
+         free.lens[lens] != 0,
+         {posterior.Sigma(column), posterior.Sigma(column + 1), posterior.Sigma(column + 2)}});
+  }
   return result;
 }
 
@@ -184,18 +194,19 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
 }
 
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
-                    const RefineOptions& options) {
+                    const RefineOptions& options, const std::vector<SensorLens>& lenses) {
   const EstimateSet asked = ParseEstimate(options.estimate);
   if (sensors.empty()) {
     RefineResult nothing;
     nothing.boxes.resize(structure.boxes().size());
     nothing.built = structure;
+    for (const SensorLens& lens : lenses) nothing.lenses.push_back({lens.change});
     return nothing;
   }
   CheckPoses(sensors);
-  const JointProblem problem(structure, sensors, options);
+  const JointProblem problem(structure, sensors, lenses, options);
   const FreeSet asked_for =
-      AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size());
+      AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, asked_for);
   if (options.coarse) {
@@ -209,7 +220,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   const Posterior posterior = ComputePosterior(ComputeNormalEquations(problem, accepted.solution),
                                                problem.layout, problem.layout.Constant(asked_for),
                                                PriorSigmas(problem, accepted.solution.evidence));
-  return MakeResult(problem, accepted, unsolved, posterior);
+  return MakeResult(problem, accepted, unsolved, posterior, lenses.size());
 }
 
 }  // namespace volalign

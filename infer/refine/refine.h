@@ -38,6 +38,12 @@ struct RefinedBox {
   double sigma_yaw = 0;
 };
 
+struct RefinedLens {
+  LensChange change = LensChange::Zero();  ///< from the assumed intrinsics
+  bool estimated = false;
+  Eigen::Vector3d sigmas = Eigen::Vector3d::Zero();  ///< posterior
+};
+
 struct RefinedPair {
   int a = 0, b = 0;    ///< indices of the sensors, a < b
   double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
@@ -47,7 +53,8 @@ struct RefinedPair {
 struct RefineResult {
   std::vector<RefinedSensor> sensors;
   std::vector<RefinedPair> pairs;
-  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  std::vector<RefinedBox> boxes;    ///< of Structure::boxes()
+  std::vector<RefinedLens> lenses;  ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
   Structure built;  ///< the structure with the estimated placement and size
@@ -83,6 +90,6 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// directions that nothing constrains. Throws ConfigError for a bad
 /// options.estimate, DataError for a pose to beat or to fall back to that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
-                    const RefineOptions& options);
+                    const RefineOptions& options, const std::vector<SensorLens>& lenses = {});
 
 }  // namespace volalign

@@ -20,9 +20,11 @@ struct MovedPlane {
 /// One sensor at its parameters, against the structure as they build it.
 class Scene {
  public:
-  Scene(const BuildModel& model, const SensorParameters& parameters)
+  /// `seen_through`: the lens of the observations.
+  Scene(const BuildModel& model, const SensorParameters& parameters, const LensChange& seen_through)
       : model_(model),
         parameters_(parameters),
+        lens_(Eigen::Map<const LensChange>(parameters.lens) - seen_through),
         rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
         translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
         growth_(parameters.build[0]) {}
@@ -34,6 +36,18 @@ class Scene {
   const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
     return rotation_ * p + translation_;
+  }
+
+  /// Of unit depth, to where an observation at p was seen.
+  Eigen::Vector3d Ray(const Eigen::Vector3d& p, const RayByLensMatrix& by_lens) const {
+    Eigen::Vector3d ray = p / p.z();
+    ray.head<2>() += by_lens * lens_;
+    return ray;
+  }
+  /// Of direction . R ray, by the lens.
+  Eigen::RowVector3d ByLens(const Eigen::Vector3d& direction,
+                            const RayByLensMatrix& by_lens) const {
+    return direction.transpose() * rotation_.leftCols<2>() * by_lens;
   }
 
   double TrueDepth(const FaceObservation& face) const {
@@ -85,6 +99,7 @@ class Scene {
 
   const BuildModel& model_;
   const SensorParameters& parameters_;
+  const LensChange lens_;  // from the one that was looked through
   const Eigen::Matrix3d rotation_;
   const Eigen::Vector3d translation_;
   const double growth_;
@@ -94,7 +109,7 @@ class Scene {
 double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Index row,
                     Eigen::MatrixXd* jacobian) {
   const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
-  const Eigen::Vector3d ray = face.p / face.p.z();
+  const Eigen::Vector3d ray = scene.Ray(face.p, face.by_lens);
   const Eigen::Vector3d p = scene.TrueDepth(face) * ray, at = scene.InStructure(p);
   if (jacobian) {
     jacobian->row(row) = scene.Derivative(plane, p, at);
@@ -102,6 +117,8 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     (*jacobian)(row, SensorColumns::kOffset) = along;
     (*jacobian)(row, SensorColumns::kNuisance + kDepthGain) = along * face.p.z();
     (*jacobian)(row, SensorColumns::kNuisance + kMultipath) = -along * face.multipath;
+    jacobian->row(row).segment<kLensParameters>(SensorColumns::kLens) =
+        p.z() * scene.ByLens(plane.normal, face.by_lens);
   }
   return scene.Distance(plane, at);
 }
@@ -112,14 +129,13 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
                     Eigen::MatrixXd* jacobian) {
   const Side& side = scene.SideOf(edge.label);
   const MovedPlane plane = scene.PlaneOf(side), line = scene.PlaneOfEdge(side, edge.edge);
-  const Eigen::Vector3d ray = edge.p / edge.p.z();
-  const Eigen::Vector3d v = scene.rotation() * ray, at = scene.InStructure(edge.p);
+  const Eigen::Vector3d ray = scene.Ray(edge.p, edge.by_lens), p = edge.p.z() * ray;
+  const Eigen::Vector3d v = scene.rotation() * ray, at = scene.InStructure(p);
   const double behind = scene.Distance(plane, at);
   const double nv = plane.normal.dot(v), dv = line.normal.dot(v);
   const double slope = dv / nv;
   if (jacobian) {
-    jacobian->row(row) =
-        scene.Derivative(line, edge.p, at) - slope * scene.Derivative(plane, edge.p, at);
+    jacobian->row(row) = scene.Derivative(line, p, at) - slope * scene.Derivative(plane, p, at);
     const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
     jacobian->row(row).head<4>() -=
         behind * turn.transpose() * RotatedPointJacobian(scene.pose(), ray);
@@ -128,6 +144,8 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
         (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
         (nv * nv);
     (*jacobian)(row, SensorColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
+    jacobian->row(row).segment<kLensParameters>(SensorColumns::kLens) =
+        scene.ByLens(p.z() * (line.normal - slope * plane.normal) - behind * turn, edge.by_lens);
   }
   return scene.Distance(line, at) - slope * behind -
          scene.nuisance(kEdgeShift + edge.axis) * edge.pixel;
@@ -138,7 +156,7 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
 void Residuals(const BuildModel& model, const SensorEvidence& evidence,
                const SensorParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian) {
-  const Scene scene(model, parameters);
+  const Scene scene(model, parameters, evidence.lens);
   const auto rows = static_cast<Eigen::Index>(evidence.faces.size() + evidence.edges.size());
   residuals->resize(rows);
   if (jacobian) jacobian->setZero(rows, scene.columns());
@@ -156,14 +174,15 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
 SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
     : model_(model), evidence_(evidence) {
   set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
-  *mutable_parameter_block_sizes() = {7, 1, kNuisances, model.size()};
+  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, model.size()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
   Eigen::VectorXd r;
   Eigen::MatrixXd j;
-  Residuals(model_, evidence_, {parameters[0], parameters[1], parameters[2], parameters[3]}, &r,
+  Residuals(model_, evidence_,
+            {parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]}, &r,
             jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
   const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());

@@ -7,6 +7,7 @@
 #include "core/kd_tree.h"
 #include "core/structure.h"
 #include "infer/view/held_out.h"
+#include "infer/view/lens.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
 
@@ -57,6 +58,15 @@ class SensorPoints {
 
   std::vector<SidePoint> side_points;
   std::vector<EdgePoint> edge_points;
+  /// The lens that they were seen through: its intrinsics (an image of 0 x 0 px where it is none
+  /// that could be changed), and how these differ from the assumed ones.
+  Intrinsics intrinsics;
+  LensChange lens = LensChange::Zero();
+  /// Of the ray of a point.
+  RayByLensMatrix RayByLensAt(const Eigen::Vector3d& p) const {
+    if (intrinsics.width == 0) return RayByLensMatrix::Zero();
+    return RayByLens(intrinsics, p.head<2>() / p.z());
+  }
   const std::vector<CloudPoint>& cloud() const { return cloud_; }
 
   /// Index of the cloud point nearest to p within `max_distance`, or -1.

@@ -1,0 +1,54 @@
+#include "infer/checks/lens_check.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <cstddef>
+
+namespace volalign {
+
+namespace {
+
+/// The change that planes ask for beyond what a lens has, where its prior is put aside, and by how
+/// many standard deviations (those of its prior included) k1 and k2 are off.
+struct Excess {
+  LensChange change = LensChange::Zero();
+  double sigmas = 0;
+};
+
+Excess ExcessOf(const LensEvidence& evidence, const SensorLens& lens) {
+  const Eigen::Vector3d wide = PriorOfLens({}, "").sigmas;
+  LensEvidence further = evidence;
+  further.moment -= evidence.information * lens.change;
+  const LensEstimate estimate = EstimateLens(further, wide);
+  Eigen::Matrix2d covariance = estimate.covariance.bottomRightCorner<2, 2>();
+  covariance += lens.prior_sigmas.tail<2>().cwiseAbs2().asDiagonal();
+  const Eigen::Vector2d k = estimate.change.tail<2>();
+  return {estimate.change, std::sqrt(k.dot(covariance.inverse() * k))};
+}
+
+}  // namespace
+
+std::vector<std::optional<Finding>> CheckLenses(const std::vector<SensorPlanes>& planes,
+                                                const LensSet& lenses, bool estimated,
+                                                const LensCheckOptions& options) {
+  std::vector<std::optional<Finding>> findings(planes.size());
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    const SensorLens& lens = lenses.Of(i);
+    const Excess excess = ExcessOf(PlaneEvidence({planes[i]}, lens.change), lens);
+    const double bend = LargestBend(planes[i], excess.change);
+    if (!(excess.sigmas > options.min_sigmas) || !(bend > options.min_bend_m)) continue;
+    findings[i] = Finding{
+        SensorCode::kLensSuspect,
+        fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that the "
+                    "intrinsics describe",
+                    1000 * bend),
+        estimated ? "check the intrinsics and their distortion, or leave the distortion out and "
+                    "name the sensor's kind (capture.json, sensor), so that it is estimated"
+                  : "give the lens's distortion in the capture, or have it estimated "
+                    "(--estimate auto)"};
+  }
+  return findings;
+}
+
+}  // namespace volalign

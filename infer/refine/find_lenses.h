@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "infer/refine/straightness.h"
+#include "infer/view/lens.h"
+#include "infer/view/sensor_frame.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// The frames with the intrinsics of `lenses`.
+std::vector<SensorFrame> SeenThrough(std::vector<SensorFrame> frames, const LensSet& lenses);
+
+/// Looks for the change of each lens that makes the large planes of its frames flat, and takes it
+/// where they tell it clearly better than its prior does. `lenses` says where to begin. The result
+/// has the planes' evidence about every lens.
+LensSet FindLenses(const std::vector<SensorFrame>& frames, LensSet lenses, int threads);
+
+/// The large planes of each view, which was made with the lenses' intrinsics.
+std::vector<SensorPlanes> FindPlanes(const std::vector<SensorView>& views, const LensSet& lenses,
+                                     int threads);
+
+/// The planes' evidence at the lenses' changes.
+void MeasureLenses(const std::vector<SensorPlanes>& planes, int threads, LensSet* lenses);
+
+}  // namespace volalign

@@ -1,0 +1,46 @@
+#pragma once
+
+// Likelihoods of residuals whose errors are correlated. Not for callers of Refine.
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace volalign::refine_internal {
+
+/// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
+inline double Correlation(double distance, double length) {
+  const double x = 1.7320508 * distance / length;
+  return (1 + x) * std::exp(-x);
+}
+
+/// Negative logarithm of the restricted likelihood of residuals r under covariance C, when the
+/// parameters of J are unknown (Patterson and Thompson, "Recovery of inter-block information when
+/// block sizes are unequal", Biometrika 1971). Infinite where C has no Cholesky factor.
+double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
+                      const Eigen::MatrixXd& jacobian);
+
+/// Least value of a function over the logarithm of its argument: a grid, then a parabola.
+template <class F>
+double MinimiseOverLog(double low, double high, int steps, const F& f, double* best) {
+  std::vector<double> values;
+  const double ratio = std::pow(high / low, 1.0 / (steps - 1));
+  int least = 0;
+  for (int i = 0; i < steps; ++i) {
+    values.push_back(f(low * std::pow(ratio, i)));
+    if (values.back() < values[static_cast<std::size_t>(least)]) least = i;
+  }
+  double shift = 0;
+  if (least > 0 && least + 1 < steps) {
+    const double a = values[static_cast<std::size_t>(least - 1)],
+                 b = values[static_cast<std::size_t>(least)],
+                 c = values[static_cast<std::size_t>(least + 1)];
+    const double bend = a - 2 * b + c;
+    if (std::isfinite(bend) && bend > 0) shift = std::clamp(0.5 * (a - c) / bend, -0.5, 0.5);
+  }
+  *best = low * std::pow(ratio, least + shift);
+  return values[static_cast<std::size_t>(least)];
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,186 @@
+#include "infer/view/lens.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <utility>
+
+#include "infer/view/camera_rays.h"
+
+namespace volalign {
+
+namespace {
+
+/// Standard deviations of the logarithm of the focal length, of k1 and of k2.
+using Sigmas = std::array<double, kLensParameters>;
+
+/// A calibration of this very lens. Two factory calibrations of Azure Kinects agree to 0.1 % of the
+/// radius over the whole image.
+constexpr Sigmas kGiven = {0.002, 0.004, 0.006};
+/// Another of its kind.
+constexpr Sigmas kTypical = {0.003, 0.006, 0.01};
+constexpr Sigmas kMild = {0.005, 0.03, 0.06};
+constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
+
+/// The kinds of sensors whose lens is known by their names in the intrinsics pool; the first of
+/// these that a name begins with counts.
+struct LensKind {
+  const char* prefix;
+  std::array<double, 8> distortion;  // OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6
+  Sigmas sigmas;
+};
+constexpr std::array<LensKind, 3> kKinds = {{
+    // Microsoft's Azure-Kinect-Sensor-SDK, factory calibration in issue 1518.
+    {"azure_kinect", {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}, kTypical},
+    // Public calibrations of the depth camera.
+    {"kinect_v2", {0.09, -0.27, 0, 0, 0.10, 0, 0, 0}, kMild},
+    // Its depth images are rectified.
+    {"realsense", {}, kTypical},
+}};
+
+constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image
+
+// The inverse, on the plane z = 1.
+constexpr int kNewtonSteps = 20;
+constexpr double kConverged = 1e-9;
+constexpr double kFolded = 0.05;  // determinant of the derivative, of which 1 is no distortion
+
+Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], sigmas[2]}; }
+
+bool IsNone(const std::array<double, 8>& distortion) {
+  return std::all_of(distortion.begin(), distortion.end(), [](double k) { return k == 0; });
+}
+
+}  // namespace
+
+Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change) {
+  intrinsics.fx *= std::exp(change[0]);
+  intrinsics.fy *= std::exp(change[0]);
+  if (change[1] == 0 && change[2] == 0) return intrinsics;
+  if (intrinsics.distortion.size() < 4) intrinsics.distortion.resize(4, 0.0);
+  intrinsics.distortion[0] += change[1];
+  intrinsics.distortion[1] += change[2];
+  return intrinsics;
+}
+
+namespace {
+
+/// OpenCV's model of a lens at one ray, on the plane z = 1.
+struct Distortion {
+  Eigen::Vector2d distorted;
+  Eigen::Matrix2d by_ray;
+  double below;  ///< the denominator of the radial factor
+};
+
+Distortion Distort(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
+  std::array<double, 8> k{};  // k1 k2 p1 p2 k3 k4 k5 k6
+  std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), k.begin());
+  const double x = ray.x(), y = ray.y(), r2 = ray.squaredNorm();
+  const double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
+  const double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+  const double radial = above / below;
+  const double by_r2 =
+      (k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]) - radial * (k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]))) /
+      below;
+  Distortion at;
+  at.distorted = Eigen::Vector2d(x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
+                                 y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y);
+  at.by_ray = radial * Eigen::Matrix2d::Identity() + 2 * by_r2 * ray * ray.transpose();
+  at.by_ray(0, 0) += 2 * k[2] * y + 6 * k[3] * x;
+  at.by_ray(0, 1) += 2 * k[2] * x + 2 * k[3] * y;
+  at.by_ray(1, 0) += 2 * k[2] * x + 2 * k[3] * y;
+  at.by_ray(1, 1) += 6 * k[2] * y + 2 * k[3] * x;
+  at.below = below;
+  return at;
+}
+
+}  // namespace
+
+RayByLensMatrix RayByLens(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
+  const Distortion at = Distort(intrinsics, ray);
+  const double r2 = ray.squaredNorm();
+  RayByLensMatrix by_change;
+  by_change << at.distorted, ray * (r2 / at.below), ray * (r2 * r2 / at.below);
+  return -at.by_ray.inverse() * by_change;
+}
+
+Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
+                             const Eigen::Vector2d& ray) {
+  const Eigen::Vector2d pixel = ProjectRay(from, ray);
+  const Eigen::Vector2d wanted((pixel.x() - to.cx) / to.fx, (pixel.y() - to.cy) / to.fy);
+  Eigen::Vector2d found = ray;
+  for (int i = 0; i < kNewtonSteps; ++i) {
+    const Distortion at = Distort(to, found);
+    if (!(at.by_ray.determinant() > kFolded)) break;
+    const Eigen::Vector2d step = at.by_ray.inverse() * (wanted - at.distorted);
+    found += step;
+    if (step.norm() < kConverged) return found;
+  }
+  return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+}
+
+LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor) {
+  if (!given.distortion.empty()) return {given.distortion, AsVector(kGiven)};
+  for (const LensKind& kind : kKinds) {
+    if (sensor.rfind(kind.prefix, 0) != 0) continue;
+    if (IsNone(kind.distortion)) return {{}, AsVector(kind.sigmas)};
+    return {{kind.distortion.begin(), kind.distortion.end()}, AsVector(kind.sigmas)};
+  }
+  return {{}, AsVector(kUnknown)};
+}
+
+LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor) {
+  LensSet set;
+  std::map<std::pair<std::string, bool>, int> shared;  // by kind and whether it is given
+  for (const SensorFrame& frame : frames) {
+    LensPrior prior = PriorOfLens(frame.intrinsics, frame.sensor);
+    const auto next = static_cast<int>(set.lenses.size());
+    int lens = next;
+    if (!per_sensor && !frame.sensor.empty())
+      lens = shared.emplace(std::pair(frame.sensor, !frame.intrinsics.distortion.empty()), next)
+                 .first->second;
+    if (lens == next) set.lenses.push_back({frame.sensor, prior.sigmas, LensChange::Zero(), {}});
+    set.of_frame.push_back(lens);
+    set.assumed.push_back(frame.intrinsics);
+    set.assumed.back().distortion = std::move(prior.distortion);
+  }
+  return set;
+}
+
+LensSet GivenLenses(const std::vector<SensorFrame>& frames) {
+  LensSet set;
+  for (const SensorFrame& frame : frames) {
+    set.of_frame.push_back(static_cast<int>(set.lenses.size()));
+    set.lenses.push_back({frame.sensor, Eigen::Vector3d::Zero(), LensChange::Zero(), {}});
+    set.assumed.push_back(frame.intrinsics);
+  }
+  return set;
+}
+
+LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas) {
+  // In units of the prior, so that a standard deviation of zero is no division.
+  const Eigen::Matrix3d scale = prior_sigmas.asDiagonal();
+  const Eigen::Matrix3d inverse =
+      (scale * evidence.information * scale + Eigen::Matrix3d::Identity()).inverse();
+  LensEstimate estimate;
+  estimate.covariance = scale * inverse * scale;
+  estimate.change = estimate.covariance * evidence.moment;
+  return estimate;
+}
+
+double LargestShift(const Intrinsics& a, const Intrinsics& b) {
+  double largest = 0;
+  for (int i = 0; i <= kGridSteps; ++i) {
+    for (int j = 0; j <= kGridSteps; ++j) {
+      const Eigen::Vector2d ray((a.width * static_cast<double>(i) / kGridSteps - a.cx) / a.fx,
+                                (a.height * static_cast<double>(j) / kGridSteps - a.cy) / a.fy);
+      largest = std::max(largest, (ProjectRay(a, ray) - ProjectRay(b, ray)).norm());
+    }
+  }
+  return largest;
+}
+
+}  // namespace volalign

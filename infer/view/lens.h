@@ -1,0 +1,99 @@
+#pragma once
+
+// What a sensor's lens may be, beyond what a capture says about it.
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "infer/view/sensor_frame.h"
+
+namespace volalign {
+
+/// How a lens differs from its assumed intrinsics: logarithm of the factor on both focal lengths,
+/// and what is added to the coefficients k1 and k2.
+using LensChange = Eigen::Vector3d;
+inline constexpr int kLensParameters = 3;
+
+/// The intrinsics of the changed lens.
+Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change);
+
+using RayByLensMatrix = Eigen::Matrix<double, 2, kLensParameters>;
+/// Derivative of the ray (x/z, y/z) that a fixed pixel has by the lens's change, at these
+/// intrinsics and the pixel's ray.
+RayByLensMatrix RayByLens(const Intrinsics& intrinsics, const Eigen::Vector2d& ray);
+
+/// The ray that the second camera has for the pixel of the first one's `ray`; NaN where its model
+/// folds over before.
+Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
+                             const Eigen::Vector2d& ray);
+
+/// What is known about a lens before anything is measured.
+struct LensPrior {
+  std::vector<double> distortion;  ///< the most probable one, as Intrinsics::distortion
+  Eigen::Vector3d sigmas;          ///< standard deviations of the LensChange from there
+};
+
+/// Of a frame: narrow around the distortion that the capture gives. Where it gives none, what is
+/// known of the sensor's kind: the typical curve of an Azure Kinect or Kinect v2, none for sensors
+/// whose images are rectified (RealSense), and for an unknown kind none, with wide standard
+/// deviations.
+LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor);
+
+/// A measurement of a lens change, as the quadratic part of its log-likelihood:
+/// -0.5 c^T information c + c^T moment for a change c from the assumed intrinsics.
+struct LensEvidence {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+
+  LensEvidence& operator+=(const LensEvidence& other) {
+    information += other.information;
+    moment += other.moment;
+    return *this;
+  }
+};
+
+/// The most probable change under a prior of these standard deviations about zero, with its
+/// covariance.
+struct LensEstimate {
+  LensChange change = LensChange::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas);
+
+/// A lens that several sensors share, or a single one's.
+struct SensorLens {
+  std::string sensor;  ///< kind; empty: unknown
+  Eigen::Vector3d prior_sigmas = Eigen::Vector3d::Zero();
+  LensChange change = LensChange::Zero();  ///< the best that is known, from the assumed intrinsics
+  LensEvidence evidence;                   ///< of large planes, linear at the change
+};
+
+/// The lenses of a capture.
+struct LensSet {
+  std::vector<SensorLens> lenses;
+  std::vector<int> of_frame;        ///< index of each frame's lens
+  std::vector<Intrinsics> assumed;  ///< of each frame, with its prior's distortion
+
+  const SensorLens& Of(std::size_t frame) const {
+    return lenses[static_cast<std::size_t>(of_frame[frame])];
+  }
+  /// With the lens's change.
+  Intrinsics Effective(std::size_t frame) const {
+    return WithLensChange(assumed[frame], Of(frame).change);
+  }
+};
+
+/// Sensors of one known kind of which the capture says equally much share a lens, unless
+/// `per_sensor`; every other one has its own.
+LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor);
+
+/// The lenses as the capture gives them, all known: what is not to be estimated.
+LensSet GivenLenses(const std::vector<SensorFrame>& frames);
+
+/// The largest distance, px, between where two sets of intrinsics of one image size show the same
+/// directions, on a grid over the image.
+double LargestShift(const Intrinsics& a, const Intrinsics& b);
+
+}  // namespace volalign

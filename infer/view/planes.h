@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// The points of one image block, kHeldOutBlock pixels wide, that lie on one surface. Sensor frame.
+struct PlanePatch {
+  Eigen::Vector3d p;    ///< their mean, m
+  double variance = 0;  ///< m^2, of independent errors of that mean along the normal
+};
+
+/// A surface that is flat from each patch to the next: a wall, a floor, a table. It may be bent as
+/// a whole, as a wall is that is seen through a lens that the intrinsics do not have.
+struct LargePlane {
+  std::vector<PlanePatch> patches;
+};
+
+/// The large planes of a view, in patches for BlockUse::kFit. Those that fill less than
+/// `min_solid_angle` sr of the image are left out.
+std::vector<LargePlane> FindLargePlanes(const SensorView& view, double min_solid_angle = 0.1);
+
+}  // namespace volalign
