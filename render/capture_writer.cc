@@ -50,8 +50,10 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
     const std::string depth_name = sensor.name + "_Depth.png";
     WritePng(dir / depth_name, FromMetres(sensor.depth, kDepthScale));
     WritePng(dir / (sensor.name + "_labels.png"), sensor.labels);
-    json["sensors"].push_back(
-        {{"name", sensor.name}, {"depth", depth_name}, {"intrinsics", ToJson(sensor.intrinsics)}});
+    json["sensors"].push_back({{"name", sensor.name},
+                               {"sensor", sensor.sensor},
+                               {"depth", depth_name},
+                               {"intrinsics", ToJson(sensor.intrinsics)}});
     ground_truth[sensor.name] = ToRows(sensor.structure_from_sensor);
     AppendPictures(sensor.depth_clean, sensor.depth, sensor.labels, sensor.structure_from_sensor,
                    &pictures);

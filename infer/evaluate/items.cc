@@ -51,6 +51,7 @@ EvaluationStill StillOf(const RigCapture& capture) {
     frame.name = sensor.name;
     frame.depth = sensor.depth;
     frame.intrinsics = sensor.intrinsics;
+    frame.sensor = sensor.sensor;
     if (capture.structure_present) frame.ground_truth = sensor.structure_from_sensor;
     still.frames.push_back(std::move(frame));
     still.labels.push_back(sensor.labels);

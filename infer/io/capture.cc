@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -57,6 +59,20 @@ std::string ParseName(const JsonObject& object) {
   return name;
 }
 
+/// Any text serves as a kind of device; a control character in it is an accident, and would spoil
+/// the printed report.
+std::string ParseKind(const JsonObject& object) {
+  if (!object.Has("sensor")) return "";
+  std::string kind = object.Text("sensor");
+  const auto is_control = [](char c) { return std::iscntrl(static_cast<unsigned char>(c)) != 0; };
+  if (std::any_of(kind.begin(), kind.end(), is_control)) {
+    throw DataError(fmt::format(
+        "{}: sensor = {} has a control character; name the kind of device in plain text",
+        object.where(), Json(kind).dump()));
+  }
+  return kind;
+}
+
 std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   if (object.Get("depth").is_string()) return {object.Text("depth")};
   const std::vector<std::string> files = object.Texts("depth");
@@ -109,6 +125,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   frame.depth_files = ParseDepthFiles(object);
   frame.intrinsics = ParseIntrinsics(object.Child("intrinsics"));
   frame.quarter_turns = ParseTurns(object);
+  frame.sensor = ParseKind(object);
   if (object.Has("serial")) frame.serial = object.Text("serial");
   frame.depth_scale = ParseDepthScale(object, common_scale);
   object.RejectOthers();

@@ -22,6 +22,9 @@ struct SensorFrame {
   /// Clockwise quarter turns that bring the image into the network's training orientation, or
   /// kAutoTurns.
   int quarter_turns = kAutoTurns;
+  /// The kind of device, a name of the intrinsics pool: sensors of one kind have lenses alike.
+  /// Empty or a name that nothing knows: a kind of which nothing is known.
+  std::string sensor;
   std::optional<Pose> ground_truth;  ///< structure_from_sensor
 
   // Carried into extrinsics.json, not used.

@@ -82,6 +82,7 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
     const auto& entry = json.at("sensors").at(i);
     const CapturedSensor& sensor = capture.sensors[i];
     EXPECT_EQ(entry.at("name"), sensor.name);
+    EXPECT_EQ(entry.at("sensor"), i == 0 ? "realsense_d415" : "azure_kinect_nfov_binned");
     const auto& k = entry.at("intrinsics");
     EXPECT_EQ(k.at("width"), sensor.depth.width());
     EXPECT_EQ(k.at("height"), sensor.depth.height());

@@ -45,7 +45,7 @@ TEST_F(CaptureTest, ReadsEveryField) {
   const Capture capture = ReadCapture(Write(std::string(R"({
     "format": "volalign.capture/1", "depth_scale": 0.001, "structure": "s.glb",
     "sensors": [
-      {"name": "A", "depth": "a.pgm", "quarter_turns": 3, "serial": "0001", )") +
+      {"name": "A", "depth": "a.pgm", "quarter_turns": 3, "serial": "0001", "sensor": "a kind of its own", )") +
                                             kIntrinsics + R"(},
       {"name": "B", "depth": "b.png", "depth_scale": 0.0001, "quarter_turns": "auto", )" +
                                             kIntrinsics + R"(}],
@@ -55,6 +55,8 @@ TEST_F(CaptureTest, ReadsEveryField) {
   const SensorFrame &a = capture.sensors[0], &b = capture.sensors[1];
   EXPECT_EQ(a.name, "A");
   EXPECT_EQ(a.serial, "0001");
+  EXPECT_EQ(a.sensor, "a kind of its own");
+  EXPECT_EQ(b.sensor, "");
   EXPECT_EQ(a.quarter_turns, 3);
   EXPECT_EQ(b.quarter_turns, kAutoTurns);
   EXPECT_DOUBLE_EQ(a.intrinsics.fy, 5.5);
@@ -100,6 +102,8 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
             {"sensor \"A\"", "quarterturns", "did you mean \"quarter_turns\""});
   ExpectBad(WriteSensor(depth + "\"quarter_turns\": 4, " + kIntrinsics),
             {"sensor \"A\"", "quarter_turns = 4"});
+  ExpectBad(WriteSensor(depth + "\"sensor\": \"azure\\nkinect\", " + kIntrinsics),
+            {"sensor \"A\"", "azure\\nkinect", "control character"});
   ExpectBad(WriteSensor(depth + "\"depth_scale\": -1, " + kIntrinsics), {"depth_scale = -1"});
   ExpectBad(WriteSensor(depth + "\"depth_scale\": \"mm\", " + kIntrinsics),
             {"depth_scale", "finite number"});
