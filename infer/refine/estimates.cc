@@ -49,8 +49,8 @@ std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& fr
 
 FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
                    const Structure& structure, const Priors& priors,
-                   const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas,
-                   const FreeSet& free) {
+                   const std::vector<LensChange>& lenses, const std::vector<char>& constant,
+                   const Eigen::VectorXd& prior_sigmas, const FreeSet& free) {
   FreeSet kept = free;
   Posterior posterior = ComputePosterior(normal, layout, constant, prior_sigmas);
   const auto observable = [&](Eigen::Index column, double prior) {
@@ -58,12 +58,12 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
   };
   kept.size = free.size && observable(layout.Size(), priors.size);
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
-    bool any = false;
-    for (Eigen::Index k = 0; k < kLensParameters; ++k) {
-      const Eigen::Index column = layout.Lens(lens) + k;
-      any = any || observable(column, prior_sigmas[column]);
-    }
-    kept.lens[lens] = free.lens[lens] && any;
+    const Eigen::Index column = layout.Lens(lens);
+    const LensEstimate estimate{
+        lenses[lens], posterior.covariance.block<kLensParameters, kLensParameters>(column, column)};
+    kept.lens[lens] =
+        free.lens[lens] &&
+        LogBayesFactor(estimate, prior_sigmas.segment<kLensParameters>(column)) > kBelievedLens;
   }
   const Eigen::MatrixXd projection = GaugeProjection(structure, priors);
   const auto boxes = static_cast<int>(layout.boxes());
@@ -119,9 +119,10 @@ double UnseenCost(const JointProblem& problem, const State& state,
 Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   const std::vector<SensorEvidence> unseen = GatherUnseen(problem, solution.state);
   const NormalEquations normal = ComputeNormalEquations(problem, solution);
-  const FreeSet observable = Observable(normal, problem.layout, problem.structure, problem.priors,
-                                        problem.layout.Constant(solution.free),
-                                        PriorSigmas(problem, solution.evidence), solution.free);
+  const FreeSet observable =
+      Observable(normal, problem.layout, problem.structure, problem.priors, solution.state.lenses,
+                 problem.layout.Constant(solution.free), PriorSigmas(problem, solution.evidence),
+                 solution.free);
   std::optional<Solution> kept = SolveWith(problem, observable, solution);
   if (!kept) return solution;
   solution = std::move(*kept);

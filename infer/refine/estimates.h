@@ -11,12 +11,13 @@
 
 namespace volalign::refine_internal {
 
-/// Of `free`, those parameters that the capture tells clearly more about than their priors do.
+/// Of `free`, those parameters that the capture tells clearly more about than their priors do; and
+/// those lenses whose change (`lenses`) is much more probable than none.
 /// `constant`: columns that were never asked for, see ComputePosterior.
 FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
                    const Structure& structure, const Priors& priors,
-                   const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas,
-                   const FreeSet& free);
+                   const std::vector<LensChange>& lenses, const std::vector<char>& constant,
+                   const Eigen::VectorXd& prior_sigmas, const FreeSet& free);
 
 /// Each sensor's observations for BlockUse::kChoose, as they lie at `state`.
 std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state);

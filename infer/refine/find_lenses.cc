@@ -10,9 +10,8 @@ namespace volalign {
 
 namespace {
 
-constexpr int kMostRounds = 4;       // of planes found anew
-constexpr double kMovedPx = 0.3;     // shift of the picture that is worth another one
-constexpr double kObservable = 0.7;  // standard deviation, of the prior's, of what planes tell
+constexpr int kMostRounds = 4;    // of planes found anew
+constexpr double kMovedPx = 0.3;  // shift of the picture that is worth another one
 
 std::vector<SensorPlanes> OfLens(const std::vector<SensorPlanes>& planes, const LensSet& lenses,
                                  std::size_t lens) {
@@ -23,21 +22,14 @@ std::vector<SensorPlanes> OfLens(const std::vector<SensorPlanes>& planes, const 
   return of;
 }
 
-/// Is k1 or k2 clearly better known than before?
-bool IsObserved(const LensEstimate& estimate, const Eigen::Vector3d& prior_sigmas) {
-  for (const int k : {1, 2}) {
-    if (std::sqrt(estimate.covariance(k, k)) < kObservable * prior_sigmas[k]) return true;
-  }
-  return false;
-}
-
 /// Brings every lens to where its planes are flattest. Returns how far, px, a picture moved.
 double Straighten(const std::vector<SensorPlanes>& planes, int threads, LensSet* lenses) {
   const LensSet before = *lenses;
   ParallelFor(lenses->lenses.size(), threads, [&](std::size_t lens) {
     SensorLens& of = lenses->lenses[lens];
     const LensEstimate estimate = StraightenPlanes(OfLens(planes, *lenses, lens), of.prior_sigmas);
-    of.change = IsObserved(estimate, of.prior_sigmas) ? estimate.change : LensChange::Zero();
+    const bool believed = LogBayesFactor(estimate, of.prior_sigmas) > kBelievedLens;
+    of.change = believed ? estimate.change : LensChange::Zero();
   });
   double moved = 0;
   for (std::size_t i = 0; i < planes.size(); ++i)

@@ -13,8 +13,8 @@ namespace volalign {
 std::vector<SensorFrame> SeenThrough(std::vector<SensorFrame> frames, const LensSet& lenses);
 
 /// Looks for the change of each lens that makes the large planes of its frames flat, and takes it
-/// where they tell it clearly better than its prior does. `lenses` says where to begin. The result
-/// has the planes' evidence about every lens.
+/// where that is much more probable than the lens that is assumed. `lenses` says where to begin.
+/// The result has the planes' evidence about every lens.
 LensSet FindLenses(const std::vector<SensorFrame>& frames, LensSet lenses, int threads);
 
 /// The large planes of each view, which was made with the lenses' intrinsics.

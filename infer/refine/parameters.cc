@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "infer/refine/pose_manifold.h"
 
@@ -52,12 +53,13 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
 }
 
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses, const std::vector<int>& lens_of) {
+                   const std::vector<SensorLens>& lenses, std::vector<int> lens_of) {
   State state;
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   state.offsets.assign(poses.size(), 0);
   state.nuisances.assign(poses.size(), {});
-  state.lens_of = lens_of;
+  lens_of.resize(poses.size(), 0);
+  state.lens_of = std::move(lens_of);
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.build.assign(1 + 3 * structure.boxes().size(), 0);
   state.built = structure;

@@ -102,9 +102,10 @@ struct State {
   }
 };
 /// Everything nominal, the sensors at `poses`, each with the lens of this index.
-/// Lenses begin at SensorLens::change.
+/// Lenses begin at SensorLens::change. By default all sensors have one lens, which is known.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses, const std::vector<int>& lens_of);
+                   const std::vector<SensorLens>& lenses = {SensorLens()},
+                   std::vector<int> lens_of = {});
 
 /// What is estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
@@ -116,14 +117,14 @@ struct FreeSet {
 };
 /// What the options ask for, where the prior leaves it open at all.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
-                 std::size_t boxes, const std::vector<SensorLens>& lenses);
+                 std::size_t boxes, const std::vector<SensorLens>& lenses = {SensorLens()});
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// poses (6 each), the depth offsets, the nuisances (kNuisances of each sensor), the lenses
 /// (kLensParameters each), the build.
 class ParameterLayout {
  public:
-  ParameterLayout(std::size_t sensors, std::size_t boxes, std::size_t lenses)
+  ParameterLayout(std::size_t sensors, std::size_t boxes, std::size_t lenses = 1)
       : sensors_(sensors), boxes_(boxes), lenses_(lenses) {}
 
   std::size_t sensors() const { return sensors_; }
@@ -160,7 +161,7 @@ class ParameterLayout {
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
   /// `multipath`: m, of each sensor.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
-                              const std::vector<SensorLens>& lenses) const;
+                              const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
   /// Which columns are held constant where only `free` is estimated, and where all of the sensors
   /// marked in `kept_initial` stands where it is (none where that is empty).

@@ -25,8 +25,8 @@ std::vector<int> LensesOf(const std::vector<RefineSensor>& sensors, std::size_t 
 
 JointProblem::JointProblem(const Structure& structure_in,
                            const std::vector<RefineSensor>& sensors_in,
-                           const std::vector<SensorLens>& lenses_in,
-                           const RefineOptions& options_in)
+                           const RefineOptions& options_in,
+                           const std::vector<SensorLens>& lenses_in)
     : structure(structure_in),
       sensors(sensors_in),
       options(options_in),

@@ -29,10 +29,13 @@ struct RefineSensor {
 
 namespace refine_internal {
 
+/// Standard deviations of a lens that a capture tells.
+inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
+
 /// What is given and stays as it is while the parameters are sought. Refers to its arguments.
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<RefineSensor>& sensors,
-               const std::vector<SensorLens>& lenses, const RefineOptions& options);
+               const RefineOptions& options, const std::vector<SensorLens>& lenses = {});
 
   const Structure& structure;  ///< as described
   const std::vector<RefineSensor>& sensors;
@@ -46,10 +49,11 @@ struct JointProblem {
   std::vector<std::vector<int>> overlap_points;  ///< of each sensor, see ChooseOverlapPoints
 
   std::size_t size() const { return sensors.size(); }
-  /// With those of a sensor's lens.
+  /// For what a sensor's points alone are to tell: with the standard deviations of its lens about
+  /// where all evidence together has it, which are not those of a lens of which nothing is known.
   Priors PriorsOf(std::size_t i) const {
     Priors own = priors;
-    own.lens = lenses[static_cast<std::size_t>(lens_of[i])].prior_sigmas;
+    own.lens = lenses[static_cast<std::size_t>(lens_of[i])].prior_sigmas.cwiseMin(kFoundLens);
     return own;
   }
   bool HasStructureTerms(std::size_t i) const { return sensors[i].use_structure_terms; }

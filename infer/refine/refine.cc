@@ -204,7 +204,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
     return nothing;
   }
   CheckPoses(sensors);
-  const JointProblem problem(structure, sensors, lenses, options);
+  const JointProblem problem(structure, sensors, options, lenses);
   const FreeSet asked_for =
       AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size(), problem.lenses);
 

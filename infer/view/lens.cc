@@ -171,6 +171,15 @@ LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& p
   return estimate;
 }
 
+double LogBayesFactor(const LensEstimate& estimate, const Eigen::Vector3d& prior_sigmas) {
+  if (!(prior_sigmas.minCoeff() > 0)) return 0;
+  const Eigen::Vector3d inverse = prior_sigmas.cwiseInverse();
+  const Eigen::Matrix3d covariance =
+      inverse.asDiagonal() * estimate.covariance * inverse.asDiagonal();
+  const Eigen::Vector3d change = inverse.cwiseProduct(estimate.change);
+  return 0.5 * (change.dot(covariance.inverse() * change) + std::log(covariance.determinant()));
+}
+
 double LargestShift(const Intrinsics& a, const Intrinsics& b) {
   double largest = 0;
   for (int i = 0; i <= kGridSteps; ++i) {

@@ -62,6 +62,13 @@ struct LensEstimate {
 };
 LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas);
 
+/// How much more probable what was measured is when the lens may differ from the one assumed than
+/// when it is that one: natural logarithm of the Bayes factor, for a Gaussian posterior.
+double LogBayesFactor(const LensEstimate& estimate, const Eigen::Vector3d& prior_sigmas);
+
+/// From here on (1 to 20 against) another lens is believed.
+inline constexpr double kBelievedLens = 3;
+
 /// A lens that several sensors share, or a single one's.
 struct SensorLens {
   std::string sensor;  ///< kind; empty: unknown

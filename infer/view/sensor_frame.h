@@ -18,7 +18,6 @@ struct SensorFrame {
   std::string name;
   DepthImage depth;  ///< m, 0 where nothing was measured
   Intrinsics intrinsics;
-  std::string sensor;  ///< its kind, a name of the intrinsics pool; empty: not known
   /// Clockwise quarter turns that bring the image into the network's training orientation, or
   /// kAutoTurns.
   int quarter_turns = kAutoTurns;

@@ -26,6 +26,9 @@ struct Stages {
     results.views = MakeSensorViews(rig.frames, 1);
     results.depths.resize(3);
     results.refined.built = rig.structure;
+    results.lenses = GivenLenses(rig.frames);
+    results.refined.lenses.resize(3);
+    results.suspect_lenses.resize(3);
     for (std::size_t i = 0; i < 3; ++i) {
       LabelledView view;
       view.segmentation = Certain(rig.labels[i]);

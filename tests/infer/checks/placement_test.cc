@@ -39,7 +39,8 @@ struct Labelled {
     return {options.initial, options.refine, options.verdict, options.assembly, 1};
   }
   std::vector<Placement> Place(const Rig& rig, const std::optional<AssemblyReport>& assembly) {
-    return PlaceSensors(rig.frames, views, depths, labelled, assembly, rig.structure, placement());
+    return PlaceSensors(rig.frames, views, depths, labelled, assembly, GivenLenses(rig.frames),
+                        rig.structure, placement());
   }
 };
 
@@ -104,15 +105,16 @@ TEST(SensorsToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {
   Labelled frames(rig);
   frames.options.refine.without_structure = {"S1"};
   std::vector<Placement> placements = frames.Place(rig, std::nullopt);
-  std::vector<RefineSensor> sensors =
-      SensorsToRefine(rig.frames, frames.labelled, placements, frames.options.refine);
+  std::vector<RefineSensor> sensors = SensorsToRefine(
+      rig.frames, frames.labelled, placements, GivenLenses(rig.frames), frames.options.refine);
   ASSERT_EQ(sensors.size(), 2u);
   EXPECT_TRUE(sensors[0].use_structure_terms);
   EXPECT_FALSE(sensors[1].use_structure_terms);
   // Only overlap is to hold it: its initial pose is where it begins.
   EXPECT_TRUE(sensors[1].start.isApprox(frames.labelled[1].initial.structure_from_sensor));
   placements[0] = Finding{SensorCode::kNoStructure, "", ""};
-  sensors = SensorsToRefine(rig.frames, frames.labelled, placements, frames.options.refine);
+  sensors = SensorsToRefine(rig.frames, frames.labelled, placements, GivenLenses(rig.frames),
+                            frames.options.refine);
   ASSERT_EQ(sensors.size(), 1u);
   EXPECT_EQ(sensors[0].points, &std::get<PlacedSensor>(placements[1]).points);
 }

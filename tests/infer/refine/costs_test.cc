@@ -185,5 +185,90 @@ TEST(RefineCosts, PosePriorDerivative) {
   }
 }
 
+/// Two sensors' blocks for OverlapThroughLensCost.
+struct LensBlocks {
+  PoseBlock pose_a, pose_b;
+  double offset_a = 0.004, offset_b = -0.003;
+  LensChange lens_a, lens_b;
+
+  std::vector<const double*> Pointers(bool shared) const {
+    std::vector<const double*> blocks = {pose_a.values, pose_b.values, &offset_a, &offset_b,
+                                         lens_a.data()};
+    if (!shared) blocks.push_back(lens_b.data());
+    return blocks;
+  }
+};
+
+/// Where a point is when its sensor's lens has changed: the same depth along another ray.
+Eigen::Vector3d Moved(const LensPoint& point, const LensChange& lens) {
+  const Eigen::Vector2d ray = point.p.head<2>() / point.p.z() + point.by_lens * (lens - point.lens);
+  return {point.p.z() * ray.x(), point.p.z() * ray.y(), point.p.z()};
+}
+
+TEST(RefineCosts, OverlapThroughLensesIsThatOfThePointsWhereTheLensesShowThem) {
+  RandomStream random(6, 0, "lens_overlap");
+  for (int trial = 0; trial < 20; ++trial) {
+    const bool shared = trial % 2 == 0;
+    const auto point = [&] {
+      LensPoint of{RandomPoint(random), RayByLensMatrix::Zero(), RandomVector(random, 0.01)};
+      for (double& entry : of.by_lens.reshaped()) entry = random.Normal();
+      return of;
+    };
+    const LensPoint a = point(), b = point();
+    const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
+    LensBlocks at{PoseBlock(RandomPose(random)), PoseBlock(RandomPose(random)), 0.004, -0.003,
+                  RandomVector(random, 0.01),    RandomVector(random, 0.01)};
+    if (shared) at.lens_b = at.lens_a;
+    const OverlapThroughLensCost cost(a, b, normal, 1.7, shared);
+    const auto evaluate = [&](const LensBlocks& blocks, double** jacobians) {
+      double residual = 0;
+      EXPECT_TRUE(cost.Evaluate(blocks.Pointers(shared).data(), &residual, jacobians));
+      return residual;
+    };
+    const OverlapCost plain(Moved(a, at.lens_a), Moved(b, at.lens_b), normal, 1.7);
+    double expected = 0;
+    ASSERT_TRUE(plain.Evaluate(at.Pointers(shared).data(), &expected, nullptr));
+    std::vector<std::vector<double>> storage;
+    std::vector<double*> jacobians;
+    for (const int size : cost.parameter_block_sizes()) storage.emplace_back(size);
+    for (std::vector<double>& block : storage) jacobians.push_back(block.data());
+    EXPECT_NEAR(evaluate(at, jacobians.data()), expected, 1e-12);
+
+    constexpr double kStep = 1e-6;
+    for (int k = 0; k < kLensParameters; ++k) {
+      for (const bool of_a : {true, false}) {
+        if (shared && !of_a) continue;
+        const auto moved = [&](double step) {
+          LensBlocks blocks = at;
+          (of_a ? blocks.lens_a : blocks.lens_b)[k] += step;
+          return evaluate(blocks, nullptr);
+        };
+        EXPECT_NEAR(storage[of_a ? 4 : 5][static_cast<std::size_t>(k)],
+                    (moved(kStep) - moved(-kStep)) / (2 * kStep), 1e-6);
+      }
+    }
+  }
+}
+
+TEST(RefineCosts, LensEvidenceIsItsQuadraticForm) {
+  LensEvidence evidence;
+  Eigen::Matrix3d root;
+  root << 0, 0, 0, 0, 30, 5, 0, 0, 12;  // nothing about the focal length
+  evidence.information = root.transpose() * root;
+  const LensChange mean(0, -0.3, 0.1);
+  evidence.moment = evidence.information * mean;
+  const LensEvidenceCost cost(evidence);
+  for (const LensChange& at :
+       {LensChange(0, 0, 0), LensChange(0.02, -0.3, 0.1), LensChange(-0.01, 0.2, 0.3)}) {
+    Eigen::Vector3d residuals;
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor> jacobian;
+    const double* block = at.data();
+    double* jacobians = jacobian.data();
+    ASSERT_TRUE(cost.Evaluate(&block, residuals.data(), &jacobians));
+    EXPECT_NEAR(residuals.squaredNorm(), (root * (at - mean)).squaredNorm(), 1e-9);
+    EXPECT_LT((jacobian.transpose() * residuals - evidence.information * (at - mean)).norm(), 1e-9);
+  }
+}
+
 }  // namespace
 }  // namespace volalign::refine_internal

@@ -40,7 +40,8 @@ struct Handmade {
     normal.information(column, column) *= 1 + times * times;
   }
   FreeSet Kept() const {
-    return Observable(normal, layout, structure, priors, layout.Constant(free), sigmas, free);
+    return Observable(normal, layout, structure, priors, {LensChange::Zero()},
+                      layout.Constant(free), sigmas, free);
   }
 };
 

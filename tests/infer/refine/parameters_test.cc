@@ -52,6 +52,12 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
+  for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
+    for (int k = 0; k < kLensParameters; ++k) {
+      all.push_back({"lens" + std::to_string(lens) + "," + std::to_string(k), layout.Lens(lens) + k,
+                     [lens, k](State* s, double h) { s->lenses[lens][k] += h; }});
+    }
+  }
   all.push_back({"size", layout.Size(), [](State* s, double h) { s->build[0] += h; }});
   for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
     int k = 0;
@@ -67,17 +73,21 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(100));
-  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
+  std::vector<SensorLens> lenses(2);
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    points[i].intrinsics = rig.frames[i].intrinsics;
+    lenses[i].prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
+    sensors.push_back({&points[i], start, start, start, true, static_cast<int>(i)});
   }
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
-  const JointProblem problem(rig.structure, sensors, options);
-  State state = NominalState(rig.structure, {sensors[0].start, sensors[1].start});
-  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 2, 4);
+  const JointProblem problem(rig.structure, sensors, options, lenses);
+  State state =
+      NominalState(rig.structure, {sensors[0].start, sensors[1].start}, lenses, problem.lens_of);
+  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 2, 4, lenses);
   const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
@@ -107,6 +117,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
     std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
+    std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.build.begin(), before.build.end(), state.build.begin());
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));

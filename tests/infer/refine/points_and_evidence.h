@@ -47,7 +47,7 @@ struct ParameterPoint {
   refine_internal::SensorParameters Parameters() const {
     using Columns = refine_internal::SensorColumns;
     return {x.data(), x.data() + Columns::kOffset, x.data() + Columns::kNuisance,
-            x.data() + Columns::kBuild};
+            x.data() + Columns::kLens, x.data() + Columns::kBuild};
   }
 };
 

@@ -13,6 +13,7 @@
 namespace volalign::refine_internal {
 namespace {
 
+using testing_infer::KinectWithLens;
 using testing_infer::Observe;
 using testing_infer::PaperStructure;
 using testing_infer::ParameterPoint;
@@ -31,8 +32,12 @@ TEST(Residuals, DerivativesAreThoseOfDifferences) {
     edge.edge = static_cast<int>(i % 4);
     edge.axis = static_cast<int>(i % 2);
     edge.pixel = 0.008;
+    edge.by_lens = RayByLens(KinectWithLens(), edge.p.head<2>() / edge.p.z());
     evidence.edges.push_back(edge);
   }
+  for (FaceObservation& face : evidence.faces)
+    face.by_lens = RayByLens(KinectWithLens(), face.p.head<2>() / face.p.z());
+  evidence.lens = LensChange(0.001, -0.002, 0.003);
   ParameterPoint at(model, pose);
   RandomStream random(1, 0, "refine model");
   for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
