@@ -17,7 +17,7 @@ namespace volalign {
 
 template <class Archive>
 void Describe(Archive& ar, LensOutcome& lens) {
-  ar.Choice("source", lens.estimated, "estimated", "assumed");
+  ar("source", lens.source);
   ar.IfFinite("sigma_focal", lens.sigmas[0]);
   ar.IfFinite("sigma_k1", lens.sigmas[1]);
   ar.IfFinite("sigma_k2", lens.sigmas[2]);

@@ -34,9 +34,9 @@ void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorRes
 void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t frame,
               SensorResult* sensor) {
   const auto lens = static_cast<std::size_t>(lenses.of_frame[frame]);
-  sensor->lens.sigmas = lenses.lenses[lens].prior_sigmas;
+  sensor->lens = {lenses.lenses[lens].source, lenses.lenses[lens].prior_sigmas};
   if (lens >= refined.lenses.size()) return;
-  sensor->lens.estimated = refined.lenses[lens].estimated;
+  if (refined.lenses[lens].estimated) sensor->lens.source = LensSource::kEstimated;
   sensor->lens.sigmas = refined.lenses[lens].sigmas;
 }
 

@@ -13,6 +13,7 @@
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
 #include "infer/refine/refine.h"
+#include "infer/view/lens.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
 
@@ -20,7 +21,7 @@ namespace volalign {
 
 /// What is known about a sensor's lens.
 struct LensOutcome {
-  bool estimated = false;  ///< from the capture; false: as the capture or the sensor's kind has it
+  LensSource source = LensSource::kGiven;
   /// Standard deviations of the logarithm of the focal length, of k1 and of k2.
   Eigen::Vector3d sigmas = Eigen::Vector3d::Zero();
 };

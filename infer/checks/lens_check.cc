@@ -35,7 +35,8 @@ std::vector<std::optional<Finding>> CheckLenses(const std::vector<SensorPlanes>&
   std::vector<std::optional<Finding>> findings(planes.size());
   for (std::size_t i = 0; i < planes.size(); ++i) {
     const SensorLens& lens = lenses.Of(i);
-    const Excess excess = ExcessOf(PlaneEvidence({planes[i]}, lens.change), lens);
+    const Excess excess =
+        ExcessOf(Straightness({planes[i]}).EvidenceAt({lenses.assumed[i]}, lens.change), lens);
     const double bend = LargestBend(planes[i], excess.change);
     if (!(excess.sigmas > options.min_sigmas) || !(bend > options.min_bend_m)) continue;
     findings[i] = Finding{

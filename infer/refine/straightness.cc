@@ -186,41 +186,6 @@ class WeighedPlane {
   bool flat_ = false;
 };
 
-struct WeighedSensor {
-  Intrinsics assumed;
-  std::vector<WeighedPlane> planes;
-};
-
-/// Half the sum of squares of all planes' residuals, and what they say about a change from
-/// `change`.
-double CostAt(const std::vector<WeighedSensor>& sensors, const LensChange& change,
-              LensEvidence* further) {
-  double cost = 0;
-  for (const WeighedSensor& sensor : sensors) {
-    const Intrinsics intrinsics = WithLensChange(sensor.assumed, change);
-    for (const WeighedPlane& plane : sensor.planes) {
-      const Whitened white = plane.Through(intrinsics);
-      cost += 0.5 * white.residuals.squaredNorm();
-      further->information += white.by_lens.transpose() * white.by_lens;
-      further->moment -= white.by_lens.transpose() * white.residuals;
-    }
-  }
-  return cost;
-}
-
-std::vector<WeighedSensor> Weigh(const std::vector<SensorPlanes>& sensors) {
-  std::vector<WeighedSensor> weighed;
-  for (const SensorPlanes& sensor : sensors) {
-    WeighedSensor of{sensor.assumed, {}};
-    for (const LargePlane& plane : sensor.planes) {
-      WeighedPlane weighed_plane(plane, WithLensChange(sensor.assumed, sensor.at));
-      if (weighed_plane.flat()) of.planes.push_back(std::move(weighed_plane));
-    }
-    weighed.push_back(std::move(of));
-  }
-  return weighed;
-}
-
 double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
   double cost = 0;
   for (int k = 0; k < kLensParameters; ++k) {
@@ -231,52 +196,101 @@ double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
 
 }  // namespace
 
-LensEstimate StraightenPlanes(const std::vector<SensorPlanes>& sensors,
-                              const Eigen::Vector3d& prior_sigmas) {
-  const std::vector<WeighedSensor> weighed = Weigh(sensors);
-  LensChange change = sensors.empty() ? LensChange::Zero() : sensors.front().at;
-  LensEvidence about;  // changes from the assumed intrinsics
-  const auto evaluate = [&](const LensChange& at, LensEvidence* of) {
-    *of = LensEvidence();
-    const double cost = CostAt(weighed, at, of) + PriorCost(at, prior_sigmas);
-    of->moment += of->information * at;
+class WeighedPlanes {
+ public:
+  explicit WeighedPlanes(const SensorPlanes& sensor) {
+    for (const LargePlane& plane : sensor.planes) {
+      WeighedPlane weighed(plane, sensor.intrinsics);
+      if (weighed.flat()) planes_.push_back(std::move(weighed));
+    }
+  }
+
+  /// Half the sum of squares of all residuals; adds what they say about a change from these
+  /// intrinsics to `further`.
+  double CostThrough(const Intrinsics& intrinsics, LensEvidence* further) const {
+    double cost = 0;
+    for (const WeighedPlane& plane : planes_) {
+      const Whitened white = plane.Through(intrinsics);
+      cost += 0.5 * white.residuals.squaredNorm();
+      further->information += white.by_lens.transpose() * white.by_lens;
+      further->moment -= white.by_lens.transpose() * white.residuals;
+    }
     return cost;
+  }
+
+ private:
+  std::vector<WeighedPlane> planes_;
+};
+
+namespace {
+
+/// Half the sum of squares of all sensors' residuals at a change, and what they say about the lens.
+double CostAt(const std::vector<WeighedPlanes>& sensors, const std::vector<Intrinsics>& assumed,
+              const LensChange& change, LensEvidence* evidence) {
+  *evidence = LensEvidence();
+  double cost = 0;
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    cost += sensors[i].CostThrough(WithLensChange(assumed[i], change), evidence);
+  evidence->moment += evidence->information * change;
+  return cost;
+}
+
+}  // namespace
+
+Straightness::Straightness(const std::vector<SensorPlanes>& sensors) {
+  for (const SensorPlanes& sensor : sensors) sensors_.emplace_back(sensor);
+}
+
+Straightness::~Straightness() = default;
+
+LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,
+                                      const Eigen::Vector3d& prior_sigmas,
+                                      const LensChange& start) const {
+  LensChange change = start;
+  LensEvidence evidence;
+  const auto evaluate = [&](const LensChange& at, LensEvidence* of) {
+    return CostAt(sensors_, assumed, at, of) + PriorCost(at, prior_sigmas);
   };
-  double cost = evaluate(change, &about);
+  double cost = evaluate(change, &evidence);
   for (int step = 0; step < kMostSteps; ++step) {
-    const LensChange full = EstimateLens(about, prior_sigmas).change - change;
+    const LensChange full = EstimateLens(evidence, prior_sigmas).change - change;
     bool better = false;
-    for (double share = 1; share > kLeastStep && !better; share /= 2) {
+    for (double share = 1; share > kLeastStep; share /= 2) {
       LensEvidence there;
       const double cost_there = evaluate(change + share * full, &there);
       if (!(cost_there < cost)) continue;
       better = cost - cost_there > kLeastGain;
       change += share * full;
       cost = cost_there;
-      about = there;
+      evidence = there;
       break;
     }
     if (!better) break;
   }
-  LensEstimate estimate = EstimateLens(about, prior_sigmas);
+  LensEstimate estimate = EstimateLens(evidence, prior_sigmas);
   estimate.change = change;
+  estimate.log_evidence = -cost;
+  if (prior_sigmas.minCoeff() > 0) {
+    const Eigen::Matrix3d inverse = prior_sigmas.cwiseInverse().asDiagonal();
+    estimate.log_evidence +=
+        0.5 * std::log((inverse * estimate.covariance * inverse).determinant());
+  }
   return estimate;
 }
 
-LensEvidence PlaneEvidence(const std::vector<SensorPlanes>& sensors, const LensChange& change) {
-  LensEvidence about;
-  CostAt(Weigh(sensors), change, &about);
-  about.moment += about.information * change;
-  return about;
+LensEvidence Straightness::EvidenceAt(const std::vector<Intrinsics>& assumed,
+                                      const LensChange& change) const {
+  LensEvidence evidence;
+  CostAt(sensors_, assumed, change, &evidence);
+  return evidence;
 }
 
 double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
   double largest = 0;
-  const Intrinsics intrinsics = WithLensChange(sensor.assumed, sensor.at);
   for (const LargePlane& plane : sensor.planes) {
     std::vector<Eigen::Vector3d> points;
     for (const PlanePatch& patch : Thinned(plane.patches)) points.push_back(patch.p);
-    const PlaneResiduals of = ResidualsOf(points, intrinsics);
+    const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics);
     const Eigen::VectorXd moved = of.by_lens * change;
     const Eigen::VectorXd bent =
         moved - of.by_plane * of.by_plane.colPivHouseholderQr().solve(moved);

@@ -11,23 +11,34 @@
 
 namespace volalign {
 
-/// The large planes that one sensor sees, at a change from the intrinsics that are assumed.
+/// The large planes that one sensor sees, and the intrinsics that its view was made with.
 struct SensorPlanes {
-  Intrinsics assumed;
-  LensChange at = LensChange::Zero();
+  Intrinsics intrinsics;
   std::vector<LargePlane> planes;
 };
 
-/// The change under which the planes of all `sensors`, which share a lens, are most probably flat:
-/// of each plane the place is unknown, its points have independent errors and a smooth one, whose
-/// size and correlation length are those under which its bend is most probable (restricted
-/// likelihood). A surface that no lens makes flat says nothing. Of the focal length planes tell
-/// nothing: it stays.
-LensEstimate StraightenPlanes(const std::vector<SensorPlanes>& sensors,
-                              const Eigen::Vector3d& prior_sigmas);
+/// Planes with what is known about their errors.
+class WeighedPlanes;
 
-/// What they say about the lens, linear at `change`.
-LensEvidence PlaneEvidence(const std::vector<SensorPlanes>& sensors, const LensChange& change);
+/// The planes of sensors that share a lens. Of each plane the place is unknown, its points have
+/// independent errors and a smooth one, whose size and correlation length are those under which its
+/// bend is most probable (restricted likelihood). A surface that no lens makes flat is left out.
+class Straightness {
+ public:
+  explicit Straightness(const std::vector<SensorPlanes>& sensors);
+  ~Straightness();
+
+  /// The change from `assumed` (of each sensor) under which the planes are most probably flat, from
+  /// `start` on. They tell nothing about the focal length: it stays.
+  LensEstimate Straighten(const std::vector<Intrinsics>& assumed,
+                          const Eigen::Vector3d& prior_sigmas, const LensChange& start) const;
+
+  /// What the planes say about the lens, linear at `change`.
+  LensEvidence EvidenceAt(const std::vector<Intrinsics>& assumed, const LensChange& change) const;
+
+ private:
+  std::vector<WeighedPlanes> sensors_;
+};
 
 /// The farthest, m, that a further change moves a patch off its plane, the plane being fitted
 /// again.

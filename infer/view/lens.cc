@@ -56,6 +56,24 @@ bool IsNone(const std::array<double, 8>& distortion) {
 
 }  // namespace
 
+const char* ToString(LensSource source) {
+  switch (source) {
+    case LensSource::kGiven:
+      return "given";
+    case LensSource::kKind:
+      return "kind";
+    case LensSource::kRecognised:
+      return "recognised";
+    case LensSource::kEstimated:
+      return "estimated";
+  }
+  return "";
+}
+
+std::vector<LensSource> AllOf(LensSource) {
+  return {LensSource::kGiven, LensSource::kKind, LensSource::kRecognised, LensSource::kEstimated};
+}
+
 Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change) {
   intrinsics.fx *= std::exp(change[0]);
   intrinsics.fy *= std::exp(change[0]);
@@ -126,10 +144,22 @@ LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor) {
   if (!given.distortion.empty()) return {given.distortion, AsVector(kGiven)};
   for (const LensKind& kind : kKinds) {
     if (sensor.rfind(kind.prefix, 0) != 0) continue;
-    if (IsNone(kind.distortion)) return {{}, AsVector(kind.sigmas)};
-    return {{kind.distortion.begin(), kind.distortion.end()}, AsVector(kind.sigmas)};
+    if (IsNone(kind.distortion)) return {{}, AsVector(kind.sigmas), LensSource::kKind};
+    return {
+        {kind.distortion.begin(), kind.distortion.end()}, AsVector(kind.sigmas), LensSource::kKind};
   }
-  return {{}, AsVector(kUnknown)};
+  return {{}, AsVector(kUnknown), LensSource::kGiven, true};
+}
+
+std::vector<LensPrior> TypicalLenses() {
+  std::vector<LensPrior> typical;
+  for (const LensKind& kind : kKinds) {
+    if (IsNone(kind.distortion)) continue;
+    typical.push_back({{kind.distortion.begin(), kind.distortion.end()},
+                       AsVector(kind.sigmas),
+                       LensSource::kRecognised});
+  }
+  return typical;
 }
 
 LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor) {
@@ -142,7 +172,9 @@ LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor) {
     if (!per_sensor && !frame.sensor.empty())
       lens = shared.emplace(std::pair(frame.sensor, !frame.intrinsics.distortion.empty()), next)
                  .first->second;
-    if (lens == next) set.lenses.push_back({frame.sensor, prior.sigmas, LensChange::Zero(), {}});
+    if (lens == next)
+      set.lenses.push_back(
+          {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, prior.unknown});
     set.of_frame.push_back(lens);
     set.assumed.push_back(frame.intrinsics);
     set.assumed.back().distortion = std::move(prior.distortion);
@@ -154,7 +186,7 @@ LensSet GivenLenses(const std::vector<SensorFrame>& frames) {
   LensSet set;
   for (const SensorFrame& frame : frames) {
     set.of_frame.push_back(static_cast<int>(set.lenses.size()));
-    set.lenses.push_back({frame.sensor, Eigen::Vector3d::Zero(), LensChange::Zero(), {}});
+    set.lenses.push_back({frame.sensor, Eigen::Vector3d::Zero()});
     set.assumed.push_back(frame.intrinsics);
   }
   return set;

@@ -29,10 +29,18 @@ RayByLensMatrix RayByLens(const Intrinsics& intrinsics, const Eigen::Vector2d& r
 Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
                              const Eigen::Vector2d& ray);
 
+/// Where a lens comes from: the capture; what sensors of its kind have; planes, which show that it
+/// is like that of a known kind; or an estimate of the capture's own.
+enum class LensSource { kGiven, kKind, kRecognised, kEstimated };
+const char* ToString(LensSource source);  ///< "given", "kind", "recognised", "estimated"
+std::vector<LensSource> AllOf(LensSource);
+
 /// What is known about a lens before anything is measured.
 struct LensPrior {
   std::vector<double> distortion;  ///< the most probable one, as Intrinsics::distortion
   Eigen::Vector3d sigmas;          ///< standard deviations of the LensChange from there
+  LensSource source = LensSource::kGiven;
+  bool unknown = false;  ///< nothing is known about the distortion
 };
 
 /// Of a frame: narrow around the distortion that the capture gives. Where it gives none, what is
@@ -59,6 +67,9 @@ struct LensEvidence {
 struct LensEstimate {
   LensChange change = LensChange::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  /// Natural logarithm of the measurement's probability, all changes being weighed by the prior,
+  /// but for a constant that depends on the measurement alone.
+  double log_evidence = 0;
 };
 LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas);
 
@@ -75,6 +86,11 @@ struct SensorLens {
   Eigen::Vector3d prior_sigmas = Eigen::Vector3d::Zero();
   LensChange change = LensChange::Zero();  ///< the best that is known, from the assumed intrinsics
   LensEvidence evidence;                   ///< of large planes, linear at the change
+  LensSource source = LensSource::kGiven;  ///< of what is assumed
+  /// Neither what the capture says nor the kind tells its distortion.
+  bool unknown = false;
+  /// Planes contradict what was said about it: it stays so, and they have no say.
+  bool contradicted = false;
 };
 
 /// The lenses of a capture.
@@ -91,6 +107,9 @@ struct LensSet {
     return WithLensChange(assumed[frame], Of(frame).change);
   }
 };
+
+/// The lenses that are known as the typical ones of some kind: what an unknown one may be.
+std::vector<LensPrior> TypicalLenses();
 
 /// Sensors of one known kind of which the capture says equally much share a lens, unless
 /// `per_sensor`; every other one has its own.

@@ -15,9 +15,9 @@ namespace {
 
 constexpr int kSamples = 8;           // of a block, along each side
 constexpr double kLeastFilled = 0.7;  // share of a block's samples that have depth
-constexpr double kFlat = 0.006;       // rms distance of a patch's points from its plane, of depth
+constexpr double kFlat = 0.004;       // rms distance of a patch's points from its plane, of depth
 constexpr double kLeastFlat = 0.004;  // m
-constexpr double kMostBent = 0.02;    // smallest by middle variance of a patch
+constexpr double kMostBent = 0.006;    // smallest by middle variance of a patch
 constexpr double kSameTurn = 0.966;   // cos 15 deg, between the normals of neighbours
 constexpr double kStep = 0.008;       // distance of one neighbour from the other's plane, of depth
 constexpr double kLeastStep = 0.012;  // m

@@ -149,8 +149,11 @@ Priors SomePriors() {
 
 TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   const ParameterLayout layout(2, 3);
-  const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 4) + 1 + 3 * 3);
+  SensorLens lens;
+  lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
+  const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 4) + 3 + 1 + 3 * 3);
+  EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
     EXPECT_EQ(sigmas[layout.Offset(i)], 0.007);
@@ -174,9 +177,10 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   free.boxes[2] = 0;
   free.gain[1] = 0;
   const std::vector<char> constant = layout.Constant(free);
-  EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1);
+  constexpr int kKnownLens = kLensParameters;
+  EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
-  EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0), 3 + 1 + 6 + 1 + 4);
+  EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0), 3 + 1 + kKnownLens + 6 + 1 + 4);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
 
@@ -184,11 +188,13 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   for (double& x : state.offsets) x = 1;
   for (auto& nuisances : state.nuisances) nuisances.fill(1);
   for (double& x : state.build) x = 1;
+  state.lenses[0].setOnes();
   layout.SetNominal(free, &state);
   EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
   EXPECT_EQ(state.nuisances[0][kDepthGain], 1);
   EXPECT_EQ(state.nuisances[1][kDepthGain], 0);
   EXPECT_EQ(state.nuisances[1][kMultipath], 1);
+  EXPECT_TRUE(state.lenses[0].isZero());
   double sum = 0;
   for (const double x : state.build) sum += x;
   EXPECT_EQ(sum, 1 + 3 * 3);

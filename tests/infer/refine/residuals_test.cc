@@ -120,7 +120,7 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, evidence);
   const SensorParameters p = at.Parameters();
-  const std::array<const double*, 4> blocks = {p.pose, p.offset, p.nuisance, p.build};
+  const std::array<const double*, 5> blocks = {p.pose, p.offset, p.nuisance, p.lens, p.build};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, evidence, p, &residuals, nullptr);
