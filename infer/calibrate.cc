@@ -121,7 +121,7 @@ CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Struct
       CheckLenses(FindPlanes(views, lenses, threads), lenses, estimate_lens, options.verdict.lens);
   clock.Lap("lenses");
   CalibrationResult result = JudgeSensors(
-      seen, structure,
+      frames, structure,
       {std::move(depths), std::move(views), std::move(labelled), std::move(placements),
        std::move(assembly), std::move(refined), std::move(lenses), std::move(suspect_lenses)},
       {options.verdict, options.initial.evidence.min_confidence, threads});

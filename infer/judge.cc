@@ -108,7 +108,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
     SensorResult& sensor = result.sensors[i];
     LabelledView& labelled = stages.labelled[i];
     sensor.name = frames[i].name;
-    sensor.intrinsics = frames[i].intrinsics;
+    sensor.intrinsics = stages.lenses.Effective(i);
+    sensor.intrinsics_given = frames[i].intrinsics;
     TakeLens(stages.lenses, stages.refined, i, &sensor);
     sensor.view = std::move(stages.views[i]);
     sensor.segmentation = std::move(labelled.segmentation);

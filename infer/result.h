@@ -56,8 +56,8 @@ struct SensorOutcome {
 
   int quarter_turns = 0;
 
-  /// That the pose belongs to.
-  Intrinsics intrinsics;
+  Intrinsics intrinsics;        ///< that the pose belongs to
+  Intrinsics intrinsics_given;  ///< by the capture
   LensOutcome lens;
 
   Eigen::Vector3d sigma_translation_m() const { return SigmaTranslation(covariance); }

@@ -90,6 +90,7 @@ struct VerdictOptions {
        "intrinsics_suspect rather than weak",
        Above(0));
     ar("intrinsics", intrinsics, "when other intrinsics are believed");
+    ar("lens", lens, "when large planes look bent");
     ar("min_on_side_share", min_on_side_share,
        "least share of confidently labelled pixels within 3 cm of the side that they name; chance "
        "finds a side or two in a room, but not most of what the network marked",

@@ -88,7 +88,6 @@ namespace {
 Extrinsics::Sensor SensorOf(const SensorResult& result, const SensorFrame& frame) {
   Extrinsics::Sensor sensor;
   static_cast<SensorOutcome&>(sensor) = result;
-  sensor.intrinsics_given = frame.intrinsics;
   sensor.sensor = frame.sensor;
   sensor.depth_files = frame.depth_files;
   sensor.depth_scale = frame.depth_scale;

@@ -29,8 +29,7 @@ struct ExtrinsicsSource {
 /// such number does not take the other sensors' poses with it.
 struct Extrinsics {
   struct Sensor : SensorOutcome {
-    Intrinsics intrinsics_given;  ///< by the capture
-    std::string sensor;           ///< its kind, as the capture names it
+    std::string sensor;  ///< its kind, as the capture names it
     std::vector<std::string> depth_files;
     double depth_scale = 0.001;  ///< m per unit of the depth files
     std::string serial;

@@ -126,6 +126,22 @@ std::string Boxes(const CalibrationResult& result) {
   return text;
 }
 
+/// Of the sensors whose intrinsics are not those given.
+std::string Lenses(const std::vector<SensorResult>& sensors) {
+  std::string text;
+  for (const SensorResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor || sensor.lens.source == LensSource::kGiven) continue;
+    const double moved = LargestShift(sensor.intrinsics_given, sensor.intrinsics);
+    if (!(moved > 0)) continue;
+    text += fmt::format(
+        "{}: lens {}, focal length x {:.4f}, pixels up to {:.1f} px from where the "
+        "intrinsics given have them\n",
+        sensor.name, ToString(sensor.lens.source),
+        sensor.intrinsics.fx / sensor.intrinsics_given.fx, moved);
+  }
+  return text;
+}
+
 std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s) {
   std::string text;
   for (const auto& [stage, seconds] : timings_s) {
@@ -137,8 +153,8 @@ std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s
 }  // namespace
 
 std::string FormatReport(const CalibrationResult& result) {
-  std::string text =
-      SensorTable(result.sensors) + Reasons(result.sensors) + Boxes(result) + OverlapTable(result);
+  std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Boxes(result) +
+                     Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
     text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
                         1000 * result.metrics->d2);
