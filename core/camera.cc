@@ -48,9 +48,6 @@ Intrinsics Intrinsics::Resized(int new_width, int new_height) const {
 }
 
 Intrinsics Intrinsics::Turned(int quarter_turns) const {
-  if (!distortion.empty()) {
-    throw DataError("intrinsics with distortion cannot be turned: turn the ray table instead");
-  }
   Intrinsics out = *this;
   for (int i = ((quarter_turns % 4) + 4) % 4; i > 0; --i) {
     const Intrinsics in = out;
@@ -60,6 +57,12 @@ Intrinsics Intrinsics::Turned(int quarter_turns) const {
     out.fy = in.fx;
     out.cx = in.height - 1 - in.cy;
     out.cy = in.cx;
+    // The image's x axis has become its y axis, and its y axis the opposite of its x axis; the
+    // radial part is the same in all directions.
+    if (!in.distortion.empty()) {
+      out.distortion[2] = in.distortion[3];   // p1
+      out.distortion[3] = -in.distortion[2];  // p2
+    }
   }
   return out;
 }
@@ -69,29 +72,12 @@ bool operator==(const Intrinsics& a, const Intrinsics& b) {
          a.cx == b.cx && a.cy == b.cy && a.distortion == b.distortion;
 }
 
-RayTable PinholeRays(const Intrinsics& intrinsics) {
-  if (!intrinsics.distortion.empty()) {
-    throw DataError("PinholeRays: the intrinsics have lens distortion");
-  }
-  RayTable table;
-  table.width = intrinsics.width;
-  table.height = intrinsics.height;
-  table.rays.reserve(static_cast<std::size_t>(table.width) *
-                     static_cast<std::size_t>(table.height));
-  for (int v = 0; v < table.height; ++v) {
-    for (int u = 0; u < table.width; ++u) {
-      table.rays.emplace_back(static_cast<float>((u - intrinsics.cx) / intrinsics.fx),
-                              static_cast<float>((v - intrinsics.cy) / intrinsics.fy));
-    }
-  }
-  return table;
-}
-
 namespace {
 
 /// Throws ConfigError for a key that a pool's entry does not have, or has twice.
 void RequireKnownKeys(const YAML::Node& entry, const std::string& path) {
-  static const std::vector<std::string> known = {"sensor", "resolution", "intrinsics"};
+  static const std::vector<std::string> known = {"sensor", "resolution", "distortion",
+                                                 "intrinsics"};
   std::set<std::string> seen;
   for (const auto& item : entry) {
     const auto key = item.first.as<std::string>();
@@ -106,6 +92,20 @@ void RequireKnownKeys(const YAML::Node& entry, const std::string& path) {
       throw ConfigError(fmt::format("key '{}' stands twice ({})", key, where));
     }
   }
+}
+
+Intrinsics ParseIntrinsics(const YAML::Node& item, const std::vector<int>& size,
+                           const std::vector<double>& distortion, const std::string& path) {
+  const auto k = item.as<std::vector<double>>();
+  const std::string where = fmt::format("{}:{}", path, item.Mark().line + 1);
+  if (k.size() != 4) throw ConfigError(where + ": intrinsics want [fx, fy, cx, cy]");
+  Intrinsics intrinsics{size[0], size[1], k[0], k[1], k[2], k[3], distortion};
+  try {
+    intrinsics.Validate(where);
+  } catch (const DataError& e) {
+    throw ConfigError(e.what());
+  }
+  return intrinsics;
 }
 
 }  // namespace
@@ -123,17 +123,10 @@ std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
         throw ConfigError(fmt::format("{}:{}: resolution wants [width, height]", path,
                                       node["resolution"].Mark().line + 1));
       }
+      std::vector<double> distortion;
+      if (node["distortion"]) distortion = node["distortion"].as<std::vector<double>>();
       for (const YAML::Node& item : node["intrinsics"]) {
-        const auto k = item.as<std::vector<double>>();
-        const std::string where = fmt::format("{}:{}", path, item.Mark().line + 1);
-        if (k.size() != 4) throw ConfigError(where + ": intrinsics want [fx, fy, cx, cy]");
-        Intrinsics intrinsics{size[0], size[1], k[0], k[1], k[2], k[3], {}};
-        try {
-          intrinsics.Validate(where);
-        } catch (const DataError& e) {
-          throw ConfigError(e.what());
-        }
-        entry.intrinsics.push_back(intrinsics);
+        entry.intrinsics.push_back(ParseIntrinsics(item, size, distortion, path));
       }
       if (entry.intrinsics.empty()) {
         throw ConfigError(
@@ -144,7 +137,7 @@ std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
   } catch (const YAML::Exception& e) {
     throw ConfigError(
         fmt::format("{}:{}: {}; a list of {{sensor, resolution: [w, h], intrinsics: [[fx, fy, cx, "
-                    "cy], ...]}} is expected",
+                    "cy], ...]}}, and perhaps distortion: [k1, k2, p1, p2, ...], is expected",
                     path, e.mark.line + 1, e.msg));
   }
   if (pool.empty()) throw ConfigError(path + ": no sensors in the intrinsics pool");

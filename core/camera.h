@@ -9,8 +9,9 @@
 
 namespace volalign {
 
-/// Pinhole intrinsics in pixels, pixel centres at integer coordinates: u = fx * x/z + cx,
-/// v = fy * y/z + cy; `distortion` is empty or OpenCV's 4, 5 or 8 coefficients.
+/// Intrinsics in pixels, pixel centres at integer coordinates: u = fx * x/z + cx, v = fy * y/z + cy
+/// for a pinhole camera; `distortion` is empty, or OpenCV's 4, 5 or 8 coefficients of a lens (k1 k2
+/// p1 p2 k3 k4 k5 k6), through which core/lens.h projects and finds rays.
 struct Intrinsics {
   int width = 0;
   int height = 0;
@@ -25,14 +26,14 @@ struct Intrinsics {
   /// For an image resized to width x height: cx' = (cx + .5) s - .5 (integer pixel centres).
   Intrinsics Resized(int new_width, int new_height) const;
 
-  /// For the image turned by `quarter_turns` (core/image.h, Turn); throws DataError with
-  /// distortion.
+  /// For the image turned by `quarter_turns` (core/image.h, Turn).
   Intrinsics Turned(int quarter_turns) const;
 
   friend bool operator==(const Intrinsics& a, const Intrinsics& b);
 };
 
-/// Per-pixel ray directions (x/z, y/z), row-major; a point is z * (x/z, y/z, 1).
+/// Per-pixel ray directions (x/z, y/z), row-major; a point is z * (x/z, y/z, 1). ComputeRays
+/// (core/lens.h) makes it.
 struct RayTable {
   int width = 0;
   int height = 0;
@@ -43,10 +44,6 @@ struct RayTable {
                 static_cast<std::size_t>(u)];
   }
 };
-
-/// Rays of an undistorted camera. Throws DataError if `intrinsics` has distortion: use
-/// ComputeRays of infer/view/camera_rays.h, which inverts it with OpenCV.
-RayTable PinholeRays(const Intrinsics& intrinsics);
 
 /// A named sensor model's pool of measured intrinsics at one resolution (configs/intrinsics.yaml).
 struct IntrinsicsPoolEntry {

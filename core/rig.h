@@ -53,6 +53,8 @@ struct Rig {
   bool room = true;
   bool tripods = true;
   std::string noise = "sensor";
+  bool state_lens = true;
+  double lens_spread_percent = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
   SceneConfig scene;
@@ -69,6 +71,13 @@ struct Rig {
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
     ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
+    ar("state_lens", state_lens,
+       "the capture states the lens of the intrinsics pool; false: frames are drawn through it, "
+       "but their intrinsics are given without");
+    ar("lens_spread_percent", lens_spread_percent,
+       "standard deviation of each sensor's true focal length, and of its radial factor at r = 0.6 "
+       "on the plane z = 1, from what the pool says and the capture states, %",
+       Between(0, 5));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
     ar("scene", scene, "the room's content");

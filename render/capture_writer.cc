@@ -53,7 +53,7 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
     json["sensors"].push_back({{"name", sensor.name},
                                {"sensor", sensor.sensor},
                                {"depth", depth_name},
-                               {"intrinsics", ToJson(sensor.intrinsics)}});
+                               {"intrinsics", ToJson(sensor.stated_intrinsics)}});
     ground_truth[sensor.name] = ToRows(sensor.structure_from_sensor);
     AppendPictures(sensor.depth_clean, sensor.depth, sensor.labels, sensor.structure_from_sensor,
                    &pictures);

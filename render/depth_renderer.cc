@@ -11,14 +11,12 @@
 
 namespace volalign {
 
-struct DepthRenderer::Vertex {
-  Eigen::Vector3f position;       // sensor frame, m
-  Eigen::Vector3f inverse_plane;  // n / h
-  float z_min, z_max;             // of the face
-  std::uint32_t id;               // label << 16 | 1 + face index
-};
-
 namespace {
+
+using Vertex = FaceCorner;
+
+/// Lenses whose rays are kept, so that a pool's need not be inverted for each picture.
+constexpr std::size_t kMostPictures = 64;
 
 constexpr std::size_t kMostFaces = 65535;  // 16 bits of a pixel name its face
 
@@ -96,6 +94,21 @@ GLuint LinkProgram() {
   return program;
 }
 
+/// Rays of a pinhole camera as the shader has them, computed in float.
+RayTable FloatRays(const Intrinsics& k) {
+  RayTable table{k.width, k.height, {}};
+  table.rays.reserve(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
+  const auto fx = static_cast<float>(k.fx), cx = static_cast<float>(k.cx);
+  const auto fy = static_cast<float>(k.fy), cy = static_cast<float>(k.cy);
+  for (int v = 0; v < k.height; ++v) {
+    const float y = (static_cast<float>(v) - cy) / fy;
+    for (int u = 0; u < k.width; ++u) {
+      table.rays.emplace_back((static_cast<float>(u) - cx) / fx, y);
+    }
+  }
+  return table;
+}
+
 }  // namespace
 
 DepthRenderer::DepthRenderer() {
@@ -171,6 +184,7 @@ void DepthRenderer::Resize(int width, int height) {
 void DepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& intrinsics,
                                     const Pose& structure_from_sensor) {
   vertices_.clear();
+  first_vertex_.resize(mesh.faces.size());
   const Pose sensor_from_structure = structure_from_sensor.inverse();
   const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
   const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
@@ -209,6 +223,7 @@ void DepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& int
     // Room for the rounding of the corners themselves.
     z_min -= 1e-5F;
     z_max += 1e-5F;
+    first_vertex_[i] = static_cast<std::uint32_t>(vertices_.size());
     for (std::size_t k = 0; k < 4; ++k) {
       vertices_.push_back({p[k], inverse_plane, z_min, z_max, id});
     }
@@ -264,31 +279,34 @@ void DepthRenderer::DrawVertices() {
   glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(6 * num_faces), GL_UNSIGNED_INT, nullptr);
 }
 
-void DepthRenderer::ReadBack(RenderedView* view) {
-  if (view->depth.width() != width_ || view->depth.height() != height_ ||
-      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
-    view->depth = DepthImage(width_, height_);
-    view->labels = LabelImage(width_, height_);
-    view->faces = Image16(width_, height_);
-  }
+void DepthRenderer::ReadIds() {
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
-  glReadBuffer(GL_COLOR_ATTACHMENT0);
-  glReadPixels(0, 0, width_, height_, GL_RED, GL_FLOAT, view->depth.data());
-  ids_.resize(view->depth.size());
+  ids_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
   glReadBuffer(GL_COLOR_ATTACHMENT1);
   glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
+}
+
+void DepthRenderer::ReadBack(RenderedView* view) {
+  ReadIds();
+  glReadBuffer(GL_COLOR_ATTACHMENT0);
+  glReadPixels(0, 0, width_, height_, GL_RED, GL_FLOAT, view->depth.data());
   for (std::size_t i = 0; i < ids_.size(); ++i) {
     view->labels[i] = static_cast<std::uint8_t>(ids_[i] >> 16);
     view->faces[i] = static_cast<std::uint16_t>(ids_[i]);
   }
 }
 
-void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
-                           const Pose& structure_from_sensor, RenderedView* view) {
-  if (!intrinsics.distortion.empty()) {
-    throw Error(
-        "DepthRenderer: intrinsics with distortion cannot be drawn; render without and resample");
-  }
+const LensPicture& DepthRenderer::PictureOf(const Intrinsics& lens) {
+  const auto known = std::find_if(pictures_.begin(), pictures_.end(),
+                                  [&](const LensPicture& p) { return p.lens == lens; });
+  if (known != pictures_.end()) return *known;
+  if (pictures_.size() == kMostPictures) pictures_.erase(pictures_.begin());
+  pictures_.push_back(PlanLensPicture(lens));
+  return pictures_.back();
+}
+
+void DepthRenderer::DrawPinhole(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                                const Pose& structure_from_sensor) {
   const int width = intrinsics.width, height = intrinsics.height;
   if (width <= 0 || height <= 0 || width > max_size_ || height > max_size_) {
     throw Error(fmt::format("DepthRenderer: image size {}x{} violates 1 <= size <= {}", width,
@@ -303,11 +321,30 @@ void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
   ClearTargets();
   SetCamera(intrinsics);
   DrawVertices();
-  ReadBack(view);
+}
+
+void DepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                           const Pose& structure_from_sensor, RenderedView* view) {
+  if (view->depth.width() != intrinsics.width || view->depth.height() != intrinsics.height ||
+      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
+    view->depth = DepthImage(intrinsics.width, intrinsics.height);
+    view->labels = LabelImage(intrinsics.width, intrinsics.height);
+    view->faces = Image16(intrinsics.width, intrinsics.height);
+  }
+  if (intrinsics.distortion.empty()) {
+    DrawPinhole(mesh, intrinsics, structure_from_sensor);
+    ReadBack(view);
+    view->rays = FloatRays(intrinsics);
+  } else {
+    const LensPicture& picture = PictureOf(intrinsics);
+    DrawPinhole(mesh, picture.pinhole, structure_from_sensor);
+    ReadIds();
+    DrawThroughLens(picture, ids_, vertices_, first_vertex_, view);
+  }
   const GLenum error = glGetError();
   if (error != GL_NO_ERROR) {
     throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error,
-                            vertices_.size() / 4, width, height));
+                            vertices_.size() / 4, width_, height_));
   }
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/lens.h"
 #include "core/statistics.h"
 
 namespace volalign {
@@ -38,22 +39,22 @@ constexpr double kSideOutlier = 0.04;  // m from the side's plane
 constexpr double kSideShare = 0.003;   // of the image, least size of a side
 constexpr int kSidePasses = 3;         // refits without outliers
 
-/// Inverse depth 1/z = a u + b v + c.
+/// Inverse depth 1/z = a u + b v + c at straight places (StraightPlaces).
 struct InversePlane {
   double a = 0, b = 0, c = 0;
-  double Depth(double u, double v) const { return 1 / (a * u + b * v + c); }
+  double Depth(const Eigen::Vector2d& p) const { return 1 / (a * p.x() + b * p.y() + c); }
 };
 
 /// Weighted so that residuals count in depth: d(1/z) = -dz / z^2.
 class PlaneFit {
  public:
-  void Add(double u, double v, double z) {
-    const Eigen::Vector3d row(u - u0_, v - v0_, 1);
+  void Add(const Eigen::Vector2d& p, double z) {
+    const Eigen::Vector3d row(p.x() - u0_, p.y() - v0_, 1);
     const double w = z * z * z * z;
     normal_ += w * row * row.transpose();
     right_ += w / z * row;
   }
-  void SetOrigin(double u0, double v0) { u0_ = u0, v0_ = v0; }
+  void SetOrigin(const Eigen::Vector2d& p) { u0_ = p.x(), v0_ = p.y(); }
   InversePlane Solve() const {
     const Eigen::Vector3d x = normal_.ldlt().solve(right_);
     return {x.x(), x.y(), x.z() - x.x() * u0_ - x.y() * v0_};
@@ -63,6 +64,39 @@ class PlaneFit {
   double u0_ = 0, v0_ = 0;
   Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right_ = Eigen::Vector3d::Zero();
+};
+
+/// Where a camera of the same focal length without a lens would have each pixel: there a plane is a
+/// plane in inverse depth.
+class StraightPlaces {
+ public:
+  explicit StraightPlaces(const Intrinsics& k) : width_(k.width) {
+    const RayTable rays = ComputeRays(k);
+    places_.reserve(rays.rays.size());
+    for (int v = 0; v < k.height; ++v) {
+      for (int u = 0; u < k.width; ++u) {
+        const Eigen::Vector2f& ray = rays.at(u, v);
+        places_.push_back(k.distortion.empty()
+                              ? Eigen::Vector2d(u, v)
+                              : Eigen::Vector2d(k.fx * ray.x() + k.cx, k.fy * ray.y() + k.cy));
+      }
+    }
+  }
+  /// NaN where the lens has folded over.
+  const Eigen::Vector2d& operator()(int u, int v) const {
+    return places_[static_cast<std::size_t>(v * width_ + u)];
+  }
+  /// The depths of the pixels that have a place.
+  DepthImage Clean(DepthImage depth) const {
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+      if (!places_[i].allFinite()) depth[i] = 0;
+    }
+    return depth;
+  }
+
+ private:
+  int width_;
+  std::vector<Eigen::Vector2d> places_;
 };
 
 /// A window without holes and the plane through it.
@@ -75,15 +109,16 @@ struct FlatWindow {
 };
 
 /// None where a pixel has no depth.
-std::optional<FlatWindow> FitWindow(const DepthImage& depth, int u, int v) {
+std::optional<FlatWindow> FitWindow(const DepthImage& depth, const StraightPlaces& places, int u,
+                                    int v) {
   PlaneFit fit;
-  fit.SetOrigin(u, v);
+  fit.SetOrigin(places(u, v));
   double mean = 0;
   for (int y = v - kHalfWindow; y <= v + kHalfWindow; ++y) {
     for (int x = u - kHalfWindow; x <= u + kHalfWindow; ++x) {
       const double z = depth(x, y);
       if (z <= 0) return std::nullopt;
-      fit.Add(x, y, z);
+      fit.Add(places(x, y), z);
       mean += z;
     }
   }
@@ -93,7 +128,7 @@ std::optional<FlatWindow> FitWindow(const DepthImage& depth, int u, int v) {
   for (int y = v - kHalfWindow; y <= v + kHalfWindow; ++y) {
     double before = 0;
     for (int x = u - kHalfWindow; x <= u + kHalfWindow; ++x) {
-      const double e = depth(x, y) - window.plane.Depth(x, y);
+      const double e = depth(x, y) - window.plane.Depth(places(x, y));
       squares += e * e;
       products += e * before;
       before = e;
@@ -111,8 +146,8 @@ double PlaneTolerance(bool stereo, double z) {
 }
 
 /// Pixels of the plane that `seed` lies on, but for those that another plane has taken.
-std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, bool stereo,
-                                           const Image<std::uint8_t>& taken,
+std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const StraightPlaces& places,
+                                           bool stereo, const Image<std::uint8_t>& taken,
                                            const FlatWindow& seed) {
   std::vector<std::pair<int, int>> region;
   InversePlane plane = seed.plane;
@@ -129,15 +164,15 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, bool stereo,
         const int x = u + du, y = v + dv;
         if (!depth.Contains(x, y) || seen(x, y) || taken(x, y)) continue;
         const double z = depth(x, y);
-        if (z <= 0 || std::abs(z - plane.Depth(x, y)) > PlaneTolerance(stereo, z)) continue;
+        if (z <= 0 || std::abs(z - plane.Depth(places(x, y))) > PlaneTolerance(stereo, z)) continue;
         seen(x, y) = 1;
         region.emplace_back(x, y);
       }
     }
     if (region.size() < kLeastRegion) break;
     PlaneFit fit;
-    fit.SetOrigin(seed.u, seed.v);
-    for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+    fit.SetOrigin(places(seed.u, seed.v));
+    for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
     plane = fit.Solve();
     if (growth > 3 && region.size() <= before + before / 50) break;
     before = region.size();
@@ -145,10 +180,11 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, bool stereo,
   return region;
 }
 
-/// Angle between the plane's normal and the ray through (u, v), deg. In space 1/z = n.r / h.
-double Incidence(const InversePlane& p, const Intrinsics& k, double u, double v) {
+/// Angle between the plane's normal and the ray through a straight place, deg. In space 1/z = n.r /
+/// h.
+double Incidence(const InversePlane& p, const Intrinsics& k, const Eigen::Vector2d& place) {
   const Eigen::Vector3d n(p.a * k.fx, p.b * k.fy, p.c + p.a * k.cx + p.b * k.cy);
-  const Eigen::Vector3d ray((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1);
+  const Eigen::Vector3d ray((place.x() - k.cx) / k.fx, (place.y() - k.cy) / k.fy, 1);
   const double cosine = std::abs(n.normalized().dot(ray.normalized()));
   return std::acos(std::min(cosine, 1.0)) * 57.29577951308232;
 }
@@ -162,6 +198,47 @@ int Bin(const std::array<double, N>& edges, double x) {
 /// -1 of nothing.
 double QuantileOrNone(std::vector<double> values, double q) {
   return values.empty() ? -1 : NearestQuantile(std::move(values), q);
+}
+
+/// RMS residual of a region's pixels, and of its 7x7 means, to the plane fitted to them.
+DepthStatistics::Plane Residuals(const DepthImage& depth, const StraightPlaces& places,
+                                 const std::vector<std::pair<int, int>>& region) {
+  const int width = depth.width(), height = depth.height();
+  PlaneFit fit;
+  fit.SetOrigin(places(region.front().first, region.front().second));
+  for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
+  const InversePlane plane = fit.Solve();
+  Image<float> residual(width, height);
+  Image<std::uint8_t> inside(width, height);
+  std::vector<double> depths;
+  double squares = 0;
+  for (const auto& [u, v] : region) {
+    const double e = depth(u, v) - plane.Depth(places(u, v));
+    residual(u, v) = static_cast<float>(e);
+    inside(u, v) = 1;
+    squares += e * e;
+    depths.push_back(depth(u, v));
+  }
+  double smooth = 0, count = 0;
+  for (const auto& [u, v] : region) {
+    if (u % 3 != 0 || v % 3 != 0) continue;
+    double sum = 0, n = 0;
+    for (int y = std::max(v - 3, 0); y <= std::min(v + 3, height - 1); ++y) {
+      for (int x = std::max(u - 3, 0); x <= std::min(u + 3, width - 1); ++x) {
+        if (!inside(x, y)) continue;
+        sum += residual(x, y);
+        ++n;
+      }
+    }
+    smooth += sum / n * sum / n;
+    ++count;
+  }
+  DepthStatistics::Plane out;
+  out.distance = QuantileOrNone(depths, 0.5);
+  out.pixels = static_cast<int>(region.size());
+  out.rms_mm = 1000 * std::sqrt(squares / static_cast<double>(region.size()));
+  out.smooth_mm = count > 0 ? 1000 * std::sqrt(smooth / count) : 0;
+  return out;
 }
 
 /// Area in pixels of the convex hull of the row spans (Andrew's monotone chain).
@@ -252,14 +329,16 @@ void DepthStatistics::AddEdges(const DepthImage& depth) {
   }
 }
 
-void DepthStatistics::AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics) {
+void DepthStatistics::AddSurfaces(const DepthImage& measured, const Intrinsics& intrinsics) {
+  const StraightPlaces places(intrinsics);
+  const DepthImage depth = places.Clean(measured);
   std::vector<FlatWindow> seeds;
   for (int v = kHalfWindow; v + kHalfWindow < depth.height(); v += kWindowStep) {
     for (int u = kHalfWindow; u + kHalfWindow < depth.width(); u += kWindowStep) {
-      const std::optional<FlatWindow> window = FitWindow(depth, u, v);
+      const std::optional<FlatWindow> window = FitWindow(depth, places, u, v);
       if (!window) continue;
       const int d = Bin(kDistances, window->mean_depth);
-      const int i = Bin(kIncidences, Incidence(window->plane, intrinsics, u, v));
+      const int i = Bin(kIncidences, Incidence(window->plane, intrinsics, places(u, v)));
       if (d >= 0 && i >= 0) {
         windows_[static_cast<std::size_t>(d)][static_cast<std::size_t>(i)].push_back(
             {1000 * window->rms, window->correlation});
@@ -274,59 +353,22 @@ void DepthStatistics::AddSurfaces(const DepthImage& depth, const Intrinsics& int
   const auto least = static_cast<std::size_t>(kPlaneShare * static_cast<double>(depth.size()));
   for (const FlatWindow& seed : seeds) {
     if (taken(seed.u, seed.v)) continue;
-    const std::vector<std::pair<int, int>> region = GrowPlane(depth, options_.stereo, taken, seed);
+    const std::vector<std::pair<int, int>> region =
+        GrowPlane(depth, places, options_.stereo, taken, seed);
     for (const auto& [u, v] : region) taken(u, v) = 1;
-    if (region.size() >= least) planes_.push_back(Residuals(depth, region));
+    if (region.size() >= least) planes_.push_back(Residuals(depth, places, region));
   }
 }
 
-DepthStatistics::Plane DepthStatistics::Residuals(const DepthImage& depth,
-                                                  const std::vector<std::pair<int, int>>& region) {
-  const int width = depth.width(), height = depth.height();
-  PlaneFit fit;
-  fit.SetOrigin(region.front().first, region.front().second);
-  for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
-  const InversePlane plane = fit.Solve();
-  Image<float> residual(width, height);
-  Image<std::uint8_t> inside(width, height);
-  std::vector<double> depths;
-  double squares = 0;
-  for (const auto& [u, v] : region) {
-    const double e = depth(u, v) - plane.Depth(u, v);
-    residual(u, v) = static_cast<float>(e);
-    inside(u, v) = 1;
-    squares += e * e;
-    depths.push_back(depth(u, v));
-  }
-  double smooth = 0, count = 0;
-  for (const auto& [u, v] : region) {
-    if (u % 3 != 0 || v % 3 != 0) continue;
-    double sum = 0, n = 0;
-    for (int y = std::max(v - 3, 0); y <= std::min(v + 3, height - 1); ++y) {
-      for (int x = std::max(u - 3, 0); x <= std::min(u + 3, width - 1); ++x) {
-        if (!inside(x, y)) continue;
-        sum += residual(x, y);
-        ++n;
-      }
-    }
-    smooth += sum / n * sum / n;
-    ++count;
-  }
-  Plane out;
-  out.distance = QuantileOrNone(depths, 0.5);
-  out.pixels = static_cast<int>(region.size());
-  out.rms_mm = 1000 * std::sqrt(squares / static_cast<double>(region.size()));
-  out.smooth_mm = count > 0 ? 1000 * std::sqrt(smooth / count) : 0;
-  return out;
-}
-
-void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels,
+void DepthStatistics::AddSides(const DepthImage& measured, const LabelImage& labels,
                                const Intrinsics& intrinsics) {
-  if (depth.width() != labels.width() || depth.height() != labels.height() ||
-      depth.width() != intrinsics.width || depth.height() != intrinsics.height) {
-    throw Error(fmt::format("depth statistics: the frame is {}x{}, its labels {}x{}", depth.width(),
-                            depth.height(), labels.width(), labels.height()));
+  if (measured.width() != labels.width() || measured.height() != labels.height() ||
+      measured.width() != intrinsics.width || measured.height() != intrinsics.height) {
+    throw Error(fmt::format("depth statistics: the frame is {}x{}, its labels {}x{}",
+                            measured.width(), measured.height(), labels.width(), labels.height()));
   }
+  const StraightPlaces places(intrinsics);
+  const DepthImage depth = places.Clean(measured);
   std::array<std::vector<std::pair<int, int>>, 256> regions;
   for (int v = 1; v + 1 < depth.height(); ++v) {
     for (int u = 1; u + 1 < depth.width(); ++u) {
@@ -342,17 +384,18 @@ void DepthStatistics::AddSides(const DepthImage& depth, const LabelImage& labels
   for (std::vector<std::pair<int, int>>& region : regions) {
     for (int pass = 0; pass < kSidePasses && region.size() > least; ++pass) {
       PlaneFit fit;
-      fit.SetOrigin(region.front().first, region.front().second);
-      for (const auto& [u, v] : region) fit.Add(u, v, depth(u, v));
+      fit.SetOrigin(places(region.front().first, region.front().second));
+      for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
       const InversePlane plane = fit.Solve();
       region.erase(std::remove_if(region.begin(), region.end(),
                                   [&](const std::pair<int, int>& p) {
                                     return std::abs(depth(p.first, p.second) -
-                                                    plane.Depth(p.first, p.second)) > kSideOutlier;
+                                                    plane.Depth(places(p.first, p.second))) >
+                                           kSideOutlier;
                                   }),
                    region.end());
     }
-    if (region.size() > least) sides_.push_back(Residuals(depth, region));
+    if (region.size() > least) sides_.push_back(Residuals(depth, places, region));
   }
 }
 

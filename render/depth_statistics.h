@@ -15,9 +15,8 @@ namespace volalign {
 /// kind are pooled with Add.
 ///
 /// - Local residual: 9x9 windows without holes, inverse depth fitted by a plane (a plane in space
-/// is
-///   one in 1/z), residual in mm at the window's depth; a bin's figure is the lower quartile over
-///   its windows, which leaves out edges and bent surfaces.
+///   is one in 1/z, where pixels lie as without a lens), residual in mm at the window's depth; a
+///   bin's figure is the lower quartile over its windows, which leaves out edges and bent surfaces.
 /// - Whole faces: planes grown from the flattest windows, refitted while they grow, all pixels
 ///   within 12 mm of it, or more where the noise of stereo is; residual of the plane's pixels and
 ///   of its 7x7 means.
@@ -36,8 +35,8 @@ class DepthStatistics {
 
   /// Sides of the structure: pixels of each side label but its border, a plane fitted to them
   /// without outliers beyond 40 mm, for sides of at least 0.3 % of the image. `labels` as large as
-  /// `depth`.
-  void AddSides(const DepthImage& depth, const LabelImage& labels, const Intrinsics& intrinsics);
+  /// `measured`.
+  void AddSides(const DepthImage& measured, const LabelImage& labels, const Intrinsics& intrinsics);
 
   const Options& options() const { return options_; }
   int frames() const { return frames_; }
@@ -84,8 +83,7 @@ class DepthStatistics {
   };
   void AddHoles(const DepthImage& depth);
   void AddEdges(const DepthImage& depth);
-  static Plane Residuals(const DepthImage& depth, const std::vector<std::pair<int, int>>& region);
-  void AddSurfaces(const DepthImage& depth, const Intrinsics& intrinsics);
+  void AddSurfaces(const DepthImage& measured, const Intrinsics& intrinsics);
 
   Options options_;
   int frames_ = 0;

@@ -179,12 +179,7 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
   const auto largest_disparity =
       static_cast<float>(model.largest_disparity * width / model.native_width);
   const auto margin = static_cast<float>(kOcclusionMargin * scale);
-  const auto fx = static_cast<float>(input.intrinsics.fx),
-             cx = static_cast<float>(input.intrinsics.cx);
-  const auto fy = static_cast<float>(input.intrinsics.fy),
-             cy = static_cast<float>(input.intrinsics.cy);
   for (int v = 0; v < height; ++v) {
-    const float y = (static_cast<float>(v) - cy) / fy;
     // Column of the right image that a surface further right covers already: what lies behind it is
     // seen by the left camera alone.
     float covered = 1e9F;
@@ -197,7 +192,7 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
         continue;
       }
       const FaceInfo& face = infos[matched->faces[i] - 1U];
-      const float x = (static_cast<float>(u) - cx) / fx;
+      const float x = input.view.rays.rays[i].x(), y = input.view.rays.rays[i].y();
       const float disparity = image_fb / z;
       const float column = static_cast<float>(u) - disparity;
       const bool occluded = column > covered + margin;

@@ -246,13 +246,8 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
   const Eigen::Vector3f eye = input.structure_from_sensor.translation().cast<float>();
   const auto floor = static_cast<float>(input.structure.FloorHeight());
-  const auto fx = static_cast<float>(input.intrinsics.fx),
-             cx = static_cast<float>(input.intrinsics.cx);
-  const auto fy = static_cast<float>(input.intrinsics.fy),
-             cy = static_cast<float>(input.intrinsics.cy);
   std::size_t i = 0;
   for (int v = 0; v < depth->height(); ++v) {
-    const float y = (static_cast<float>(v) - cy) / fy;
     for (int u = 0; u < depth->width(); ++u, ++i) {
       const float z = view.depth[i];
       if (view.faces[i] == 0) {
@@ -260,7 +255,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
         continue;
       }
       const FaceInfo& face = infos[view.faces[i] - 1U];
-      const float x = (static_cast<float>(u) - cx) / fx;
+      const float x = view.rays.rays[i].x(), y = view.rays.rays[i].y();
       const float ray = std::sqrt(x * x + y * y + 1);
       const float range = z * ray;
       const float cosine = std::max(face.height / range, 0.01F);

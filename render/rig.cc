@@ -20,6 +20,8 @@ namespace {
 // Rigs draw from indices of their own, so that no rig repeats a training sample's room.
 constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 
+constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
+
 Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsPoolEntry>& pool,
                           const std::string& pool_name, std::uint64_t seed, std::uint64_t index) {
   const bool native = sensor.image_size.empty();
@@ -45,6 +47,25 @@ Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsP
   if (!native) return drawn.Resized(size.width, size.height);
   if (drawn.width <= 640) return drawn;
   return drawn.Resized(drawn.width / 4, drawn.height / 4);
+}
+
+/// The intrinsics of a device that deviates from its kind: the focal length, and the radial factor
+/// at kSpreadRadius, through k1.
+Intrinsics Deviating(Intrinsics intrinsics, double spread, std::uint64_t seed,
+                     std::uint64_t index) {
+  if (spread == 0) return intrinsics;
+  RandomStream random(seed, index, "lens");
+  const double focal = 1 + spread * random.Normal();
+  const double radial = spread * random.Normal();
+  intrinsics.fx *= focal;
+  intrinsics.fy *= focal;
+  std::vector<double>& k = intrinsics.distortion;  // k1 k2 p1 p2 k3 k4 k5 k6
+  if (k.empty()) k.assign(4, 0);
+  constexpr double kR2 = kSpreadRadius * kSpreadRadius;
+  // The radial factor is numerator / denominator, and k1 r^2 a term of the numerator.
+  const double k3 = k.size() > 4 ? k[4] : 0;
+  k[0] += radial * (1 + kR2 * (k[0] + kR2 * (k[1] + kR2 * k3))) / kR2;
+  return intrinsics;
 }
 
 }  // namespace
@@ -82,7 +103,11 @@ RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
     sensor.name = rig.sensors[i].name;
     sensor.sensor = rig.sensors[i].sensor;
     sensor.structure_from_sensor = options.structure_from_sensors[i];
-    sensor.intrinsics = DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
+    sensor.stated_intrinsics =
+        DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
+    sensor.intrinsics =
+        Deviating(sensor.stated_intrinsics, 0.01 * rig.lens_spread_percent, rig.seed, index);
+    if (!rig.state_lens) sensor.stated_intrinsics.distortion.clear();
     SceneMesh mesh = shared;
     for (std::size_t other = 0; rig.room && rig.tripods && other < rig.sensors.size(); ++other) {
       if (other != i) AppendTripod(options.structure_from_sensors[other], floor, &mesh);

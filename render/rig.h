@@ -16,8 +16,9 @@ class DepthRenderer;
 /// What one sensor of a rig measures. All images have the intrinsics' size.
 struct CapturedSensor {
   std::string name;
-  std::string sensor;  ///< pool name
-  Intrinsics intrinsics;
+  std::string sensor;            ///< pool name
+  Intrinsics intrinsics;         ///< true: the frame is drawn with them
+  Intrinsics stated_intrinsics;  ///< what the capture says (Rig::state_lens, lens_spread_percent)
   Pose structure_from_sensor = Pose::Identity();  ///< ground truth, nominal structure
   DepthImage depth;                               ///< m, with noise; 0 for no measurement
   LabelImage labels;                              ///< 0 where noise took the depth away

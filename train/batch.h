@@ -18,14 +18,16 @@ class SampleSource {
 };
 
 struct Batch {
-  at::Tensor depth;       ///< [B,1,H,W] float32, m
-  at::Tensor labels;      ///< [B,H,W] int64
-  at::Tensor intrinsics;  ///< [B,4] float32, fx, fy, cx, cy px
+  at::Tensor depth;   ///< [B,1,H,W] float32, m
+  at::Tensor labels;  ///< [B,H,W] int64
+  at::Tensor rays;    ///< [B,2,H,W] float32, (x/z, y/z) of each pixel; 0 where it has none
 
   Batch To(const at::Device& device) const;
 };
 
-/// Copies samples into tensors. Throws Error for no samples, or images of unequal sizes.
+/// Copies samples into tensors, with the rays of their cameras, lens included. A pixel that the
+/// lens gives no ray counts as one without depth. Throws Error for no samples, or images of unequal
+/// sizes.
 Batch Collate(const std::vector<Sample>& samples);
 
 }  // namespace volalign

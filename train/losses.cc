@@ -45,7 +45,7 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
       targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints)).to(device)) {}
 
 LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
-                                   const at::Tensor& labels, const at::Tensor& intrinsics,
+                                   const at::Tensor& labels, const at::Tensor& rays,
                                    std::int64_t samples) const {
   LossTerms terms;
   terms.segmentation = SegmentationLoss(log_probs, labels);
@@ -55,7 +55,7 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
     terms.degenerate = at::zeros({}, labels.options());
     return terms;
   }
-  const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, intrinsics));
+  const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, rays));
   const ProcrustesLoss loss = SoftProcrustesLoss(
       keypoints, targets_, VisibleSides(labels, depth, num_classes_, config_.min_side_pixels));
   const double ramp = config_.lambda_warmup_samples == 0

@@ -28,10 +28,10 @@ class TrainingLoss {
  public:
   TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);
 
-  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, intrinsics [B,4] px;
+  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, rays [B,2,H,W];
   /// `samples` drawn so far sets lambda, which rises linearly from 0 over lambda_warmup_samples.
   LossTerms operator()(const at::Tensor& log_probs, const at::Tensor& depth,
-                       const at::Tensor& labels, const at::Tensor& intrinsics,
+                       const at::Tensor& labels, const at::Tensor& rays,
                        std::int64_t samples) const;
 
  private:

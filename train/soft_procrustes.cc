@@ -1,7 +1,6 @@
 #include "train/soft_procrustes.h"
 
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/arange.h>
 #include <ATen/ops/bmm.h>
 #include <ATen/ops/cat.h>
 #include <ATen/ops/empty.h>
@@ -91,16 +90,12 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
 
 }  // namespace
 
-at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& intrinsics) {
+at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& rays) {
   Require(depth.dim() == 4 && depth.size(1) == 1, "depth", depth, "[B,1,H,W]");
-  Require(intrinsics.dim() == 2 && intrinsics.size(0) == depth.size(0) && intrinsics.size(1) == 4,
-          "intrinsics", intrinsics, "[B,4]");
-  const at::Tensor k = intrinsics.to(depth.options());
-  const auto column = [&k](int i) { return k.select(1, i).view({-1, 1, 1, 1}); };  // [B,1,1,1]
-  const at::Tensor u = at::arange(depth.size(3), depth.options()).view({1, 1, 1, -1});
-  const at::Tensor v = at::arange(depth.size(2), depth.options()).view({1, 1, -1, 1});
-  return at::cat(
-      {depth * ((u - column(2)) / column(0)), depth * ((v - column(3)) / column(1)), depth}, 1);
+  Require(rays.dim() == 4 && rays.size(0) == depth.size(0) && rays.size(1) == 2 &&
+              rays.size(2) == depth.size(2) && rays.size(3) == depth.size(3),
+          "rays", rays, "[B,2,H,W]");
+  return at::cat({depth * rays.to(depth.options()), depth}, 1);
 }
 
 at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points) {

@@ -6,10 +6,10 @@
 
 namespace volalign {
 
-/// Points V [B,3,H,W] in the sensor frame, m, of depth maps [B,1,H,W], m, seen with `intrinsics`
-/// [B,4] = (fx, fy, cx, cy) px, pixel centres at integer coordinates; 0 where there is no depth.
-/// Type of `depth`. Throws Error for other shapes.
-at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& intrinsics);
+/// Points V [B,3,H,W] in the sensor frame, m, of depth maps [B,1,H,W], m, whose pixels have the
+/// rays (x/z, y/z) [B,2,H,W]; 0 where there is no depth. Type of `depth`. Throws Error for other
+/// shapes.
+at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& rays);
 
 /// Soft keypoints C [B,K-1,3] of the labels 1..K-1 (paper, eq. soft_corr): C_k = sum P_k V / sum
 /// P_k over the pixels with depth, P = exp(log_probs [B,K,H,W]), `points` [B,3,H,W] (z = 0 where

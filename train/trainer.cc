@@ -302,8 +302,7 @@ class Trainer {
     const at::Tensor log_probs = net_->forward(Encode(batch.depth));
     Synchronize();
     const auto t2 = Clock::now();
-    const LossTerms terms =
-        (*loss_)(log_probs, batch.depth, batch.labels, batch.intrinsics, samples_);
+    const LossTerms terms = (*loss_)(log_probs, batch.depth, batch.labels, batch.rays, samples_);
     Synchronize();
     const auto t3 = Clock::now();
     terms.total.backward();

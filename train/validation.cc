@@ -4,13 +4,14 @@
 #include <ATen/ops/gather.h>
 #include <c10/core/GradMode.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/lens.h"
 #include "core/metrics.h"
 #include "core/pose.h"
 #include "core/procrustes.h"
@@ -20,29 +21,28 @@ namespace {
 
 constexpr int kMinPixels = 20;
 
-struct Keypoints {
-  std::vector<Eigen::Vector3d> sensor, structure;
-};
+}  // namespace
 
-Keypoints HardKeypoints(const Sample& sample, const LabelImage& labels, const Structure& structure,
-                        KeypointKind kind) {
+SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
+                            const Structure& structure, KeypointKind kind) {
   const std::size_t classes = static_cast<std::size_t>(structure.num_classes());
   std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());
   std::vector<double> weights(classes, 0.0);
   std::vector<int> counts(classes, 0);
-  const Intrinsics& k = sample.intrinsics;
+  const RayTable rays = ComputeRays(sample.intrinsics);
   for (int v = 0; v < labels.height(); ++v) {
     for (int u = 0; u < labels.width(); ++u) {
       const double z = sample.depth(u, v);
-      if (z <= 0) continue;
+      const Eigen::Vector2f& ray = rays.at(u, v);
+      if (z <= 0 || !ray.allFinite()) continue;
       const double weight = z * z * z;
       const std::size_t label = labels(u, v);
-      sums[label] += weight * z * Eigen::Vector3d((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0);
+      sums[label] += weight * z * ray.cast<double>().homogeneous();
       weights[label] += weight;
       ++counts[label];
     }
   }
-  Keypoints keypoints;
+  SideKeypoints keypoints;
   for (std::size_t label = 1; label < classes; ++label) {
     if (counts[label] < kMinPixels) continue;
     keypoints.sensor.push_back(sums[label] / weights[label]);
@@ -50,8 +50,6 @@ Keypoints HardKeypoints(const Sample& sample, const LabelImage& labels, const St
   }
   return keypoints;
 }
-
-}  // namespace
 
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
@@ -69,7 +67,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     at::Tensor input = EncodeDepth(batch.depth, net->options().input);
     if (channels_last) input = input.contiguous(at::MemoryFormat::ChannelsLast);
     const at::Tensor log_probs = net->forward(input);
-    const LossTerms terms = loss(log_probs, batch.depth, batch.labels, batch.intrinsics,
+    const LossTerms terms = loss(log_probs, batch.depth, batch.labels, batch.rays,
                                  std::numeric_limits<std::int64_t>::max());
     loss_3d += static_cast<double>(drawn.size()) * terms.procrustes.item<double>();
     const at::Tensor predicted = at::argmax(log_probs, 1).to(at::kByte).to(at::kCPU).contiguous();
@@ -88,7 +86,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
       score.loss_seg = nll[static_cast<std::int64_t>(i)].item<double>();
       score.miou = MeanIou(labels, s.labels, s.depth, present);
       score.miou_authors = MeanIou(labels, s.labels, s.depth, all);
-      const Keypoints found = HardKeypoints(s, labels, structure, keypoints);
+      const SideKeypoints found = FindKeypoints(s, labels, structure, keypoints);
       score.posed = found.structure.size() >= 3 &&
                     SecondSingularValue(found.structure) > kMinSecondSingularValue;
       if (score.posed) {

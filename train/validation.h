@@ -37,9 +37,19 @@ struct ValidationResult {
 /// Means and medians over some samples; `loss_3d`, which is a batch's, stays 0 and `scores` empty.
 ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
+/// Keypoints of the sides that `labels` shows in a sample's depth map, in two frames, m.
+struct SideKeypoints {
+  std::vector<Eigen::Vector3d> sensor;  ///< as seen
+  std::vector<Eigen::Vector3d> structure;
+};
+
+/// A side counts from 20 pixels on; its keypoint in the sensor frame is the mean of its pixels'
+/// points, weighted by z^3, their area on a plane up to a constant.
+SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
+                            const Structure& structure, KeypointKind kind);
+
 /// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
-/// source. A predicted side is used from 20 pixels on; its keypoint is the mean of the argmax
-/// pixels' points, weighted by z^3, their area on a plane up to a constant.
+/// source. Poses are those of the keypoints (FindKeypoints) of the argmax labels.
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
                           const at::Device& device, bool channels_last);

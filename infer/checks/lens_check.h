@@ -6,7 +6,7 @@
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
 #include "infer/refine/straightness.h"
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 namespace volalign {
 

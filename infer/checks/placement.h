@@ -14,7 +14,7 @@
 #include "infer/pose/orientation.h"
 #include "infer/refine/refine.h"
 #include "infer/refine/sensor_points.h"
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_frame.h"
 #include "infer/view/sensor_view.h"
 

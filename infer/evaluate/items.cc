@@ -50,7 +50,7 @@ EvaluationStill StillOf(const RigCapture& capture) {
     SensorFrame frame;
     frame.name = sensor.name;
     frame.depth = sensor.depth;
-    frame.intrinsics = sensor.intrinsics;
+    frame.intrinsics = sensor.stated_intrinsics;
     frame.sensor = sensor.sensor;
     if (capture.structure_present) frame.ground_truth = sensor.structure_from_sensor;
     still.frames.push_back(std::move(frame));

@@ -12,7 +12,7 @@
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/refine/pose_block.h"
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 namespace volalign::refine_internal {
 

@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 namespace volalign::refine_internal {
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "infer/refine/straightness.h"
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_frame.h"
 #include "infer/view/sensor_view.h"
 

@@ -14,7 +14,7 @@
 #include "infer/refine/build_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 namespace volalign::refine_internal {
 

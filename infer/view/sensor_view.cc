@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/lens.h"
 #include "core/parallel_for.h"
-#include "infer/view/camera_rays.h"
 
 namespace volalign {
 

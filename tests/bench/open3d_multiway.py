@@ -34,18 +34,39 @@ SETTINGS = {
 }
 
 
+def rays_of(k):
+    """x/z and y/z of every pixel: OpenCV's model, inverted by Newton's method with numerical derivatives."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = (list(k.get("distortion", [])) + 8 * [0.0])[:8]
+
+    def bend(x, y):
+        r2 = x * x + y * y
+        radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        return (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+
+    u, v = np.meshgrid(np.arange(k["width"]), np.arange(k["height"]))
+    seen_x, seen_y = (u - k["cx"]) / k["fx"], (v - k["cy"]) / k["fy"]
+    x, y, h = seen_x.copy(), seen_y.copy(), 1e-6
+    for _ in range(20):
+        bent_x, bent_y = bend(x, y)
+        (right_x, right_y), (down_x, down_y) = bend(x + h, y), bend(x, y + h)
+        a, b, c, d = (right_x - bent_x) / h, (down_x - bent_x) / h, (right_y - bent_y) / h, (down_y - bent_y) / h
+        miss_x, miss_y, det = seen_x - bent_x, seen_y - bent_y, a * d - b * c
+        x, y = x + (d * miss_x - b * miss_y) / det, y + (a * miss_y - c * miss_x) / det
+    if np.hypot(*(np.array(bend(x, y)) - (seen_x, seen_y))).max() > 1e-6:
+        raise SystemExit("the distortion coefficients cannot be inverted")
+    return x, y
+
+
 def read_capture(folder):
     """Points (N x 3, sensor frame, m) and labels of every sensor, and the true poses."""
     capture = json.loads((folder / "capture.json").read_text())
     clouds, truth = {}, {}
     for sensor in capture["sensors"]:
         name, k = sensor["name"], sensor["intrinsics"]
-        if any(k.get("distortion", [])):
-            raise SystemExit(f"{name} has lens distortion, which this benchmark does not model")
         scale = sensor.get("depth_scale", capture.get("depth_scale"))
         z = np.asarray(o3d.io.read_image(str(folder / sensor["depth"]))).astype(np.float64) * scale
-        u, v = np.meshgrid(np.arange(k["width"]), np.arange(k["height"]))
-        points = np.dstack([(u - k["cx"]) / k["fx"] * z, (v - k["cy"]) / k["fy"] * z, z])
+        x, y = rays_of(k)
+        points = np.dstack([x * z, y * z, z])
         labels = np.asarray(o3d.io.read_image(str(folder / f"{name}_labels.png")))
         clouds[name] = (points, z > 0, labels)
         truth[name] = np.array(capture["ground_truth"][name])

@@ -2,11 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
+#include <vector>
 
 #include "core/error.h"
+#include "core/image.h"
+#include "core/lens.h"
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 
@@ -42,9 +47,28 @@ TEST(Intrinsics, FourTurnsAreNone) {
   EXPECT_TRUE(full.Turned(1).Turned(-1) == full);
   EXPECT_TRUE(full.Turned(1).Turned(1) == full.Turned(2));
   EXPECT_FALSE(full.Turned(1) == full);
-  Intrinsics distorted = full;
-  distorted.distortion = {0.1, 0, 0, 0};
-  ExpectError<DataError>([&] { distorted.Turned(1); }, {"distortion"});
+}
+
+TEST(Intrinsics, TurnedIsTheCameraOfTheTurnedImage) {
+  const Intrinsics full{33, 21, 30.5, 29.25, 15.1, 11.7, {0.2, -0.1, 0.03, -0.02, 0.05}};
+  for (int turns = -1; turns < 5; ++turns) {
+    const Intrinsics turned = full.Turned(turns);
+    // A mark at a pixel, and where it is in the turned image.
+    for (const auto& [u, v] : std::vector<std::pair<int, int>>{{3, 4}, {30, 2}, {17, 20}}) {
+      Image<int> mark(33, 21);
+      mark(u, v) = 1;
+      const Image<int> image = Turn(mark, turns);
+      ASSERT_EQ(turned.width, image.width());
+      const auto at = std::find(image.begin(), image.end(), 1) - image.begin();
+      const Eigen::Vector2d ray = ComputeRays(full).at(u, v).cast<double>();
+      const double angle = turns * M_PI / 2;
+      const Eigen::Vector2d turned_ray(std::cos(angle) * ray.x() - std::sin(angle) * ray.y(),
+                                       std::sin(angle) * ray.x() + std::cos(angle) * ray.y());
+      const Eigen::Vector2d pixel = ProjectRay(turned, turned_ray);
+      EXPECT_NEAR(pixel.x(), static_cast<double>(at % image.width()), 1e-4) << turns;
+      EXPECT_NEAR(pixel.y(), static_cast<double>(at / image.width()), 1e-4) << turns;
+    }
+  }
 }
 
 TEST(Intrinsics, ValidateNamesWhatIsWrong) {
@@ -91,34 +115,18 @@ TEST(Intrinsics, ValidateNamesWhatIsWrong) {
   }
 }
 
-TEST(PinholeRays, ProjectBackToTheirPixels) {
-  const Intrinsics k{33, 21, 30.5, 29.25, 15.1, 11.7, {}};
-  const RayTable table = PinholeRays(k);
-  ASSERT_EQ(table.width, 33);
-  ASSERT_EQ(table.height, 21);
-  ASSERT_EQ(table.rays.size(), 33u * 21u);
-  for (int v = 0; v < 21; ++v) {
-    for (int u = 0; u < 33; ++u) {
-      EXPECT_NEAR(k.fx * table.at(u, v).x() + k.cx, u, 1e-5);
-      EXPECT_NEAR(k.fy * table.at(u, v).y() + k.cy, v, 1e-5);
-    }
-  }
-  Intrinsics distorted = k;
-  distorted.distortion = {0.1, 0, 0, 0};
-  ExpectError<DataError>([&] { PinholeRays(distorted); }, {"distortion"});
-}
-
 // Numbers copied by hand from the list of measured intrinsics.
 TEST(IntrinsicsPool, ReadsTheShippedPool) {
   const auto pool = ReadIntrinsicsPool("configs/intrinsics.yaml");
   ASSERT_EQ(pool.size(), 5u);
   std::map<std::string, std::size_t> counts;
+  std::map<std::string, std::size_t> lens_of = {{"kinect_v2", 5}, {"azure_kinect_nfov_binned", 8}};
   for (const auto& entry : pool) {
     counts[entry.sensor] += entry.intrinsics.size();
     for (const auto& k : entry.intrinsics) {
       EXPECT_EQ(k.width, entry.intrinsics[0].width);
       EXPECT_EQ(k.height, entry.intrinsics[0].height);
-      EXPECT_TRUE(k.distortion.empty());
+      EXPECT_EQ(k.distortion.size(), lens_of[entry.sensor]);
     }
   }
   const std::map<std::string, std::size_t> expected = {
@@ -132,7 +140,13 @@ TEST(IntrinsicsPool, ReadsTheShippedPool) {
                                                    350.4108581542969,
                                                    {}}));
   EXPECT_TRUE(pool[4].intrinsics[2] ==
-              (Intrinsics{320, 288, 252.2103, 252.2250, 167.5221, 170.2071, {}}));
+              (Intrinsics{320,
+                          288,
+                          252.2103,
+                          252.2250,
+                          167.5221,
+                          170.2071,
+                          {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}}));
 }
 
 TEST(IntrinsicsPool, RejectsBadFiles) {
@@ -160,6 +174,12 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
   expect_bad(head + "    - [600, 600, 3200, 240]\n", {path + ":4", "principal point"});
   expect_bad("- sensor: a\n  resolution: [-640, 480]\n  intrinsics: [[600, 600, 320, 240]]\n",
              {path + ":3", "-640x480"});
+  expect_bad(
+      "- sensor: a\n  resolution: [640, 480]\n  distortion: [0.1, 0.2]\n  intrinsics:\n"
+      "    - [600, 600, 320, 240]\n",
+      {path + ":5", "2 distortion coefficients", "0, 4, 5 or 8"});
+  expect_bad("- sensor: a\n  resolution: [640, 480]\n  distortion: strong\n",
+             {path + ":3", "distortion: [k1"});
   const std::string good = head + "    - [600, 600, 320, 240]\n";
   expect_bad(good + "  distorsion: [0.1]\n", {"'distorsion'", path + ":5"});
   expect_bad(good + "  resolutions: [640, 480]\n",

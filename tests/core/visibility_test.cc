@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/lens.h"
 #include "core/random.h"
 
 namespace volalign {
@@ -174,7 +175,7 @@ TEST(CastRay, FromInsideABoxThatBoxIsNotSeen) {
 void ExpectViewAsTriangles(const Structure& structure, const Intrinsics& intrinsics,
                            const Pose& pose, int* hits, int* downs) {
   const auto triangles = Triangles(structure);
-  const RayTable rays = PinholeRays(intrinsics);
+  const RayTable rays = ComputeRays(intrinsics);
   const StructureView view = CastView(structure, rays, pose);
   ASSERT_EQ(view.depth.width(), intrinsics.width);
   ASSERT_EQ(view.labels.height(), intrinsics.height);

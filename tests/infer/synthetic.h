@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/lens.h"
 #include "core/pose.h"
 #include "core/random.h"
 #include "core/structure.h"
 #include "core/visibility.h"
 #include "infer/calibrate.h"
 #include "infer/io/capture.h"
-#include "infer/view/camera_rays.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign::testing_infer {
@@ -64,7 +64,7 @@ inline Pose RingPose(double phi_deg, double rho = 2.0, double y = 0.4, double ro
 }
 
 /// Ray (x/z, y/z) of a pixel through the lens: Newton's method on OpenCV's documented model, whose
-/// terms are written out here. It shares no code with infer/view/camera_rays, which asks OpenCV.
+/// terms are written out here. It shares no code with core/lens.
 /// NaN where it does not converge.
 inline Eigen::Vector2d RayThroughLens(const Intrinsics& k, double u, double v) {
   const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };

@@ -125,6 +125,7 @@ TEST_F(DepthRendererTest, AgreesWithAnalyticRayCaster) {
   for (const IntrinsicsPoolEntry& entry : ReadIntrinsicsPool("configs/intrinsics.yaml")) {
     pool.insert(pool.end(), entry.intrinsics.begin(), entry.intrinsics.end());
   }
+  for (Intrinsics& k : pool) k.distortion.clear();
   ASSERT_EQ(pool.size(), 21u);
 
   constexpr double kPi = 3.14159265358979323846;
@@ -187,6 +188,178 @@ TEST_F(DepthRendererTest, AgreesWithAnalyticRayCaster) {
   EXPECT_LE(worst, 1e-4);
   EXPECT_EQ(wrong_label, 0);
   EXPECT_EQ(off_side, 0);
+}
+
+/// OpenCV's model inverted by fixed-point iteration and written out here: x = (x' - tangential) /
+/// radial.
+std::array<double, 2> RefRay(const Intrinsics& k, double u, double v) {
+  const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };
+  const double xd = (u - k.cx) / k.fx, yd = (v - k.cy) / k.fy;
+  double x = xd, y = yd;
+  for (int i = 0; i < 400; ++i) {
+    const double r2 = x * x + y * y;
+    const double radial =
+        (1 + r2 * (d(0) + r2 * (d(1) + r2 * d(4)))) / (1 + r2 * (d(5) + r2 * (d(6) + r2 * d(7))));
+    const double tx = 2 * d(2) * x * y + d(3) * (r2 + 2 * x * x);
+    const double ty = d(2) * (r2 + 2 * y * y) + 2 * d(3) * x * y;
+    x = (xd - tx) / radial;
+    y = (yd - ty) / radial;
+  }
+  return {x, y};
+}
+
+/// Of pictures through a lens, against RefHits at the pixels' centres.
+struct LensScore {
+  long faces = 0, edges = 0;  // pixels within one side, and at borders
+  long wrong_label = 0;       // of the former
+  double worst_depth = 0;     // m, of the former
+  long off = 0;               // of the latter: not what is at the centre
+  long far_off = 0;           // nor anywhere within a quarter of a pixel of it
+};
+
+class LensPictureTest : public DepthRendererTest {
+ protected:
+  /// Adds the picture of a pose to the score; `rays` are RefRays of the pixels.
+  void Compare(const SceneMesh& mesh, const Intrinsics& k,
+               const std::vector<std::array<double, 2>>& rays, const RefCamera& camera,
+               LensScore* score) {
+    RenderedView view;
+    renderer_.Render(mesh, k, ToPose(camera), &view);
+    ASSERT_EQ(view.depth.width(), k.width);
+    ASSERT_EQ(view.faces.height(), k.height);
+    std::vector<RefHit> truth;
+    for (const auto& [x, y] : rays) truth.push_back(Cast(camera, x, y));
+    const auto at = [&](int u, int v) -> const RefHit& {
+      return truth[static_cast<std::size_t>(v * k.width + u)];
+    };
+    for (int v = 1; v + 1 < k.height; ++v) {
+      for (int u = 1; u + 1 < k.width; ++u) {
+        bool edge = false;
+        for (int dv = -1; dv <= 1; ++dv) {
+          for (int du = -1; du <= 1; ++du) edge |= at(u + du, v + dv).side != at(u, v).side;
+        }
+        const double z = view.depth(u, v);
+        EXPECT_EQ(z > 0, view.faces(u, v) > 0);
+        if (!edge) {
+          ++score->faces;
+          const double error = std::abs(z - at(u, v).depth);
+          if (!(error <= score->worst_depth)) score->worst_depth = error;
+          score->wrong_label += view.labels(u, v) != at(u, v).label;
+          continue;
+        }
+        ++score->edges;
+        const auto seen = [&](const RefHit& hit) {
+          return view.labels(u, v) == hit.label && std::abs(z - hit.depth) < 0.005;
+        };
+        if (seen(at(u, v))) continue;
+        ++score->off;
+        bool near = false;
+        for (const double dv : {-0.25, 0.0, 0.25}) {
+          for (const double du : {-0.25, 0.0, 0.25}) {
+            near |= seen(HitAt(k, camera, u + du, v + dv));
+          }
+        }
+        score->far_off += !near;
+      }
+    }
+  }
+
+  static RefHit HitAt(const Intrinsics& k, const RefCamera& camera, double u, double v) {
+    const std::array<double, 2> ray = RefRay(k, u, v);
+    return Cast(camera, ray[0], ray[1]);
+  }
+};
+
+TEST_F(LensPictureTest, AgreesWithAnalyticRayCaster) {
+  SceneMesh mesh;
+  mesh.AppendStructure(ReadStructure("configs/structure.yaml"));
+  const std::array<Intrinsics, 3> cameras = {
+      Intrinsics{160,
+                 144,
+                 126.1,
+                 126.1,
+                 79.3,
+                 84.6,
+                 {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}},
+      Intrinsics{128, 106, 91.8, 91.8, 64.2, 51.1, {0.09, -0.27, 0, 0, 0.10}},
+      Intrinsics{120, 100, 130, 128, 58.7, 50.2, {-0.12, 0.04, 0.003, -0.002}}};
+  std::mt19937 random(8);
+  const auto uniform = [&random](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  std::array<std::vector<std::array<double, 2>>, 3> rays;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (int v = 0; v < cameras[i].height; ++v) {
+      for (int u = 0; u < cameras[i].width; ++u) rays[i].push_back(RefRay(cameras[i], u, v));
+    }
+  }
+  LensScore score;
+  for (std::size_t pose = 0; pose < 24; ++pose) {
+    const double rho = uniform(1.2, 3.0), phi = uniform(0, 6.28);
+    Compare(mesh, cameras[pose % 3], rays[pose % 3],
+            LookFrom({rho * std::cos(phi), uniform(-0.75, 1.3), rho * std::sin(phi)},
+                     {uniform(-0.5, 0.5), uniform(-0.5, 0.5), uniform(-0.5, 0.5)}, uniform(-3, 3)),
+            &score);
+  }
+  EXPECT_GT(score.faces, 200'000);
+  EXPECT_GT(score.edges, 10'000);
+  EXPECT_LE(score.worst_depth, 1e-4);
+  EXPECT_EQ(score.wrong_label, 0);
+  EXPECT_LT(score.off, 0.002 * static_cast<double>(score.edges));
+  EXPECT_EQ(score.far_off, 0);
+}
+
+TEST_F(LensPictureTest, NothingIsSeenBeyondTheFold) {
+  SceneMesh mesh;
+  mesh.AppendQuad({Eigen::Vector3d(-50, -50, 2), Eigen::Vector3d(-50, 50, 2),
+                   Eigen::Vector3d(50, 50, 2), Eigen::Vector3d(50, -50, 2)},
+                  -Eigen::Vector3d::UnitZ(), 7);
+  // r (1 - 0.5 r^2) rises up to 0.5443.
+  const Intrinsics k{160, 144, 126, 126, 79, 72, {-0.5, 0, 0, 0}};
+  RenderedView view;
+  renderer_.Render(mesh, k, Pose::Identity(), &view);
+  int seen = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double radius = std::hypot(u - k.cx, v - k.cy) / k.fx;
+      ASSERT_TRUE(view.rays.at(u, v).allFinite());
+      if (radius < 0.54) {
+        EXPECT_NEAR(view.depth(u, v), 2, 1e-6);
+        EXPECT_EQ(view.labels(u, v), 7);
+        ++seen;
+      } else if (radius > 0.55) {
+        EXPECT_EQ(view.depth(u, v), 0);
+        EXPECT_EQ(view.labels(u, v), 0);
+        EXPECT_EQ(view.faces(u, v), 0);
+      }
+    }
+  }
+  EXPECT_GT(seen, 5000);
+}
+
+TEST_F(LensPictureTest, ALensWithoutEffectShowsThePinholePicture) {
+  SceneMesh mesh;
+  mesh.AppendStructure(ReadStructure("configs/structure.yaml"));
+  // Bodies of many small faces, and one that touches the sensor's image plane.
+  mesh.AppendSphere(Eigen::Vector3d(0.6, 0.9, 0.4), 0.25, 24);
+  mesh.AppendQuad({Eigen::Vector3d(-9, -0.81, -9), Eigen::Vector3d(9, -0.81, -9),
+                   Eigen::Vector3d(9, -0.81, 9), Eigen::Vector3d(-9, -0.81, 9)},
+                  Eigen::Vector3d::UnitY());
+  const Intrinsics pinhole{160, 144, 126, 126, 79.4, 72.3, {}};
+  Intrinsics lens = pinhole;
+  lens.distortion = {0, 0, 0, 0};
+  const Pose pose = ToPose(LookFrom({1.6, 0.5, 1.1}, {0, 0, 0}, 1.5));
+  RenderedView expected, view;
+  renderer_.Render(mesh, pinhole, pose, &expected);
+  renderer_.Render(mesh, lens, pose, &view);
+  int differ = 0;
+  for (std::size_t i = 0; i < view.depth.size(); ++i) {
+    differ += view.faces[i] != expected.faces[i] ||
+              !(std::abs(view.depth[i] - expected.depth[i]) <= 1e-5F * expected.depth[i]);
+    EXPECT_NEAR(view.rays.rays[i].x(), expected.rays.rays[i].x(), 1e-6);
+    EXPECT_NEAR(view.rays.rays[i].y(), expected.rays.rays[i].y(), 1e-6);
+  }
+  EXPECT_LE(differ, 10);  // rays that pass an edge within rounding
 }
 
 TEST_F(DepthRendererTest, OverhangFromBelowIsSolidBackground) {
@@ -292,8 +465,8 @@ TEST(SceneMeshTest, FacesArePlanarAndFaceOutward) {
 
 TEST_F(DepthRendererTest, RejectsWhatItCannotDraw) {
   RenderedView view;
-  const Intrinsics distorted{64, 64, 50, 50, 32, 32, {0.1, 0, 0, 0}};
-  EXPECT_THROW(renderer_.Render(SceneMesh(), distorted, Pose::Identity(), &view), Error);
+  const Intrinsics folded{64, 64, 50, 50, 32, 32, {-20, 0, 0, 0}};
+  EXPECT_THROW(renderer_.Render(SceneMesh(), folded, Pose::Identity(), &view), DataError);
   const Intrinsics empty{0, 64, 50, 50, 32, 32, {}};
   EXPECT_THROW(renderer_.Render(SceneMesh(), empty, Pose::Identity(), &view), Error);
 }

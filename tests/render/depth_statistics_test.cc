@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "core/error.h"
@@ -76,6 +77,38 @@ TEST(DepthStatistics, LocalResidualIsTheSpreadOfWhiteNoise) {
   double measured = -1;
   for (std::size_t d = 0; d < 5; ++d) measured = std::max(measured, statistics.LocalResidual(d, 0));
   EXPECT_NEAR(measured, 4 * 0.946, 0.1);
+}
+
+TEST(DepthStatistics, AWallSeenThroughALensIsFlat) {
+  Intrinsics k{160, 144, 126, 126, 79, 84, {0.92, 0.50, 0, 0, 0.028, 1.26, 0.75, 0.144}};
+  DepthImage depth(k.width, k.height);
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.4, -0.3, 1).normalized();
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      // OpenCV's radial model, inverted by bisection.
+      const Eigen::Vector2d seen((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+      double low = 0, high = 3;
+      for (int i = 0; i < 60; ++i) {
+        const double r = (low + high) / 2, r2 = r * r;
+        const double bent = r * (1 + r2 * (0.92 + r2 * (0.50 + r2 * 0.028))) /
+                            (1 + r2 * (1.26 + r2 * (0.75 + r2 * 0.144)));
+        (bent < seen.norm() ? low : high) = r;
+      }
+      const Eigen::Vector2d ray = seen.norm() > 0 ? seen * (low / seen.norm()) : seen;
+      depth(u, v) = static_cast<float>(1.6 / normal.dot(ray.homogeneous()));
+    }
+  }
+  DepthStatistics through_lens({}), pinhole({});
+  through_lens.Add(depth, k);
+  ASSERT_EQ(through_lens.planes().size(), 1U);
+  EXPECT_EQ(through_lens.planes()[0].pixels, 160 * 144);
+  EXPECT_LT(through_lens.planes()[0].rms_mm, 0.01);
+  LabelImage labels(k.width, k.height, 4);
+  through_lens.AddSides(depth, labels, k);
+  EXPECT_LT(through_lens.SideResidual(false), 0.01);
+  k.distortion.clear();
+  pinhole.AddSides(depth, labels, k);
+  EXPECT_GT(pinhole.SideResidual(false), 5);
 }
 
 TEST(DepthStatistics, TwoWallsAreTwoPlanesWithTheirWaves) {

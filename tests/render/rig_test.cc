@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/lens.h"
 #include "core/structure_gltf.h"
 #include "core/visibility.h"
 #include "render/capture_writer.h"
@@ -88,7 +89,8 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
     EXPECT_EQ(k.at("height"), sensor.depth.height());
     EXPECT_EQ(k.at("fx"), sensor.intrinsics.fx);
     EXPECT_EQ(k.at("cy"), sensor.intrinsics.cy);
-    EXPECT_TRUE(k.at("distortion").empty());
+    EXPECT_EQ(k.at("distortion").size(), i == 0 ? 0U : 8U);
+    EXPECT_EQ(k.at("distortion").get<std::vector<double>>(), sensor.intrinsics.distortion);
     const DepthImage depth = ToMetres(ReadDepthFile(dir_ / entry.at("depth").get<std::string>()),
                                       json.at("depth_scale"));
     ASSERT_EQ(depth.size(), sensor.depth.size());
@@ -111,7 +113,7 @@ TEST_F(RigTest, GroundTruthReprojects) {
       RenderRig(Parse(std::string("room: false\nnoise: none\n") + kTwo), renderer_);
   for (const CapturedSensor& sensor : capture.sensors) {
     const StructureView truth =
-        CastView(capture.structure, PinholeRays(sensor.intrinsics), sensor.structure_from_sensor);
+        CastView(capture.structure, ComputeRays(sensor.intrinsics), sensor.structure_from_sensor);
     long compared = 0, equal = 0, structure = 0;
     for (int v = 0; v < sensor.depth.height(); ++v) {
       for (int u = 0; u < sensor.depth.width(); ++u) {
@@ -125,6 +127,54 @@ TEST_F(RigTest, GroundTruthReprojects) {
     EXPECT_GT(structure, 4000);
     EXPECT_GT(static_cast<double>(equal) / compared, 0.9995);
   }
+}
+
+TEST_F(RigTest, TheCaptureLeavesOutALensThatIsNotStated) {
+  const RigCapture stated = RenderRig(Parse(kTwo), renderer_);
+  const RigCapture silent = RenderRig(Parse(std::string("state_lens: false\n") + kTwo), renderer_);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_TRUE(silent.sensors[i].depth == stated.sensors[i].depth);
+    EXPECT_TRUE(silent.sensors[i].intrinsics == stated.sensors[i].intrinsics);
+    EXPECT_TRUE(stated.sensors[i].stated_intrinsics == stated.sensors[i].intrinsics);
+    EXPECT_TRUE(silent.sensors[i].stated_intrinsics.distortion.empty());
+    EXPECT_EQ(silent.sensors[i].stated_intrinsics.fx, stated.sensors[i].intrinsics.fx);
+  }
+  WriteCapture(dir_, silent);
+  const auto json = nlohmann::json::parse(ReadFile(dir_ / "capture.json"));
+  EXPECT_TRUE(json.at("sensors").at(1).at("intrinsics").at("distortion").empty());
+}
+
+TEST_F(RigTest, LensSpreadIsThatOfFocalLengthsAndRadialFactors) {
+  const auto factor = [](const Intrinsics& k) {
+    return (ProjectRay(k, {0.6, 0}).x() - k.cx) / (0.6 * k.fx);
+  };
+  std::vector<double> focal, radial;
+  double both = 0;
+  for (int seed = 1; seed <= 60; ++seed) {
+    const RigCapture capture = RenderRig(
+        Parse("room: false\nnoise: none\nlens_spread_percent: 0.5\nseed: " + std::to_string(seed) +
+              "\nsensors:\n"
+              "  - {name: A, sensor: realsense_d415, image_size: 32x18}\n"
+              "  - {name: B, sensor: azure_kinect_nfov_binned, image_size: 20x18}\n"),
+        renderer_);
+    for (const CapturedSensor& sensor : capture.sensors) {
+      focal.push_back(sensor.intrinsics.fx / sensor.stated_intrinsics.fx - 1);
+      radial.push_back(factor(sensor.intrinsics) / factor(sensor.stated_intrinsics) - 1);
+      both += focal.back() * radial.back();
+      EXPECT_DOUBLE_EQ(sensor.intrinsics.fy / sensor.stated_intrinsics.fy, 1 + focal.back());
+      EXPECT_EQ(sensor.intrinsics.cx, sensor.stated_intrinsics.cx);
+    }
+  }
+  for (const std::vector<double>* values : {&focal, &radial}) {
+    double sum = 0, squares = 0;
+    for (const double x : *values) {
+      sum += x;
+      squares += x * x;
+    }
+    EXPECT_NEAR(std::sqrt(squares / 120), 0.005, 0.0013);  // 4 sigma of its own
+    EXPECT_NEAR(sum / 120, 0, 0.0019);
+  }
+  EXPECT_NEAR(both / 120 / (0.005 * 0.005), 0, 0.4);  // drawn independently
 }
 
 TEST_F(RigTest, SensorsShareTheRoomButNotTheNoise) {

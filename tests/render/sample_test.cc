@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/lens.h"
 #include "core/visibility.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
@@ -131,7 +132,7 @@ TEST_F(SampleTest, ExactBareSampleIsWhatTheRayCasterSees) {
   for (std::uint64_t i = 0; i < 8; ++i) {
     const Sample sample = Synthesize(context, renderer_, 4, i);
     const StructureView truth =
-        CastView(context.structure, PinholeRays(sample.intrinsics), sample.structure_from_sensor);
+        CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
     for (int v = 0; v < sample.depth.height(); ++v) {
       for (int u = 0; u < sample.depth.width(); ++u) {
         if (IsEdge(truth.labels, truth.depth, u, v)) continue;
@@ -156,7 +157,7 @@ TEST_F(SampleTest, StructureIsSeldomHidden) {
   for (std::uint64_t i = 0; i < kCount; ++i) {
     const Sample sample = Synthesize(context, renderer_, 5, i);
     const StructureView bare =
-        CastView(context.structure, PinholeRays(sample.intrinsics), sample.structure_from_sensor);
+        CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
     long expected = 0, seen = 0;
     for (std::size_t k = 0; k < bare.labels.size(); ++k) {
       expected += bare.labels[k] != 0;

@@ -61,10 +61,9 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   config.keypoints = "exposed";
   config.min_side_pixels = 20;
   const TrainingLoss loss(config, data.structure, at::kCPU);
-  const LossTerms good =
-      loss(at::log_softmax(logits, 1), batch.depth, batch.labels, batch.intrinsics, 1);
+  const LossTerms good = loss(at::log_softmax(logits, 1), batch.depth, batch.labels, batch.rays, 1);
   const LossTerms blind = loss(at::log_softmax(at::randn({4, 21, 64, 64}), 1), batch.depth,
-                               batch.labels, batch.intrinsics, 1);
+                               batch.labels, batch.rays, 1);
   // Occlusion and the unweighted pixel mean keep soft keypoints off the exposed centroids by
   // centimetres.
   EXPECT_LT(good.procrustes.item<double>(), 0.35);
@@ -83,14 +82,14 @@ TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
   const std::vector<std::pair<int, double>> expected = {
       {0, 0.0}, {250, 0.125}, {1000, 0.5}, {9999, 0.5}};
   for (const auto& [samples, lambda] : expected) {
-    const LossTerms t = loss(log_probs, batch.depth, batch.labels, batch.intrinsics, samples);
+    const LossTerms t = loss(log_probs, batch.depth, batch.labels, batch.rays, samples);
     EXPECT_NEAR(t.total.item<double>(),
                 t.segmentation.item<double>() + lambda * t.procrustes.item<double>(), 1e-6);
     EXPECT_GT(t.procrustes.item<double>(), 0);
   }
   config.procrustes = false;
   const LossTerms off = TrainingLoss(config, data.structure, at::kCPU)(
-      log_probs, batch.depth, batch.labels, batch.intrinsics, 9999);
+      log_probs, batch.depth, batch.labels, batch.rays, 9999);
   EXPECT_EQ(off.total.item<double>(), off.segmentation.item<double>());
   EXPECT_EQ(off.procrustes.item<double>(), 0);
 }

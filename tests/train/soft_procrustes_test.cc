@@ -144,30 +144,25 @@ TEST(ProcrustesRotation, IsTheRotationOfAlignPoints) {
   }
 }
 
-TEST(Deproject, AgreesWithPinholeRays) {
-  Intrinsics k;
-  k.width = 7;
-  k.height = 5;
-  k.fx = 6.5;
-  k.fy = 7.25;
-  k.cx = 3.1;
-  k.cy = 1.8;
+TEST(Deproject, AgreesWithALoopOverPixels) {
   const at::Tensor depth = at::rand({2, 1, 5, 7}) + 1;
   depth[1][0][2][3] = 0;
-  const at::Tensor intrinsics =
-      at::tensor({9.0f, 9.0f, 1.0f, 1.0f, 6.5f, 7.25f, 3.1f, 1.8f}).view({2, 4});
-  const at::Tensor points = Deproject(depth, intrinsics);
+  const at::Tensor rays = at::randn({2, 2, 5, 7});
+  const at::Tensor points = Deproject(depth, rays);
   ASSERT_EQ(points.sizes(), at::IntArrayRef({2, 3, 5, 7}));
-  const RayTable rays = PinholeRays(k);
-  for (int v = 0; v < 5; ++v) {
-    for (int u = 0; u < 7; ++u) {
-      const float z = depth[1][0][v][u].item<float>();
-      EXPECT_NEAR(points[1][0][v][u].item<float>(), z * rays.at(u, v).x(), 1e-6);
-      EXPECT_NEAR(points[1][1][v][u].item<float>(), z * rays.at(u, v).y(), 1e-6);
-      EXPECT_EQ(points[1][2][v][u].item<float>(), z);
+  for (int b = 0; b < 2; ++b) {
+    for (int v = 0; v < 5; ++v) {
+      for (int u = 0; u < 7; ++u) {
+        const float z = depth[b][0][v][u].item<float>();
+        for (int i = 0; i < 2; ++i) {
+          EXPECT_EQ(points[b][i][v][u].item<float>(), z * rays[b][i][v][u].item<float>());
+        }
+        EXPECT_EQ(points[b][2][v][u].item<float>(), z);
+      }
     }
   }
-  EXPECT_THROW(Deproject(depth, intrinsics.narrow(0, 0, 1)), Error);
+  EXPECT_THROW(Deproject(depth, rays.narrow(0, 0, 1)), Error);
+  EXPECT_THROW(Deproject(depth, rays.narrow(3, 0, 6)), Error);
 }
 
 TEST(SoftKeypoints, AgreesWithALoopOverPixels) {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/lens.h"
 #include "core/pose.h"
 #include "core/random.h"
 #include "core/structure.h"
@@ -47,7 +47,7 @@ class SyntheticSource : public SampleSource {
         LookAt({rho * std::cos(phi), random.Uniform(-0.15, 0.75), rho * std::sin(phi)},
                {random.Uniform(-0.1, 0.1), 0, random.Uniform(-0.1, 0.1)}, M_PI / 2);
     const StructureView view =
-        CastView(structure_, PinholeRays(s.intrinsics), s.structure_from_sensor);
+        CastView(structure_, ComputeRays(s.intrinsics), s.structure_from_sensor);
     s.depth = view.depth;
     s.labels = view.labels;
     return s;

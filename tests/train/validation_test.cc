@@ -54,5 +54,28 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   EXPECT_NEAR(v.loss_seg, nll, 1e-5);
 }
 
+TEST(FindKeypoints, OfOnePoseAreTheSameThroughALens) {
+  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  Sample pinhole;
+  pinhole.intrinsics = {320, 288, 200, 200, 160, 144, {}};
+  pinhole.structure_from_sensor = LookAt({1.5, 0.4, 1.5}, {-0.1, 0, 0}, M_PI / 2);
+  Sample lens = pinhole;
+  lens.intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
+  std::vector<SideKeypoints> found;
+  for (Sample* sample : {&pinhole, &lens}) {
+    const StructureView view =
+        CastView(structure, ComputeRays(sample->intrinsics), sample->structure_from_sensor);
+    sample->depth = view.depth;
+    found.push_back(FindKeypoints(*sample, view.labels, structure, KeypointKind::kExposed));
+  }
+  ASSERT_GE(found[0].sensor.size(), 8U);
+  ASSERT_EQ(found[0].sensor.size(), found[1].sensor.size());
+  for (std::size_t i = 0; i < found[0].sensor.size(); ++i) {
+    EXPECT_EQ(found[0].structure[i], found[1].structure[i]);
+    // Which pixels fall on a side's rim differs.
+    EXPECT_LT((found[0].sensor[i] - found[1].sensor[i]).norm(), 0.003) << i;
+  }
+}
+
 }  // namespace
 }  // namespace volalign

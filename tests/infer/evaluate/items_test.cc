@@ -29,6 +29,22 @@ TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
   EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
 }
 
+TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
+  RigCapture capture;
+  capture.structure = PaperStructure();
+  capture.box_offsets.assign(capture.structure.boxes().size(), Pose::Identity());
+  CapturedSensor sensor;
+  sensor.sensor = "azure_kinect_nfov_binned";
+  sensor.stated_intrinsics = testing_infer::Kinect();
+  sensor.intrinsics = testing_infer::Kinect();
+  sensor.intrinsics.distortion = {0.1, 0, 0, 0};
+  sensor.intrinsics.fx += 1;
+  capture.sensors = {sensor};
+  const EvaluationStill still = StillOf(capture);
+  EXPECT_TRUE(still.frames.at(0).intrinsics == sensor.stated_intrinsics);
+  EXPECT_EQ(still.frames.at(0).sensor, sensor.sensor);
+}
+
 class RigFiles : public testing::Test {
  protected:
   void SetUp() override {

@@ -10,7 +10,7 @@
 #include "infer/view/segmentation.h"
 #include "tests/core/expect_error.h"
 #include "tests/infer/synthetic.h"
-#include "tests/infer/view/lens.h"
+#include "tests/infer/view/sensor_lens.h"
 
 namespace volalign {
 namespace {
@@ -48,6 +48,20 @@ TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
   EXPECT_FALSE(!(worst_point < 1e-4)) << worst_point;
   EXPECT_FALSE(!(worst_plane < 1e-4)) << worst_plane;
   EXPECT_GT(largest_bend, 0.1);  // the lens is strong
+}
+
+TEST(SensorView, PixelsBeyondTheFoldOfALensHaveNoDepth) {
+  // r (1 - 0.5 r^2) rises up to 0.5443.
+  const Intrinsics k{320, 288, 252.4, 251.9, 163.2, 165.7, {-0.5, 0, 0, 0}};
+  const SensorView view = MakeSensorView(DepthImage(k.width, k.height, 2.0f), k);
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+      if (radius < 0.53) ASSERT_EQ(view.depth(u, v), 2.0f) << u << " " << v;
+      if (radius > 0.55) ASSERT_EQ(view.depth(u, v), 0.0f) << u << " " << v;
+      ASSERT_TRUE(view.rays.at(u, v).allFinite());
+    }
+  }
 }
 
 TEST(SensorView, DropsWhatIsNoMeasurement) {

@@ -1,4 +1,4 @@
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <map>
 #include <utility>
 
-#include "infer/view/camera_rays.h"
+#include "core/lens.h"
 
 namespace volalign {
 
@@ -84,44 +84,11 @@ Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change) {
   return intrinsics;
 }
 
-namespace {
-
-/// OpenCV's model of a lens at one ray, on the plane z = 1.
-struct Distortion {
-  Eigen::Vector2d distorted;
-  Eigen::Matrix2d by_ray;
-  double below;  ///< the denominator of the radial factor
-};
-
-Distortion Distort(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
-  std::array<double, 8> k{};  // k1 k2 p1 p2 k3 k4 k5 k6
-  std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), k.begin());
-  const double x = ray.x(), y = ray.y(), r2 = ray.squaredNorm();
-  const double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
-  const double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
-  const double radial = above / below;
-  const double by_r2 =
-      (k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]) - radial * (k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]))) /
-      below;
-  Distortion at;
-  at.distorted = Eigen::Vector2d(x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
-                                 y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y);
-  at.by_ray = radial * Eigen::Matrix2d::Identity() + 2 * by_r2 * ray * ray.transpose();
-  at.by_ray(0, 0) += 2 * k[2] * y + 6 * k[3] * x;
-  at.by_ray(0, 1) += 2 * k[2] * x + 2 * k[3] * y;
-  at.by_ray(1, 0) += 2 * k[2] * x + 2 * k[3] * y;
-  at.by_ray(1, 1) += 6 * k[2] * y + 2 * k[3] * x;
-  at.below = below;
-  return at;
-}
-
-}  // namespace
-
 RayByLensMatrix RayByLens(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
-  const Distortion at = Distort(intrinsics, ray);
+  const BentRay at = BendRay(intrinsics, ray);
   const double r2 = ray.squaredNorm();
   RayByLensMatrix by_change;
-  by_change << at.distorted, ray * (r2 / at.below), ray * (r2 * r2 / at.below);
+  by_change << at.bent, ray * (r2 / at.denominator), ray * (r2 * r2 / at.denominator);
   return -at.by_ray.inverse() * by_change;
 }
 
@@ -131,9 +98,9 @@ Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
   const Eigen::Vector2d wanted((pixel.x() - to.cx) / to.fx, (pixel.y() - to.cy) / to.fy);
   Eigen::Vector2d found = ray;
   for (int i = 0; i < kNewtonSteps; ++i) {
-    const Distortion at = Distort(to, found);
+    const BentRay at = BendRay(to, found);
     if (!(at.by_ray.determinant() > kFolded)) break;
-    const Eigen::Vector2d step = at.by_ray.inverse() * (wanted - at.distorted);
+    const Eigen::Vector2d step = at.by_ray.inverse() * (wanted - at.bent);
     found += step;
     if (step.norm() < kConverged) return found;
   }
@@ -186,7 +153,8 @@ LensSet GivenLenses(const std::vector<SensorFrame>& frames) {
   LensSet set;
   for (const SensorFrame& frame : frames) {
     set.of_frame.push_back(static_cast<int>(set.lenses.size()));
-    set.lenses.push_back({frame.sensor, Eigen::Vector3d::Zero()});
+    set.lenses.emplace_back();
+    set.lenses.back().sensor = frame.sensor;
     set.assumed.push_back(frame.intrinsics);
   }
   return set;

@@ -1,4 +1,4 @@
-#include "infer/view/lens.h"
+#include "infer/view/sensor_lens.h"
 
 #include <gtest/gtest.h>
 
@@ -105,6 +105,18 @@ TEST(AssumeLenses, AnAzureKinectHasTheCurveOfItsFactoryCalibrations) {
     // The pixel at that radius times the factor sees the direction at that radius.
     const double u = lens.cx + lens.fx * radius * factor;
     EXPECT_NEAR(RayThroughLens(lens, u, lens.cy).x(), radius, 1e-3 * radius);
+  }
+}
+
+TEST(AssumeLenses, KindsHaveTheLensesOfTheIntrinsicsPool) {
+  for (const IntrinsicsPoolEntry& entry : ReadIntrinsicsPool("configs/intrinsics.yaml")) {
+    if (entry.sensor == "kinect_v1") continue;  // nothing is known of it
+    for (const Intrinsics& intrinsics : entry.intrinsics) {
+      Intrinsics assumed = intrinsics;
+      assumed.distortion =
+          AssumeLenses({FrameOf(entry.sensor, {})}, false).assumed.front().distortion;
+      EXPECT_LT(LargestShift(assumed, intrinsics), 1e-6) << entry.sensor;
+    }
   }
 }
 

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/camera.h"
+
+namespace volalign {
+
+struct RenderedView;
+
+/// A corner of a face as it is drawn.
+struct FaceCorner {
+  Eigen::Vector3f position;       ///< sensor frame, m
+  Eigen::Vector3f inverse_plane;  ///< n / h of the face n . p = h, sensor frame
+  float z_min, z_max;             ///< of the face, m
+  std::uint32_t id;               ///< label << 16 | 1 + face index
+};
+
+/// How a camera with a lens is drawn: a pinhole picture of its whole field of view says which faces
+/// a pixel may see, and the pixel's own ray which one it does see, and where.
+struct LensPicture {
+  Intrinsics lens;
+  Intrinsics pinhole;  ///< of the pinhole picture
+  RayTable rays;       ///< of the lens; NaN beyond its fold
+};
+
+/// Throws DataError for a lens that ComputeRays cannot invert.
+LensPicture PlanLensPicture(const Intrinsics& lens);
+
+/// Fills the picture through the lens. `ids` are FaceCorner::id of the pinhole picture's pixels, 0
+/// where nothing is; the face of index i has its four corners in `corners` from first_corner[i] on.
+/// Depth is where a pixel's ray meets the face's plane, exact to float rounding, and silhouettes
+/// are those of the faces' polygons, but for what is smaller than a pixel of the pinhole picture.
+void DrawThroughLens(const LensPicture& picture, const std::vector<std::uint32_t>& ids,
+                     const std::vector<FaceCorner>& corners,
+                     const std::vector<std::uint32_t>& first_corner, RenderedView* view);
+
+}  // namespace volalign
