@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <cmath>
 #include <cstddef>
 
 namespace volalign {
@@ -35,6 +36,16 @@ std::vector<std::optional<Finding>> CheckLenses(const std::vector<SensorPlanes>&
   std::vector<std::optional<Finding>> findings(planes.size());
   for (std::size_t i = 0; i < planes.size(); ++i) {
     const SensorLens& lens = lenses.Of(i);
+    if (std::abs(std::expm1(lens.change[0])) > options.max_focal_change) {
+      const Intrinsics found = lenses.Effective(i);
+      findings[i] = Finding{
+          SensorCode::kIntrinsicsSuspect,
+          fmt::format("its focal length comes out {:+.1f} % from the one given: fx = {:.1f}, fy = "
+                      "{:.1f}",
+                      100 * std::expm1(lens.change[0]), found.fx, found.fy),
+          "give the intrinsics of this sensor, at this resolution"};
+      continue;
+    }
     const Excess excess =
         ExcessOf(Straightness({planes[i]}).EvidenceAt({lenses.assumed[i]}, lens.change), lens);
     const double bend = LargestBend(planes[i], excess.change);

@@ -14,9 +14,11 @@ namespace volalign {
 
 /// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
 /// neither a near nor a far sensor is favoured.
+/// When large planes, or the focal length that was estimated, tell that the intrinsics are wrong.
 struct LensCheckOptions {
   double min_sigmas = 4;
   double min_bend_m = 0.008;
+  double max_focal_change = 0.04;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -25,6 +27,10 @@ struct LensCheckOptions {
        "one that is used",
        Above(0));
     ar("min_bend_m", min_bend_m, "how far, m, it has to bend them", Above(0));
+    ar("max_focal_change", max_focal_change,
+       "relative change of the focal length, as estimated, from which on the one given is called "
+       "suspect",
+       Above(0));
   }
 };
 
@@ -90,7 +96,7 @@ struct VerdictOptions {
        "intrinsics_suspect rather than weak",
        Above(0));
     ar("intrinsics", intrinsics, "when other intrinsics are believed");
-    ar("lens", lens, "when large planes look bent");
+    ar("lens", lens, "when the lens is not the one that the intrinsics describe");
     ar("min_on_side_share", min_on_side_share,
        "least share of confidently labelled pixels within 3 cm of the side that they name; chance "
        "finds a side or two in a room, but not most of what the network marked",

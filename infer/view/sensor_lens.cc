@@ -20,9 +20,11 @@ using Sigmas = std::array<double, kLensParameters>;
 /// A calibration of this very lens. Two factory calibrations of Azure Kinects agree to 0.1 % of the
 /// radius over the whole image.
 constexpr Sigmas kGiven = {0.002, 0.004, 0.006};
-/// Another of its kind.
-constexpr Sigmas kTypical = {0.003, 0.006, 0.01};
-constexpr Sigmas kMild = {0.005, 0.03, 0.06};
+/// Another of its kind. The focal length that goes without a distortion may be that of a pinhole
+/// which fits the image best.
+constexpr Sigmas kTypical = {0.01, 0.006, 0.01};
+constexpr Sigmas kRectified = {0.003, 0.006, 0.01};
+constexpr Sigmas kMild = {0.01, 0.03, 0.06};
 constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
 
 /// The kinds of sensors whose lens is known by their names in the intrinsics pool; the first of
@@ -38,7 +40,7 @@ constexpr std::array<LensKind, 3> kKinds = {{
     // Public calibrations of the depth camera.
     {"kinect_v2", {0.09, -0.27, 0, 0, 0.10, 0, 0, 0}, kMild},
     // Its depth images are rectified.
-    {"realsense", {}, kTypical},
+    {"realsense", {}, kRectified},
 }};
 
 constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image

@@ -113,7 +113,7 @@ TEST_F(KeptInitial, FiguresAreOfTheReportedPose) {
       for (int u = 0; u < depth.width(); ++u) {
         if (!(depth(u, v) > 0)) continue;
         const double z = depth(u, v) * sensor.depth_gain + sensor.depth_offset_m;
-        const Eigen::Vector2d ray = testing_infer::RayThroughLens(rig_.frames[i].intrinsics, u, v);
+        const Eigen::Vector2d ray = testing_infer::RayThroughLens(sensor.intrinsics, u, v);
         const double distance =
             DistanceToSurface(result_.built, pose * Eigen::Vector3d(z * ray.homogeneous()))
                 .distance;

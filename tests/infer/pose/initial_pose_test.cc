@@ -9,7 +9,7 @@
 #include "core/random.h"
 #include "core/visibility.h"
 #include "tests/infer/synthetic.h"
-#include "tests/infer/view/sensor_lens.h"
+#include "tests/infer/view/lens.h"
 
 namespace volalign {
 namespace {

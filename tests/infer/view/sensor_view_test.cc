@@ -10,7 +10,7 @@
 #include "infer/view/segmentation.h"
 #include "tests/core/expect_error.h"
 #include "tests/infer/synthetic.h"
-#include "tests/infer/view/sensor_lens.h"
+#include "tests/infer/view/lens.h"
 
 namespace volalign {
 namespace {
