@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/stage_clock.h"
 #include "infer/checks/depth_checks.h"
+#include "infer/checks/neighbours.h"
 #include "infer/checks/placement.h"
 #include "infer/judge.h"
 
@@ -74,6 +75,8 @@ CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Struct
   clock.Lap("assembly");
   std::vector<Placement> placements =
       PlaceSensors(frames, views, depths, labelled, assembly, structure, placement);
+  placements =
+      PlaceByNeighbours(frames, views, labelled, std::move(placements), structure, placement);
   clock.Lap("placement");
   RefineResult refined = RefineTogether(
       structure, SensorsToRefine(frames, labelled, placements, options.refine), options.refine);

@@ -19,11 +19,17 @@
 
 namespace volalign {
 
-/// A sensor whose own view fixes its pose.
+/// A sensor whose own view fixes its pose, or that view together with its neighbours'.
 struct PlacedSensor {
-  Pose own_pose = Pose::Identity();  ///< refined alone
+  Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   SensorPoints points;               ///< labelled by the own pose, for the joint refinement
   std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
+  std::optional<Finding> by_neighbours;       ///< set where the sensor needs them, see neighbours.h
+
+  /// What stands as the sensor's initial pose: one that its own view leaves open is none.
+  const Pose& InitialPoseOf(const InitialPose& initial) const {
+    return by_neighbours ? own_pose : initial.structure_from_sensor;
+  }
 };
 
 /// A placed sensor, or why it is not placed.
@@ -37,8 +43,15 @@ struct PlacementOptions {
   int threads = 1;
 };
 
-/// InspectAssembly with the sensors that see many sides. Nothing where none does, or where
-/// options.assembly leaves it out.
+/// How points are taken out of a view.
+SamplingOptions SamplingOf(const PlacementOptions& options);
+
+/// The sensor at a pose, with its points labelled by it.
+PlacedSensor PlaceAt(const SensorView& view, const Structure& structure, const Pose& pose,
+                     const PlacementOptions& options);
+
+/// InspectAssembly with the sensors that see many sides; the report's mirrored_frames are indices
+/// of `views`. Nothing where none does, or where options.assembly leaves it out.
 std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
                                            const std::vector<LabelledView>& labelled,
                                            const Structure& structure,

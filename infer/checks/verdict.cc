@@ -27,6 +27,7 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                    "check which of the two it belongs to"};
   }
   if (evidence.suspect_intrinsics) return evidence.suspect_intrinsics;
+  if (evidence.by_neighbours) return evidence.by_neighbours;
   if (!evidence.other_pose.empty()) {
     return Finding{
         SensorCode::kAmbiguous,

@@ -44,5 +44,51 @@ TEST(Background, Four) {
   }
 }
 
+
+void Show(const char* what, int k, const CalibrationResult& result) {
+  for (const SensorResult& s : result.sensors)
+    std::printf("%s %d %s: %s %s | %s | err %.1f mm %.2f deg sig %.1f acc %d rms %.2f\n", what, k, s.name.c_str(), ToString(s.status), ToString(s.code), s.reason.c_str(),
+          s.error ? 1000 * s.error->translation_m : -1, s.error ? s.error->rotation_deg : -1, s.structure_from_sensor ? 1000 * s.sigma_translation_m().maxCoeff() : -1, s.refinement_accepted, 1000*s.rms_to_structure_m);
+  for (auto& [n, t] : result.timings_s) std::printf("%s %.2f ", n.c_str(), t);
+  std::printf("\n");
+}
+
+TEST(Background, Neighbours) {
+  for (const bool room : {true, false}) {
+    for (int k = 0; k < 4; ++k) {
+      Rig rig{PaperStructure(), {}, {}};
+      for (int i = 0; i < 3; ++i)
+        rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i + 10 * k), room ? Scene{true, 3.5} : Scene{false, 0});
+      rig.Add("S3", RingPose(90, 2.0, 0.3, 90, Eigen::Vector3d(k % 2 ? 0.6 : -1.1, 0, 0)), room ? Scene{true, 3.5} : Scene{false, 0});
+      if (k < 3) {
+      testing_infer::Restrict(rig.structure, &rig.labels[3], [&](const Side& side) {
+        return k == 2 ? side.name == "mid_top/right" : side.name == "mid_bottom/right" || side.name == "mid_top/right" || side.name == "bottom/right";
+      });
+      } else {
+       // in fact sees little: close, one side fills the view
+       rig.frames.pop_back(); rig.labels.pop_back();
+       rig.Add("S3", RingPose(90, 0.9, -0.1, 90, Eigen::Vector3d(-0.1, -0.1, 0)), room ? Scene{true, 3.5} : Scene{false, 0});
+      }
+      for (std::size_t i = 0; i < 4; ++i) AddNoise(&rig.frames[i].depth, 0.002, i);
+      Show(room ? "room" : "none", k, CalibrateRig(rig));
+    }
+  }
+}
+
+TEST(Background, Mirrored) {
+  for (int k = 0; k < 4; ++k) {
+    Rig rig{PaperStructure(), {}, {}};
+    for (int i = 0; i < 4; ++i)
+      rig.Add("S" + std::to_string(i), RingPose(25.0 + 90 * i + 13 * k), {true, 3.5});
+    for (std::size_t i = 0; i < 4; ++i) {
+      AddNoise(&rig.frames[i].depth, 0.002, i);
+      if (k == 0 || static_cast<int>(i) < k) testing_infer::FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+    }
+    const CalibrationResult result = CalibrateRig(rig);
+    Show("mirrored", k, result);
+    std::printf("%s\n", FormatReport(result).c_str());
+  }
+}
+
 }  // namespace
 }  // namespace volalign

@@ -431,7 +431,7 @@ TEST(FailureClasses, AMirroredStack) {
   ASSERT_TRUE(result.assembly.has_value());
   EXPECT_TRUE(result.assembly->altered());
   for (const SensorResult& sensor : result.sensors)
-    ExpectFailed(sensor, SensorCode::kAssemblyMirrored, {"the stack is mirrored"});
+    ExpectFailed(sensor, SensorCode::kAssemblyMirrored, {"the stack or the frames are mirrored"});
   EXPECT_EQ(result.placed(), 0);
 }
 

@@ -259,10 +259,10 @@ inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most
   }
 }
 
-/// As an SDK delivers it that shows pictures as in a mirror: rows run the other way, and the
-/// intrinsics say nothing of it. `labels`: what a network that knows the structure sees in it, side
-/// names by where they face in the mirror image of the structure.
-inline void FlipFrame(SensorFrame* frame, LabelImage* labels) {
+/// A frame as an SDK delivers it that shows pictures as in a mirror: rows run the other way, and the
+/// intrinsics say nothing of it. Labels are those of a network that knows the structure: what it
+/// sees is a stack whose left and right sides have changed places.
+inline void FlipFrame(const Structure& structure, SensorFrame* frame, LabelImage* labels) {
   const auto flip = [](auto* image) {
     for (int v = 0; v < image->height(); ++v) {
       for (int u = 0; u < image->width() / 2; ++u)
@@ -271,6 +271,15 @@ inline void FlipFrame(SensorFrame* frame, LabelImage* labels) {
   };
   flip(&frame->depth);
   flip(labels);
+  const auto other = [](std::string name) {
+    const std::size_t slash = name.find('/') + 1;
+    const std::string side = name.substr(slash);
+    return name.substr(0, slash) + (side == "left" ? "right" : side == "right" ? "left" : side);
+  };
+  std::vector<std::uint8_t> renamed{0};
+  for (const std::string& name : structure.SideNames())
+    renamed.push_back(static_cast<std::uint8_t>(LabelOf(structure, other(name))));
+  for (std::uint8_t& label : *labels) label = renamed[label];
 }
 
 /// Calibrates what the rig's frames show, with its labels.
