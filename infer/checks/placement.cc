@@ -74,12 +74,11 @@ Finding ExplainAlteredStack(const AssemblyReport& report) {
 }
 
 Finding MirroredFrame() {
-  return {
-      SensorCode::kFrameMirrored,
-      "its frame is mirrored: it shows the structure as a mirror does, and other sensors see it "
-      "as described",
-      "switch the mirroring of this sensor's picture off in the capture program, or flip the "
-      "stored picture"};
+  return {SensorCode::kFrameMirrored,
+          "the frame is mirrored: it shows the structure as a mirror does, while other sensors see "
+          "it as described",
+          "switch the mirroring of this sensor's pictures off in the capture program, or flip the "
+          "stored picture"};
 }
 
 bool IsMirrored(const std::optional<AssemblyReport>& assembly, std::size_t frame) {

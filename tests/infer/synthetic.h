@@ -228,8 +228,8 @@ inline Rig ThreeSensors() {
 }
 
 /// Takes depth and labels away beside depth edges, as sensors do: between two neighbouring pixels
-/// of which one is over 10 cm nearer, or alone has depth, `least` to `most` pixels along that row or
-/// column. Where both have depth, any part of them may belong to the nearer surface.
+/// of which one is over 10 cm nearer, or alone has depth, `least` to `most` pixels along that row
+/// or column. Where both have depth, any part of them may belong to the nearer surface.
 inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most,
                       std::uint64_t seed) {
   constexpr float kJump = 0.1f;
@@ -259,9 +259,9 @@ inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most
   }
 }
 
-/// A frame as an SDK delivers it that shows pictures as in a mirror: rows run the other way, and the
-/// intrinsics say nothing of it. Labels are those of a network that knows the structure: what it
-/// sees is a stack whose left and right sides have changed places.
+/// A frame as an SDK delivers it that shows pictures as in a mirror: rows run the other way, and
+/// the intrinsics say nothing of it. Labels are those of a network that knows the structure: what
+/// it sees is a stack whose left and right sides have changed places.
 inline void FlipFrame(const Structure& structure, SensorFrame* frame, LabelImage* labels) {
   const auto flip = [](auto* image) {
     for (int v = 0; v < image->height(); ++v) {
