@@ -29,6 +29,7 @@ constexpr double kSameFacing = 0.7;                        // cosine between the
 /// Of the gate, by which a point has to lie in front of what another sensor measured along the same
 /// ray, for that sensor to see through it.
 constexpr double kSeenThrough = 2;
+constexpr double kHopeless = 0.5;   // of the best candidate's score
 constexpr double kAsGood = 0.1;     // of scores, of which neither decides
 constexpr double kUpright = 0.5;    // cosine: flatter sides do not tell the sensor's turn
 constexpr double kSamePlace = 0.1;  // m, of candidates that became one
@@ -248,9 +249,10 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
 std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& neighbours,
                                 const Structure& structure, const PlacementOptions& options) {
   std::vector<Refined> all;
-  for (const Candidate& candidate :
-       Search(lost, neighbours, structure, options.initial.keypoints)) {
-    if (candidate.score > 0)
+  const std::vector<Candidate> candidates =
+      Search(lost, neighbours, structure, options.initial.keypoints);
+  for (const Candidate& candidate : candidates) {
+    if (candidate.score > kHopeless * std::max(0.0, candidates.front().score))
       all.push_back(RefineWith(lost, neighbours, candidate.pose, structure, options));
   }
   const auto better = [](const Refined& a, const Refined& b) {

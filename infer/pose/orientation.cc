@@ -145,13 +145,20 @@ Trial* BestTrial(const std::vector<Trial*>& trials, const OrientationOptions& op
                            [&](const Trial* a, const Trial* b) { return rank(a) < rank(b); });
 }
 
+/// Turns that bring the view into the network's orientation at a pose that a trial led to.
+int TurnsAt(const Context& context, const Trial& trial, const PoseEvidence& pose) {
+  const bool over =
+      pose.alias >= 0 && !context.aliases[static_cast<std::size_t>(pose.alias)].keeps_up();
+  return (trial.turns + (over ? 2 : 0)) % 4;
+}
+
 /// The labels that suit a pose which was chosen among orientations and aliases, and the initial
 /// pose that follows from them.
 void TakeChoice(const Context& context, const UnlabelledView& from, const PoseEvidence& choice,
                 const std::vector<Trial*>& trials, const Trial& trial, LabelledView* out) {
   if (choice.alias >= 0) {
     const StructureAlias& alias = context.aliases[static_cast<std::size_t>(choice.alias)];
-    if (!alias.keeps_up()) out->quarter_turns = (trial.turns + 2) % 4;
+    out->quarter_turns = TurnsAt(context, trial, choice);
     out->segmentation = Relabelled(std::move(out->segmentation), alias);
   }
   const Pose& pose = choice.structure_from_sensor;
@@ -191,6 +198,7 @@ std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
 /// Chooses for each view alone and, where that leaves one ambiguous or two that are mounted in
 /// different ways, for all of them together.
 std::vector<PoseChoice> ChooseAll(const Context& context,
+                                  const std::vector<std::vector<Trial*>>& trials,
                                   const std::vector<std::vector<PoseEvidence>>& competitors) {
   std::vector<PoseChoice> choices(competitors.size());
   std::vector<SensorCandidates> sensors(competitors.size());
@@ -198,7 +206,11 @@ std::vector<PoseChoice> ChooseAll(const Context& context,
   bool ambiguous = false, open = false;
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     choices[i] = Decide(competitors[i], context.options.choice);
-    sensors[i] = {context.views[i].view, competitors[i]};
+    sensors[i] = {context.views[i].view, competitors[i], {}};
+    for (const PoseEvidence& pose : competitors[i]) {
+      if (context.views[i].quarter_turns == kAutoTurns)
+        sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
+    }
     if (!choices[i].found) continue;
     ambiguous = ambiguous || choices[i].ambiguous;
     open = open || competitors[i].size() > 1;
@@ -249,7 +261,7 @@ std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
   std::vector<std::vector<PoseEvidence>> competitors(views.size());
   ParallelFor(views.size(), threads,
               [&](std::size_t i) { competitors[i] = Competitors(context, i, by_view[i]); });
-  const std::vector<PoseChoice> choices = ChooseAll(context, competitors);
+  const std::vector<PoseChoice> choices = ChooseAll(context, by_view, competitors);
   std::vector<LabelledView> labelled(views.size());
   ParallelFor(views.size(), threads,
               [&](std::size_t i) { labelled[i] = TakePose(context, i, by_view[i], choices[i]); });

@@ -21,6 +21,8 @@ constexpr double kDecides = 0.99;  // but for rounding
 constexpr double kFloorDecides = 3;
 /// Most that labels count where they tell up from down: enough to choose by.
 constexpr double kLabelsTellUp = 0.5;
+/// Against a sensor that is mounted otherwise than those of the network: enough to choose by.
+constexpr double kOtherThanNetwork = 0.3;
 /// Against a sensor that is mounted otherwise than several others, or than one other.
 constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
 /// Most that what two sensors measured beside the structure counts.
@@ -39,16 +41,19 @@ using Choice = std::vector<int>;
 struct Option {
   PoseEvidence pose;  // the one with the best labels of its own, with the best network score
   int upright = 0;    // UprightTurns
+  int turns = 0;      // into the network's orientation
 };
 
-std::vector<Option> Distinct(const std::vector<PoseEvidence>& poses) {
+std::vector<Option> Distinct(const SensorCandidates& sensor) {
   std::vector<Option> distinct;
-  for (const PoseEvidence& pose : poses) {
+  for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
+    const PoseEvidence& pose = sensor.poses[k];
     const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
       return SamePose(option.pose.structure_from_sensor, pose.structure_from_sensor);
     });
     if (same == distinct.end()) {
-      distinct.push_back({pose, UprightTurns(pose.structure_from_sensor)});
+      distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
+                          sensor.turns.empty() ? 0 : sensor.turns[k]});
       continue;
     }
     const double network_score = std::max(same->pose.network_score, pose.network_score);
@@ -104,7 +109,7 @@ class Rig {
       const PoseChoiceOptions& limits)
       : structure_(structure), limits_(limits) {
     for (const SensorCandidates& sensor : sensors) {
-      options_.push_back(Distinct(sensor.poses));
+      options_.push_back(Distinct(sensor));
       clouds_.push_back(sensor.poses.empty() ? nullptr : std::make_unique<Cloud>(*sensor.view));
     }
   }
@@ -112,12 +117,12 @@ class Rig {
   std::size_t size() const { return options_.size(); }
   const std::vector<Option>& options(std::size_t i) const { return options_[i]; }
 
-  /// What speaks for a choice. `labels_tell_up`: see kLabelsTellUp.
-  double Score(const Choice& choice, double labels_tell_up) {
+  /// What speaks for a choice. `to_choose`: with what leaves a choice ambiguous, too.
+  double Score(const Choice& choice, bool to_choose) {
     double score = -Deviations(choice);
     for (std::size_t i = 0; i < size(); ++i) {
       if (choice[i] < 0) continue;
-      score += Own(i, choice[i], labels_tell_up);
+      score += Own(i, choice[i], to_choose);
       for (std::size_t j = 0; j < i; ++j) {
         if (choice[j] >= 0) score += Shared(i, choice[i], j, choice[j]);
       }
@@ -127,17 +132,17 @@ class Rig {
 
   /// From `choice` on, sensor by sensor, until no other pose of one of them is better. `fixed`
   /// stays as it is.
-  Choice Improve(Choice choice, std::size_t fixed, double labels_tell_up) {
+  Choice Improve(Choice choice, std::size_t fixed, bool to_choose) {
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
       bool changed = false;
       for (std::size_t i = 0; i < size(); ++i) {
         if (i == fixed || options_[i].size() < 2) continue;
         Choice best = choice;
-        double best_score = Score(choice, labels_tell_up);
+        double best_score = Score(choice, to_choose);
         for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
           Choice other = choice;
           other[i] = k;
-          const double score = Score(other, labels_tell_up);
+          const double score = Score(other, to_choose);
           if (score <= best_score) continue;
           best_score = score;
           best = std::move(other);
@@ -151,14 +156,14 @@ class Rig {
   }
 
   /// The best choice in which `fixed` (none of the sensors: nothing is fixed) has the option `k`.
-  Choice Best(std::size_t fixed, int k, double labels_tell_up) {
+  Choice Best(std::size_t fixed, int k, bool to_choose) {
     Choice best;
     double best_score = 0;
     for (int upright = 0; upright < 4; ++upright) {
-      Choice start = AllUpright(upright, labels_tell_up);
+      Choice start = AllUpright(upright, to_choose);
       if (fixed < size()) start[fixed] = k;
-      Choice choice = Improve(std::move(start), fixed, labels_tell_up);
-      const double score = Score(choice, labels_tell_up);
+      Choice choice = Improve(std::move(start), fixed, to_choose);
+      const double score = Score(choice, to_choose);
       if (!best.empty() && score <= best_score) continue;
       best_score = score;
       best = std::move(choice);
@@ -168,7 +173,7 @@ class Rig {
 
  private:
   /// Floor and labels of a sensor's option, against the best of all its options.
-  double Own(std::size_t i, int k, double labels_tell_up) const {
+  double Own(std::size_t i, int k, bool to_choose) const {
     double best_floor = -2, best_label = 0;
     std::size_t best = 0;
     for (std::size_t other = 0; other < options_[i].size(); ++other) {
@@ -183,8 +188,11 @@ class Rig {
         (best_label - option.pose.network_score) / std::max(limits_.score_margin, 1e-9);
     const bool turned_over =
         TurnsOver(options_[i][best].pose.structure_from_sensor, option.pose.structure_from_sensor);
-    return -floor * (floor < 1 ? 1 : kFloorDecides) -
-           (turned_over ? std::min(label, labels_tell_up) : label);
+    double score = -floor * (floor < 1 ? 1 : kFloorDecides);
+    if (!turned_over) score -= label;
+    if (turned_over && to_choose) score -= std::min(label, kLabelsTellUp);
+    if (option.turns != 0 && to_choose) score -= kOtherThanNetwork;
+    return score;
   }
 
   /// What speaks against sensors that are mounted otherwise than most.
@@ -223,14 +231,14 @@ class Rig {
   }
 
   /// Every sensor's own best option with that side of the picture up, where it has one.
-  Choice AllUpright(int upright, double labels_tell_up) const {
+  Choice AllUpright(int upright, bool to_choose) const {
     Choice choice;
     for (std::size_t i = 0; i < size(); ++i) {
       int best = -1;
       for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
         const auto rank = [&](int option) {
           return std::make_pair(static_cast<int>(UprightOf(i, option)) == upright,
-                                Own(i, option, labels_tell_up));
+                                Own(i, option, to_choose));
         };
         if (best < 0 || rank(k) > rank(best)) best = k;
       }
@@ -252,8 +260,8 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
                                        const Structure& structure,
                                        const PoseChoiceOptions& options) {
   Rig rig(sensors, structure, options);
-  const Choice best = rig.Best(rig.size(), 0, kLabelsTellUp);
-  const double score = rig.Score(best, 0);
+  const Choice best = rig.Best(rig.size(), 0, true);
+  const double score = rig.Score(best, false);
   std::vector<PoseChoice> choices(rig.size());
   for (std::size_t i = 0; i < rig.size(); ++i) {
     if (best[i] < 0) continue;
@@ -262,7 +270,7 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
     double rival_score = score - kDecides;
     for (int k = 0; k < static_cast<int>(rig.options(i).size()); ++k) {
       if (k == best[i]) continue;
-      const double other = rig.Score(rig.Best(i, k, 0), 0);
+      const double other = rig.Score(rig.Best(i, k, false), false);
       if (other <= rival_score) continue;
       rival_score = other;
       choices[i].ambiguous = true;

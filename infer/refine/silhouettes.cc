@@ -22,6 +22,9 @@ constexpr double kLeastIncidence = 0.2;  // cosine: beyond it half a pixel is ce
 /// counts.
 constexpr double kShareOfGap = 0.25;
 // One-sided silhouettes.
+/// Two-sided points of a side along one image axis from which on they say where it ends: one-sided
+/// ones, which depend on what a sensor loses along edges, would only blur that.
+constexpr int kEnough = 20;
 /// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
 /// band as wide as its largest disparity.
 constexpr int kEmptyBorder = 12;
@@ -168,14 +171,19 @@ void TurnSquare(const SensorView& view, const Candidate& candidate, double slope
   edge->outward = square.dot(edge->outward) < 0 ? Eigen::Vector3d(-square) : square;
 }
 
-/// The candidates at which sides end along a line.
-std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candidate>& candidates) {
+/// The candidates at which sides end along a line, of those along which too little else is known.
+std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candidate>& candidates,
+                                const std::vector<EdgePoint>& two_sided) {
   Ends ends;
   for (const Candidate& c : candidates) ends[KeyOf(c, c.line())].push_back(c.end());
+  std::map<std::pair<int, int>, int> known;  // two-sided points by label and axis
+  for (const EdgePoint& edge : two_sided) ++known[{edge.label, edge.axis}];
   std::vector<EdgePoint> edges;
   for (const Candidate& candidate : candidates) {
     double slope = 0;
-    if (!FitSlope(candidate, ends, &slope)) continue;
+    if (known[{candidate.edge.label, candidate.edge.axis}] >= kEnough ||
+        !FitSlope(candidate, ends, &slope))
+      continue;
     edges.push_back(candidate.edge);
     edges.back().one_sided = true;
     TurnSquare(view, candidate, slope, &edges.back());
@@ -221,7 +229,7 @@ Silhouettes FindSilhouettes(const ConfidentSides& sides) {
       }
     }
   }
-  found.one_sided = Straight(view, candidates);
+  found.one_sided = Straight(view, candidates, found.two_sided);
   return found;
 }
 

@@ -47,9 +47,10 @@ struct Candidates {
       poses.push_back({a, b});
     }
   }
-  std::vector<PoseChoice> Choose() const {
+  /// `turns`: of the right pose and of the other, where they are known.
+  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}) const {
     std::vector<SensorCandidates> sensors;
-    for (std::size_t i = 0; i < views.size(); ++i) sensors.push_back({&views[i], poses[i]});
+    for (std::size_t i = 0; i < views.size(); ++i) sensors.push_back({&views[i], poses[i], turns});
     return ChooseTogether(sensors, structure, {});
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
@@ -98,6 +99,20 @@ TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
   for (std::size_t i = 0; i < choices.size(); ++i) {
     EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
     EXPECT_FALSE(choices[i].ambiguous) << i;
+  }
+}
+
+// Nothing tells up from down: sensors are then taken to be mounted as the network's were.
+TEST(ChooseTogether, TheNetworksOrientationIsTakenWhereNothingElseTells) {
+  const Evidence open{0, 0.8, 0, 0.8};
+  const Candidates rig({open, open, open});
+  for (const bool right : {true, false}) {
+    const std::vector<PoseChoice> choices =
+        rig.Choose(right ? std::vector<int>{0, 2} : std::vector<int>{2, 0});
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_EQ(rig.IsRight(choices[i], i), right) << i;
+      EXPECT_TRUE(choices[i].ambiguous) << i;
+    }
   }
 }
 
