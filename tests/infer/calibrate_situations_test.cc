@@ -170,13 +170,11 @@ CalibrationResult CalibrateMisled(const Rig& rig) {
 }
 
 TEST(OneUpForTheRig, NoSensorIsUpsideDownToTheOthers) {
-  for (const double wall : {0.0, 3.5}) {
-    for (int k = 0; k < 2; ++k) {
-      const CalibrationResult result = CalibrateMisled(WithoutFloor(wall, k, 0));
-      for (const SensorResult& sensor : result.sensors) {
-        ExpectPlaced(sensor, 0.015, 0.2);
-        EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << "nothing says which way is up";
-      }
+  for (int k = 0; k < 2; ++k) {
+    const CalibrationResult result = CalibrateMisled(WithoutFloor(k * 3.5, k, 0));
+    for (const SensorResult& sensor : result.sensors) {
+      ExpectPlaced(sensor, 0.015, 0.2);
+      EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << "nothing says which way is up";
     }
   }
 }
@@ -190,18 +188,18 @@ TEST(OneUpForTheRig, AFloorThatOthersSeeSettlesIt) {
   }
 }
 
-Rig FourInARoom(int k) {
+Rig ThreeInARoom(int k) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i) {
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 90 * i + 13 * k), {true, 3.5});
+  for (int i = 0; i < 3; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 120 * i + 13 * k), {true, 3.5});
     AddNoise(&rig.frames.back().depth, 0.002, static_cast<unsigned>(i));
   }
   return rig;
 }
 
 TEST(MirroredFrames, AllOfThemMayAlsoBeTheStack) {
-  Rig rig = FourInARoom(0);
-  for (std::size_t i = 0; i < 4; ++i) FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+  Rig rig = ThreeInARoom(0);
+  for (std::size_t i = 0; i < 3; ++i) FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
   const CalibrationResult result = CalibrateRig(rig);
   for (const SensorResult& sensor : result.sensors) {
     EXPECT_EQ(sensor.code, SensorCode::kAssemblyMirrored) << sensor.reason;
@@ -213,16 +211,16 @@ TEST(MirroredFrames, AllOfThemMayAlsoBeTheStack) {
   const std::size_t first = report.find(sentence);
   ASSERT_NE(first, std::string::npos) << report;
   EXPECT_EQ(report.find(sentence, first + 1), std::string::npos) << "said once for all\n" << report;
-  EXPECT_NE(report.find("S0, S1, S2, S3 are failed"), std::string::npos) << report;
+  EXPECT_NE(report.find("S0, S1, S2 are failed"), std::string::npos) << report;
 }
 
 TEST(MirroredFrames, SomeOfThemAreNamedAndTheOthersPlaced) {
-  for (const std::size_t mirrored : {1u, 3u}) {
-    Rig rig = FourInARoom(static_cast<int>(mirrored));
+  for (const std::size_t mirrored : {1u, 2u}) {
+    Rig rig = ThreeInARoom(static_cast<int>(mirrored));
     for (std::size_t i = 0; i < mirrored; ++i)
       FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
     const CalibrationResult result = CalibrateRig(rig);
-    for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t i = 0; i < 3; ++i) {
       const SensorResult& sensor = result.sensors[i];
       if (i < mirrored) {
         EXPECT_EQ(sensor.status, SensorStatus::kFailed);
