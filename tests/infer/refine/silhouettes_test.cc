@@ -98,15 +98,23 @@ TEST(OneSided, TheirDirectionIsMeasured) {
 
 TEST(OneSided, AHoleInASideIsNone) {
   Frame frame(RingPose(90));
-  // In the middle of the largest visible side, 20 px wide, and a band of 8 px across everything.
-  const auto hole = [](int u, int v) {
-    return (std::abs(u - 150) < 10 && std::abs(v - 150) < 10) || std::abs(u - 200) < 4;
-  };
-  frame.Erase(hole);
+  // 14 px wide, where 24 px round about show one side.
+  const LabelImage& labels = frame.rendered.labels;
+  int at_u = 0, at_v = 0;
+  for (int v = 12; v < 276; ++v) {
+    for (int u = 12; u < 308; ++u) {
+      bool whole = labels(u, v) > 0;
+      for (int k = -12; k <= 12 && whole; ++k) {
+        for (int l = -12; l <= 12; ++l) whole = whole && labels(u + k, v + l) == labels(u, v);
+      }
+      if (whole) at_u = u, at_v = v;
+    }
+  }
+  ASSERT_GT(at_u, 0);
+  frame.Erase([&](int u, int v) { return std::abs(u - at_u) < 7 && std::abs(v - at_v) < 7; });
   for (const EdgePoint& edge : frame.Find().one_sided) {
-    const Eigen::Vector2d at = Frame::Pixel(edge);
-    const bool inside = std::abs(frame.Outside(edge)) > 5 * edge.pixel;
-    EXPECT_FALSE(inside) << "in the middle of a side, at " << at.transpose();
+    const Eigen::Vector2d from = Frame::Pixel(edge) - Eigen::Vector2d(at_u, at_v);
+    EXPECT_GT(from.cwiseAbs().maxCoeff(), 10) << from.transpose();
   }
 }
 
@@ -119,6 +127,7 @@ TEST(OneSided, TheBorderOfThePictureIsNone) {
     for (int v = 0; v < 288; ++v) labelled += frame.rendered.labels(band, v) > 0 ? 1 : 0;
     ASSERT_GT(labelled, 20);
     for (const EdgePoint& edge : frame.Find().one_sided) {
+      if (edge.axis != 0) continue;
       const double u = Frame::Pixel(edge).x();
       EXPECT_TRUE(u > band + 3 && u < 316 - band) << u;
     }
