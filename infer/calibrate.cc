@@ -11,6 +11,7 @@
 #include "core/stage_clock.h"
 #include "infer/checks/depth_checks.h"
 #include "infer/checks/lens_check.h"
+#include "infer/checks/neighbours.h"
 #include "infer/checks/placement.h"
 #include "infer/judge.h"
 #include "infer/refine/find_lenses.h"
@@ -101,8 +102,10 @@ CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Struct
   std::vector<Placement> placements;
   RefineResult refined;
   for (int round = 1;; ++round) {
-    placements =
-        PlaceSensors(seen, views, depths, labelled, assembly, lenses, structure, placement);
+    placements = PlaceByNeighbours(
+        seen, views, labelled,
+        PlaceSensors(seen, views, depths, labelled, assembly, lenses, structure, placement), lenses,
+        structure, placement);
     clock.Lap("placement");
     refined = RefineTogether(structure,
                              SensorsToRefine(seen, labelled, placements, lenses, options.refine),

@@ -64,7 +64,7 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   }
   const std::optional<Finding> weakness = FindWeakness(
       {quality, sensor->covariance, unsolved, depth.same_depth_as, placed.suspect_intrinsics,
-       suspect_lens, labelled.other_pose, frame.quarter_turns != kAutoTurns},
+       suspect_lens, placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
       options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
@@ -118,7 +118,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
       SetFinding(SensorStatus::kFailed, *failure, &sensor);
       continue;
     }
-    TakeRefinement(stages.refined.sensors[placed.size()], labelled.initial.structure_from_sensor,
+    TakeRefinement(stages.refined.sensors[placed.size()],
+                   std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
     placed.push_back(i);
   }

@@ -149,7 +149,7 @@ std::vector<Arrangement> Mirrored(const Stack& stack) {
     }
     Arrangement arrangement;
     arrangement.code = SensorCode::kAssemblyMirrored;
-    arrangement.sentence = "the stack is mirrored";
+    arrangement.sentence = "the stack or the frames are mirrored";
     list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
   }
   return list;

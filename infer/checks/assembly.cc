@@ -137,6 +137,62 @@ std::size_t BestOther(const OverlapTable& table) {
   return best;
 }
 
+/// The best overlap of a view with a stack, labels that are quarter turns off included.
+DepthOverlap BestTurned(const CoarseView& view, Structure structure,
+                        const InitialPoseOptions& initial) {
+  DepthOverlap best = EstimatedOverlap(view, structure, initial);
+  for (int quarter = 1; quarter < 4 && best.ratio() < kGoodOverlap; ++quarter) {
+    structure = QuarterTurned(structure);
+    const DepthOverlap other = EstimatedOverlap(view, structure, initial);
+    if (other.ratio() > best.ratio()) best = other;
+  }
+  return best;
+}
+
+/// What one view says of being a mirror image.
+struct MirrorEvidence {
+  DepthOverlap described, mirrored;
+  bool fits = false;            ///< the stack as described
+  bool looks_mirrored = false;  ///< the mirror image fits clearly better
+};
+
+MirrorEvidence AskForMirrorImage(const CoarseView& view,
+                                 const std::vector<Arrangement>& arrangements,
+                                 const InitialPoseOptions& initial,
+                                 const AssemblyOptions& options) {
+  MirrorEvidence evidence;
+  const Structure& described = arrangements.front().structure;
+  evidence.described =
+      OverlapAt(view, described, *view.described_pose, initial.evidence.min_confidence);
+  evidence.fits = evidence.described.ratio() >= options.suspicious_frame_overlap;
+  if (evidence.fits) return evidence;
+  for (const Arrangement& other : arrangements) {
+    if (other.code != SensorCode::kAssemblyMirrored) continue;
+    const DepthOverlap overlap = BestTurned(view, other.structure, initial);
+    if (overlap.ratio() > evidence.mirrored.ratio()) evidence.mirrored = overlap;
+  }
+  const auto mirrored_is_better = [&] {
+    return evidence.mirrored.ratio() >= options.min_overlap &&
+           evidence.mirrored.ratio() >= evidence.described.ratio() + options.margin;
+  };
+  if (!mirrored_is_better()) return evidence;
+  const DepthOverlap again = BestTurned(view, described, initial);
+  if (again.ratio() > evidence.described.ratio()) evidence.described = again;
+  evidence.looks_mirrored = mirrored_is_better();
+  return evidence;
+}
+
+/// The overlap of all views where those that look mirrored are.
+double RatioWithMirrored(const std::vector<MirrorEvidence>& evidence) {
+  DepthOverlap sum;
+  for (const MirrorEvidence& of : evidence) {
+    const DepthOverlap& part = of.looks_mirrored ? of.mirrored : of.described;
+    sum.both += part.both;
+    sum.either += part.either;
+  }
+  return sum.ratio();
+}
+
 /// An arrangement whose sentence also names the others that look the same: a stack without its
 /// highest box may be the one without its lowest, seen from the next side.
 Arrangement WithEquals(const std::vector<Arrangement>& arrangements, std::size_t which) {
@@ -149,24 +205,64 @@ Arrangement WithEquals(const std::vector<Arrangement>& arrangements, std::size_t
   return result;
 }
 
+OverlapTable TryAllArrangements(const std::vector<Arrangement>& arrangements,
+                                const std::vector<CoarseView>& views,
+                                const InitialPoseOptions& initial, int threads) {
+  OverlapTable table = TryArrangements(arrangements, views, initial, threads);
+  TryTurnedLabels(arrangements, views, initial, threads, &table);
+  return table;
+}
+
+/// The sensors whose frames alone are mirrored, see InspectAssembly.
+std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& sensors,
+                                            const Structure& structure,
+                                            const InitialPoseOptions& initial,
+                                            const AssemblyOptions& options, int threads,
+                                            std::size_t max_sensors) {
+  const std::vector<Arrangement> arrangements = Arrangements(structure);
+  std::vector<MirrorEvidence> evidence(sensors.size());
+  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
+    evidence[i] = AskForMirrorImage(MakeCoarse(sensors[i]), arrangements, initial, options);
+  });
+  std::vector<std::size_t> mirrored;
+  bool others_fit = false;
+  for (std::size_t i = 0; i < evidence.size(); ++i) {
+    if (evidence[i].looks_mirrored) mirrored.push_back(i);
+    others_fit = others_fit || evidence[i].fits;
+  }
+  if (mirrored.empty() || !others_fit) return {};
+  // A single box that stands otherwise may be seen by some sensors only.
+  const OverlapTable table =
+      TryAllArrangements(arrangements, MostLabelled(sensors, max_sensors), initial, threads);
+  const std::size_t best = BestOther(table);
+  const bool explains_all =
+      best > 0 && table.ratio(best) >= RatioWithMirrored(evidence) - options.margin / 2;
+  return explains_all ? std::vector<std::size_t>() : mirrored;
+}
+
 }  // namespace
 
 AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
                                const Structure& structure, const InitialPoseOptions& initial,
                                const AssemblyOptions& options, int threads,
                                std::size_t max_sensors) {
-  const std::vector<CoarseView> views = MostLabelled(sensors, max_sensors);
+  std::vector<AssemblySensor> asked = sensors;
+  std::vector<std::size_t> mirrored =
+      FindMirroredFrames(sensors, structure, initial, options, threads, max_sensors);
+  for (auto i = mirrored.rbegin(); i != mirrored.rend(); ++i)
+    asked.erase(asked.begin() + static_cast<std::ptrdiff_t>(*i));
+  const std::vector<CoarseView> views = MostLabelled(asked, max_sensors);
   const double described =
       DescribedOverlap(views, structure, initial.evidence.min_confidence).ratio();
   AssemblyReport report;
+  report.mirrored_frames = std::move(mirrored);
   report.arrangement.sentence = "the boxes stand as described";
   report.arrangement.structure = structure;
   report.described_overlap = report.overlap = described;
   if (views.empty() || described >= options.suspicious_overlap) return report;
 
   const std::vector<Arrangement> arrangements = Arrangements(structure);
-  OverlapTable table = TryArrangements(arrangements, views, initial, threads);
-  TryTurnedLabels(arrangements, views, initial, threads, &table);
+  const OverlapTable table = TryAllArrangements(arrangements, views, initial, threads);
   // The pose search on fewer pixels may do better or worse than on all of them: the best counts.
   report.described_overlap = report.overlap = std::max(described, table.ratio(0));
   const std::size_t best = BestOther(table);

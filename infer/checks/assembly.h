@@ -18,6 +18,7 @@ struct AssemblyOptions {
   double suspicious_overlap = 0.92;
   double min_overlap = 0.7;
   double margin = 0.08;
+  double suspicious_frame_overlap = 0.85;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -29,6 +30,10 @@ struct AssemblyOptions {
     ar("min_overlap", min_overlap, "least overlap of another arrangement that is believed",
        Between(0, 1));
     ar("margin", margin, "by how much its overlap has to exceed that of the structure as described",
+       Between(0, 1));
+    ar("suspicious_frame_overlap", suspicious_frame_overlap,
+       "overlap of the structure as described with what one sensor sees, below which its frame may "
+       "be mirrored",
        Between(0, 1));
   }
 };
@@ -44,6 +49,8 @@ struct AssemblyReport {
   Arrangement arrangement;       ///< code kNone: nothing speaks for another one
   double described_overlap = 0;  ///< of all sensors together (DepthOverlap::ratio)
   double overlap = 0;            ///< the same of `arrangement`
+  /// Indices of sensors whose frames alone are mirrored: the others see the stack as described.
+  std::vector<std::size_t> mirrored_frames;
   bool altered() const { return arrangement.code != SensorCode::kNone; }
 };
 
@@ -51,6 +58,10 @@ struct AssemblyReport {
 /// Others are tried only where the one described leaves something to explain. For each, every
 /// sensor's pose is estimated again, and has to stand on a floor where there is one. At most
 /// `max_sensors` are asked, those with the most labelled pixels. `threads` >= 1.
+///
+/// Before that, every sensor on its own is asked for a mirrored frame: where the mirror image of
+/// the stack explains some views clearly better, others fit as described, and no single arrangement
+/// explains all of them as well, those frames are mirrored and left out of the rest.
 AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
                                const Structure& structure, const InitialPoseOptions& initial,
                                const AssemblyOptions& options, int threads,

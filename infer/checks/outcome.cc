@@ -40,6 +40,8 @@ const char* ToString(SensorCode code) {
       return "assembly_swapped";
     case SensorCode::kAssemblyMissing:
       return "assembly_missing";
+    case SensorCode::kFrameMirrored:
+      return "frame_mirrored";
     case SensorCode::kDuplicateDepth:
       return "duplicate_depth";
     case SensorCode::kIntrinsicsSuspect:
@@ -52,6 +54,8 @@ const char* ToString(SensorCode code) {
       return "same_pose";
     case SensorCode::kAmbiguous:
       return "ambiguous";
+    case SensorCode::kByNeighbours:
+      return "by_neighbours";
     case SensorCode::kFewInliers:
       return "few_inliers";
     case SensorCode::kLargeResidual:

@@ -22,6 +22,7 @@ enum class SensorCode {
   kAssemblyTurned,
   kAssemblySwapped,
   kAssemblyMissing,
+  kFrameMirrored,
   // Failed or weak.
   kDuplicateDepth,
   kIntrinsicsSuspect,
@@ -30,6 +31,7 @@ enum class SensorCode {
   kUnsolved,
   kSamePose,
   kAmbiguous,
+  kByNeighbours,
   kFewInliers,
   kLargeResidual,
   kLabelsDisagree,

@@ -58,43 +58,48 @@ OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial, cons
 }
 
 Finding ExplainAlteredStack(const AssemblyReport& report) {
+  std::string hint =
+      "stack the boxes as the structure file says, or describe them as they stand (--structure)";
+  if (report.arrangement.code == SensorCode::kAssemblyMirrored) {
+    hint = "if it is the stack, " + hint +
+           "; if it is the frames, which then show everything as a mirror does, switch that off in "
+           "the capture program or flip the stored pictures";
+  }
   return {report.arrangement.code,
           fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
                       "{:.0f} %",
                       report.arrangement.sentence, 100 * report.overlap,
                       100 * report.described_overlap),
-          "stack the boxes as the structure file says, or describe them as they stand "
-          "(--structure)"};
+          std::move(hint)};
 }
 
-/// Points of a view of these intrinsics, for the refinement.
-SensorPoints SampleThrough(const SensorView& view, const Intrinsics& intrinsics,
-                           const SensorLens& lens, const SegmentationResult& segmentation,
-                           const Structure& structure, const PlacementOptions& options) {
-  SamplingOptions sampling;
-  sampling.min_confidence = options.initial.evidence.min_confidence;
-  sampling.max_side_points = options.refine.max_side_points;
-  sampling.max_edge_points = options.refine.max_edge_points;
-  SensorPoints points = SamplePoints(view, segmentation, structure, sampling);
-  points.intrinsics = intrinsics;
-  points.lens = lens.change;
-  return points;
+Finding MirroredFrame() {
+  return {SensorCode::kFrameMirrored,
+          "the frame is mirrored: it shows the structure as a mirror does, while other sensors see "
+          "it as described",
+          "switch the mirroring of this sensor's pictures off in the capture program, or flip the "
+          "stored picture"};
 }
 
-/// See PlaceSensors. `intrinsics`: those of the view.
-Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics, const SensorLens& lens,
-                      const LabelledView& labelled, bool use_structure, const Structure& structure,
-                      const PlacementOptions& options) {
+bool IsMirrored(const std::optional<AssemblyReport>& assembly, std::size_t frame) {
+  if (!assembly) return false;
+  const std::vector<std::size_t>& mirrored = assembly->mirrored_frames;
+  return std::find(mirrored.begin(), mirrored.end(), frame) != mirrored.end();
+}
+
+/// See PlaceSensors.
+Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool use_structure,
+                      const Structure& structure, const PlacementOptions& options) {
+  const SensorView& view = seen.view;
   const InitialPose& initial = labelled.initial;
   const std::optional<BetterIntrinsics> better =
-      CheckIntrinsics(view, intrinsics, labelled, structure, options);
+      CheckIntrinsics(view, seen.intrinsics, labelled, structure, options);
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
   OwnPose own{initial.structure_from_sensor, 0};
   if (use_structure) {
-    own = RefineAlone(
-        SampleThrough(view, intrinsics, lens, labelled.segmentation, structure, options), initial,
-        lens, structure, options.refine);
+    own = RefineAlone(SampleSeen(seen, labelled.segmentation, structure, options), initial,
+                      seen.lens, structure, options.refine);
   }
 
   const Pose& pose = own.structure_from_sensor;
@@ -110,11 +115,7 @@ Placement PlaceSensor(const SensorView& view, const Intrinsics& intrinsics, cons
     return *std::move(failure);
   }
 
-  PlacedSensor placed{
-      pose,
-      SampleThrough(view, intrinsics, lens, LabelsFromPose(view, structure, pose, kRelabelDistance),
-                    structure, options),
-      std::nullopt};
+  PlacedSensor placed = PlaceAt(seen, structure, pose, options);
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
   return placed;
 }
@@ -143,17 +144,42 @@ bool HasStructureTerms(const std::string& name, const RefineOptions& options) {
 
 }  // namespace
 
+SensorPoints SampleSeen(const SeenView& seen, const SegmentationResult& segmentation,
+                        const Structure& structure, const PlacementOptions& options) {
+  SamplingOptions sampling;
+  sampling.min_confidence = options.initial.evidence.min_confidence;
+  sampling.max_side_points = options.refine.max_side_points;
+  sampling.max_edge_points = options.refine.max_edge_points;
+  SensorPoints points = SamplePoints(seen.view, segmentation, structure, sampling);
+  points.intrinsics = seen.intrinsics;
+  points.lens = seen.lens.change;
+  return points;
+}
+
+PlacedSensor PlaceAt(const SeenView& seen, const Structure& structure, const Pose& pose,
+                     const PlacementOptions& options) {
+  return {pose,
+          SampleSeen(seen, LabelsFromPose(seen.view, structure, pose, kRelabelDistance), structure,
+                     options),
+          std::nullopt, std::nullopt};
+}
+
 std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
                                            const std::vector<LabelledView>& labelled,
                                            const Structure& structure,
                                            const PlacementOptions& options) {
   std::vector<AssemblySensor> sensors;
+  std::vector<std::size_t> frames;  // of each of them
   for (std::size_t i = 0; i < views.size(); ++i) {
-    if (SeesManySides(labelled[i].initial.evidence, options.verdict))
-      sensors.push_back({&views[i], &labelled[i].segmentation, &labelled[i].initial});
+    if (!SeesManySides(labelled[i].initial.evidence, options.verdict)) continue;
+    sensors.push_back({&views[i], &labelled[i].segmentation, &labelled[i].initial});
+    frames.push_back(i);
   }
   if (!options.assembly.enabled || sensors.empty()) return std::nullopt;
-  return InspectAssembly(sensors, structure, options.initial, options.assembly, options.threads);
+  AssemblyReport report =
+      InspectAssembly(sensors, structure, options.initial, options.assembly, options.threads);
+  for (std::size_t& sensor : report.mirrored_frames) sensor = frames[sensor];
+  return report;
 }
 
 std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
@@ -168,11 +194,13 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
   ParallelFor(frames.size(), options.threads, [&](std::size_t i) {
     if (depths[i].failure) {
       placements[i] = *depths[i].failure;
+    } else if (IsMirrored(assembly, i)) {
+      placements[i] = MirroredFrame();
     } else if (altered && SeesManySides(labelled[i].initial.evidence, options.verdict)) {
       placements[i] = ExplainAlteredStack(*assembly);
     } else {
       placements[i] =
-          PlaceSensor(views[i], frames[i].intrinsics, lenses.Of(i), labelled[i],
+          PlaceSensor({views[i], frames[i].intrinsics, lenses.Of(i)}, labelled[i],
                       HasStructureTerms(frames[i].name, options.refine), structure, options);
       if (altered && std::holds_alternative<PlacedSensor>(placements[i]))
         placements[i] = ExplainAlteredStack(*assembly);
@@ -189,8 +217,10 @@ std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames
   std::vector<RefineSensor> sensors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
-      sensors.push_back({&placed->points, labelled[i].initial.from_keypoints,
-                         labelled[i].initial.structure_from_sensor, placed->own_pose,
+      const InitialPose& initial = labelled[i].initial;
+      const bool alone = !placed->by_neighbours;
+      sensors.push_back({&placed->points, alone ? initial.from_keypoints : placed->own_pose,
+                         placed->InitialPoseOf(initial), placed->own_pose,
                          HasStructureTerms(frames[i].name, options), lenses.of_frame[i]});
     }
   }

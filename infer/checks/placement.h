@@ -14,17 +14,23 @@
 #include "infer/pose/orientation.h"
 #include "infer/refine/refine.h"
 #include "infer/refine/sensor_points.h"
-#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_frame.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
 
-/// A sensor whose own view fixes its pose.
+/// A sensor whose own view fixes its pose, or that view together with its neighbours'.
 struct PlacedSensor {
-  Pose own_pose = Pose::Identity();  ///< refined alone
+  Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   SensorPoints points;               ///< labelled by the own pose, for the joint refinement
   std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
+  std::optional<Finding> by_neighbours;       ///< set where the sensor needs them, see neighbours.h
+
+  /// What stands as the sensor's initial pose: one that its own view leaves open is none.
+  const Pose& InitialPoseOf(const InitialPose& initial) const {
+    return by_neighbours ? own_pose : initial.structure_from_sensor;
+  }
 };
 
 /// A placed sensor, or why it is not placed.
@@ -38,8 +44,23 @@ struct PlacementOptions {
   int threads = 1;
 };
 
-/// InspectAssembly with the sensors that see many sides. Nothing where none does, or where
-/// options.assembly leaves it out.
+/// A view, the intrinsics that it was made with, and the lens that they are of.
+struct SeenView {
+  const SensorView& view;
+  const Intrinsics& intrinsics;
+  const SensorLens& lens;
+};
+
+/// Its points, for the refinement.
+SensorPoints SampleSeen(const SeenView& seen, const SegmentationResult& segmentation,
+                        const Structure& structure, const PlacementOptions& options);
+
+/// The sensor at a pose, with its points labelled by it.
+PlacedSensor PlaceAt(const SeenView& seen, const Structure& structure, const Pose& pose,
+                     const PlacementOptions& options);
+
+/// InspectAssembly with the sensors that see many sides; the report's mirrored_frames are indices
+/// of `views`. Nothing where none does, or where options.assembly leaves it out.
 std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
                                            const std::vector<LabelledView>& labelled,
                                            const Structure& structure,

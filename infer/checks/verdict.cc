@@ -28,6 +28,7 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
   }
   if (evidence.suspect_intrinsics) return evidence.suspect_intrinsics;
   if (evidence.suspect_lens) return evidence.suspect_lens;
+  if (evidence.by_neighbours) return evidence.by_neighbours;
   if (!evidence.other_pose.empty()) {
     return Finding{
         SensorCode::kAmbiguous,

@@ -55,6 +55,10 @@ struct VerdictOptions {
   double min_label_iou = 0.25;
   double max_sigma_translation_m = 0.25;
   double some_on_side_share = 0.3;
+  // Of a pose that neighbours give to a sensor whose own view fixes none.
+  double max_sigma_by_neighbours_m = 0.03;
+  double max_sigma_by_neighbours_deg = 2;
+  double min_shared_share = 0.8;
   // Of the reported pose, for the sensor to be ok.
   double weak_inlier_share = 0.8;
   double weak_label_iou = 0.5;
@@ -120,6 +124,18 @@ struct VerdictOptions {
        "share of labelled pixels on their sides from which on a frame with many sides that does "
        "not fit is called inconsistent rather than no_structure",
        Between(0, 1));
+    ar("max_sigma_by_neighbours_m", max_sigma_by_neighbours_m,
+       "standard deviation of the position, m, above which overlap with placed sensors does not "
+       "fix "
+       "the pose of a sensor whose own view leaves it open",
+       Above(0));
+    ar("max_sigma_by_neighbours_deg", max_sigma_by_neighbours_deg,
+       "standard deviation of the rotation, deg, above which it does not", Above(0));
+    ar("min_shared_share", min_shared_share,
+       "least share of the points by which such a sensor and its neighbours can be compared that "
+       "lie "
+       "on what both measured, rather than where one of them sees through",
+       Between(0, 1));
     ar("weak_inlier_share", weak_inlier_share, "inlier share below which a placed sensor is weak",
        Between(0, 1));
     ar("weak_label_iou", weak_label_iou,
@@ -147,6 +163,7 @@ struct PlacedEvidence {
   std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_intrinsics;  ///< where others fit better
   std::optional<Finding> suspect_lens;        ///< where flat surfaces look bent
+  std::optional<Finding> by_neighbours;       ///< PlacedSensor::by_neighbours
   std::string other_pose;                     ///< LabelledView::other_pose
   bool known_turns = false;                   ///< the capture gives its quarter_turns
 };

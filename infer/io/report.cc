@@ -95,10 +95,22 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
 /// Why sensors are not ok, and what their views leave open.
 std::string Reasons(const std::vector<SensorResult>& sensors) {
   std::string text;
-  for (const SensorResult& sensor : sensors) {
-    if (sensor.status == SensorStatus::kOk) continue;
-    text += fmt::format("{} is {} ({}): {}; {}\n", sensor.name, ToString(sensor.status),
-                        ToString(sensor.code), sensor.reason, sensor.hint);
+  // What is said of several sensors is said once.
+  std::vector<char> said(sensors.size(), 0);
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const SensorResult& sensor = sensors[i];
+    if (sensor.status == SensorStatus::kOk || said[i]) continue;
+    std::string names = sensor.name;
+    for (std::size_t j = i + 1; j < sensors.size(); ++j) {
+      const SensorResult& other = sensors[j];
+      if (other.status != sensor.status || other.code != sensor.code ||
+          other.reason != sensor.reason || other.hint != sensor.hint)
+        continue;
+      said[j] = 1;
+      names += ", " + other.name;
+    }
+    text += fmt::format("{} {} {} ({}): {}; {}\n", names, names == sensor.name ? "is" : "are",
+                        ToString(sensor.status), ToString(sensor.code), sensor.reason, sensor.hint);
   }
   for (const SensorResult& sensor : sensors) {
     if (!sensor.structure_from_sensor) continue;

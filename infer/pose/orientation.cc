@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "infer/pose/aliases.h"
 #include "infer/pose/floor.h"
 #include "infer/pose/relabel.h"
+#include "infer/pose/rig_choice.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -143,13 +145,20 @@ Trial* BestTrial(const std::vector<Trial*>& trials, const OrientationOptions& op
                            [&](const Trial* a, const Trial* b) { return rank(a) < rank(b); });
 }
 
+/// Turns that bring the view into the network's orientation at a pose that a trial led to.
+int TurnsAt(const Context& context, const Trial& trial, const PoseEvidence& pose) {
+  const bool over =
+      pose.alias >= 0 && !context.aliases[static_cast<std::size_t>(pose.alias)].keeps_up();
+  return (trial.turns + (over ? 2 : 0)) % 4;
+}
+
 /// The labels that suit a pose which was chosen among orientations and aliases, and the initial
 /// pose that follows from them.
 void TakeChoice(const Context& context, const UnlabelledView& from, const PoseEvidence& choice,
                 const std::vector<Trial*>& trials, const Trial& trial, LabelledView* out) {
   if (choice.alias >= 0) {
     const StructureAlias& alias = context.aliases[static_cast<std::size_t>(choice.alias)];
-    if (!alias.keeps_up()) out->quarter_turns = (trial.turns + 2) % 4;
+    out->quarter_turns = TurnsAt(context, trial, choice);
     out->segmentation = Relabelled(std::move(out->segmentation), alias);
   }
   const Pose& pose = choice.structure_from_sensor;
@@ -165,9 +174,56 @@ void TakeChoice(const Context& context, const UnlabelledView& from, const PoseEv
       EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
 }
 
-/// A view's best pose over all orientations and aliases, with the labels that suit it. The paper's
-/// estimator gets the orientation that fits and stands on the floor best, and nothing else.
-LabelledView TakeBest(const Context& context, std::size_t i, const std::vector<Trial*>& trials) {
+/// The poses that compete for a view over all orientations and aliases: the only one where a single
+/// orientation is beyond doubt. The paper's estimator knows none.
+std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
+                                      const std::vector<Trial*>& trials) {
+  const UnlabelledView& from = context.views[i];
+  const OrientationOptions& options = context.options;
+  if (trials.empty() || context.initial.method != PoseMethod::kRobust) return {};
+  const auto settled = [&](const Trial* t) { return Settled(*t, options); };
+  if (std::count_if(trials.begin(), trials.end(), settled) == 1) {
+    const auto only = std::find_if(trials.begin(), trials.end(), settled);
+    PoseEvidence pose;
+    pose.structure_from_sensor = (*only)->initial.structure_from_sensor;
+    pose.trial = static_cast<std::size_t>(only - trials.begin());
+    return {pose};
+  }
+  std::vector<PoseTrial> poses;
+  for (const Trial* t : trials) poses.push_back({&t->segmentation, &t->initial});
+  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
+                         from.quarter_turns != kAutoTurns, context.initial, options.choice);
+}
+
+/// Chooses for each view alone and, where that leaves one ambiguous or two that are mounted in
+/// different ways, for all of them together.
+std::vector<PoseChoice> ChooseAll(const Context& context,
+                                  const std::vector<std::vector<Trial*>>& trials,
+                                  const std::vector<std::vector<PoseEvidence>>& competitors) {
+  std::vector<PoseChoice> choices(competitors.size());
+  std::vector<SensorCandidates> sensors(competitors.size());
+  std::set<int> mounted;
+  bool ambiguous = false, open = false;
+  for (std::size_t i = 0; i < competitors.size(); ++i) {
+    choices[i] = Decide(competitors[i], context.options.choice);
+    sensors[i] = {context.views[i].view, competitors[i], {}};
+    for (const PoseEvidence& pose : competitors[i]) {
+      if (context.views[i].quarter_turns == kAutoTurns)
+        sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
+    }
+    if (!choices[i].found) continue;
+    ambiguous = ambiguous || choices[i].ambiguous;
+    open = open || competitors[i].size() > 1;
+    mounted.insert(UprightTurns(choices[i].best.structure_from_sensor));
+  }
+  if (!ambiguous && !(open && mounted.size() > 1)) return choices;
+  return ChooseTogether(sensors, context.structure, context.options.choice);
+}
+
+/// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, the
+/// orientation that fits and stands on the floor best.
+LabelledView TakePose(const Context& context, std::size_t i, const std::vector<Trial*>& trials,
+                      const PoseChoice& choice) {
   const UnlabelledView& from = context.views[i];
   const OrientationOptions& options = context.options;
   LabelledView out;
@@ -175,15 +231,6 @@ LabelledView TakeBest(const Context& context, std::size_t i, const std::vector<T
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
     return out;
-  }
-  PoseChoice choice;
-  const auto settled = std::count_if(trials.begin(), trials.end(),
-                                     [&](const Trial* t) { return Settled(*t, options); });
-  if (context.initial.method == PoseMethod::kRobust && settled != 1) {
-    std::vector<PoseTrial> poses;
-    for (const Trial* t : trials) poses.push_back({&t->segmentation, &t->initial});
-    choice = ChoosePose(*from.view, context.structure, context.aliases, poses,
-                        from.quarter_turns != kAutoTurns, context.initial, options.choice);
   }
   const bool trusted = choice.found && choice.best.overlap >= options.min_shape_overlap &&
                        choice.best.label_score >= options.min_label_score;
@@ -211,9 +258,13 @@ std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
   std::vector<Trial> trials = TryOrientations(context);
   std::vector<std::vector<Trial*>> by_view(views.size());
   for (Trial& trial : trials) by_view[trial.view].push_back(&trial);
+  std::vector<std::vector<PoseEvidence>> competitors(views.size());
+  ParallelFor(views.size(), threads,
+              [&](std::size_t i) { competitors[i] = Competitors(context, i, by_view[i]); });
+  const std::vector<PoseChoice> choices = ChooseAll(context, by_view, competitors);
   std::vector<LabelledView> labelled(views.size());
   ParallelFor(views.size(), threads,
-              [&](std::size_t i) { labelled[i] = TakeBest(context, i, by_view[i]); });
+              [&](std::size_t i) { labelled[i] = TakePose(context, i, by_view[i], choices[i]); });
   clock->Lap("initial_pose");
   return labelled;
 }

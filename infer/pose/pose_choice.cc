@@ -107,11 +107,11 @@ const PoseEvidence* BestStanding(const std::vector<PoseEvidence>& poses, double 
   return best;
 }
 
+}  // namespace
+
 bool TurnsOver(const Pose& from, const Pose& to) {
   return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
 }
-
-}  // namespace
 
 std::vector<PoseEvidence> ListCompetitors(const std::vector<PoseTrial>& trials,
                                           const std::vector<StructureAlias>& aliases, bool known_up,
@@ -175,10 +175,11 @@ PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOption
   return choice;
 }
 
-PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
-                      const std::vector<StructureAlias>& aliases,
-                      const std::vector<PoseTrial>& trials, bool known_up,
-                      const InitialPoseOptions& initial, const PoseChoiceOptions& options) {
+std::vector<PoseEvidence> FindCompetitors(const SensorView& view, const Structure& structure,
+                                          const std::vector<StructureAlias>& aliases,
+                                          const std::vector<PoseTrial>& trials, bool known_up,
+                                          const InitialPoseOptions& initial,
+                                          const PoseChoiceOptions& options) {
   std::vector<PoseEvidence> poses = ListCompetitors(trials, aliases, known_up, options);
   if (poses.empty()) return {};
   const DecimatedTrials coarse = DecimateTrials(view, trials, kCoarseRays);
@@ -195,7 +196,15 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
 
   for (PoseEvidence& pose : poses)
     Judge(view, coarse, structure, aliases, initial.evidence.min_confidence, &pose);
-  return Decide(poses, options);
+  return poses;
+}
+
+PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
+                      const std::vector<StructureAlias>& aliases,
+                      const std::vector<PoseTrial>& trials, bool known_up,
+                      const InitialPoseOptions& initial, const PoseChoiceOptions& options) {
+  return Decide(FindCompetitors(view, structure, aliases, trials, known_up, initial, options),
+                options);
 }
 
 }  // namespace volalign

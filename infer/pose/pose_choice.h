@@ -70,18 +70,30 @@ struct PoseChoice {
   PoseEvidence rival;
 };
 
-/// Chooses among the trials' poses and their aliases. Each competing pose is estimated again with
-/// the labels that it implies. Then the shape of what was seen decides, whatever the labels say;
-/// then the floor; then, among poses that stand on it equally well, the network's labels. These
-/// tell one step of a spiral from the next, but not up from down: a network that is shown a part of
-/// the structure upside down labels it about as well. With `known_up`, the trials' orientation is
-/// given, and poses that turn the structure over are left out.
+/// The poses that compete for a view, judged: see ChoosePose. Those of which shape speaks for
+/// another are left out; the others are in the order of their overlap, the best first.
+std::vector<PoseEvidence> FindCompetitors(const SensorView& view, const Structure& structure,
+                                          const std::vector<StructureAlias>& aliases,
+                                          const std::vector<PoseTrial>& trials, bool known_up,
+                                          const InitialPoseOptions& initial,
+                                          const PoseChoiceOptions& options);
+
+/// Decide among FindCompetitors: chooses among the trials' poses and their aliases. Each competing
+/// pose is estimated again with the labels that it implies. Then the shape of what was seen
+/// decides, whatever the labels say; then the floor; then, among poses that stand on it equally
+/// well, the network's labels. These tell one step of a spiral from the next, but not up from down:
+/// a network that is shown a part of the structure upside down labels it about as well. With
+/// `known_up`, the trials' orientation is given, and poses that turn the structure over are left
+/// out.
 PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<StructureAlias>& aliases,
                       const std::vector<PoseTrial>& trials, bool known_up,
                       const InitialPoseOptions& initial, const PoseChoiceOptions& options);
 
 // The steps of ChoosePose that need no image.
+
+/// Does one of two poses of a sensor turn the structure over?
+bool TurnsOver(const Pose& from, const Pose& to);
 
 /// The poses of the trials, and of their aliases, that compete: of every trial whose agreement is
 /// at least options.rival_score of the best one's.

@@ -9,6 +9,9 @@ namespace {
 /// Cosines from which on two directions agree: of a point's or silhouette's normal with its side's,
 /// and of a silhouette with an edge.
 constexpr double kNormalAgrees = 0.7, kEdgeAgrees = 0.6;
+/// The same of a one-sided silhouette, whose direction was measured: the border of what a sensor
+/// lights, or of what hides a side and has no depth itself, seldom runs as the side's edges do.
+constexpr double kOneSidedAgrees = 0.97;
 
 }  // namespace
 
@@ -48,7 +51,9 @@ bool LiesOnAnEdge(const Structure& structure, const SensorState& sensor, const E
   const Eigen::Vector3d p = sensor.InStructure(edge.p);
   if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return false;
   if ((rotation * edge.normal).dot(side.normal) < kNormalAgrees) return false;
-  return NearestEdge(side, p, rotation * edge.outward, gate, line);
+  const Eigen::Vector3d outward = rotation * edge.outward;
+  return NearestEdge(side, p, outward, gate, line) &&
+         (!edge.one_sided || line->direction.dot(outward) > kOneSidedAgrees);
 }
 
 }  // namespace volalign::refine_internal

@@ -60,7 +60,8 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const S
   return face;
 }
 
-/// Silhouette points of one image block along one edge.
+/// Silhouette points of one image block along one edge. What a sensor leaves empty along an edge
+/// before nothing is much the same along all of it, so that many points say no more than one.
 EdgeObservation EdgeOf(int label, int edge_index, int axis,
                        const std::vector<const EdgePoint*>& points) {
   EdgeObservation edge;
@@ -78,7 +79,7 @@ EdgeObservation EdgeOf(int label, int edge_index, int axis,
   edge.p /= count;
   edge.pixel /= count;
   pixels /= count;
-  edge.variance = pixels * pixels / std::sqrt(count);
+  edge.variance = pixels * pixels / (points.front()->one_sided ? 1 : std::sqrt(count));
   return edge;
 }
 
@@ -162,14 +163,15 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
       faces[{point.label, point.block}].push_back(&point);
   }
-  std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;  // label, edge, block, axis
+  // By label, edge, block, axis, and whether one-sided.
+  std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
     EdgeLine line;
     const auto lies_on_one = [&](const SensorState& at) {
       return LiesOnAnEdge(state.built, at, edge, gates.side, &line);
     };
     if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
-      lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
+      lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
   }
   evidence->lens = points.lens;
   evidence->faces.clear();

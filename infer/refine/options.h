@@ -71,7 +71,9 @@ struct RefineOptions {
     ar("fine_iterations", fine_iterations,
        "associations of the last stage, which weighs errors as they are correlated", AtLeast(1));
     ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
-    ar("max_edge_points", max_edge_points, "most silhouette points of a sensor", AtLeast(0));
+    ar("max_edge_points", max_edge_points,
+       "most silhouette points of a sensor, and as many again of those with no depth behind",
+       AtLeast(0));
     ar("max_overlap_points", max_overlap_points,
        "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
        AtLeast(0));

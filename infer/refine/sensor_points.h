@@ -22,18 +22,21 @@ struct SidePoint {
   BlockUse use = BlockUse::kFit;
 };
 
-/// A point on the silhouette of a labelled side, where the depth behind it jumps: half a pixel
-/// beyond the last one on the side, more where pixels are missing.
+/// A point on the silhouette of a labelled side, where the depth behind it jumps or where there is
+/// none: half a pixel beyond the last one on the side, more where pixels are missing.
 struct EdgePoint {
   Eigen::Vector3d p;
   /// Unit, sensor frame, in the side's measured plane, across the silhouette.
   Eigen::Vector3d outward;
   Eigen::Vector3d normal;  ///< of the side, as measured
-  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it.
+  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it, or, of
+  /// one with nothing behind, in as many pixels as sensors leave empty.
   double sigma = 0;
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
-  int axis = 0;   ///< 0: found along an image row, 1: along a column
+  int axis = 0;  ///< 0: found along an image row, 1: along a column
+  /// No depth follows within a few pixels. Then `outward` is square to the silhouette's line.
+  bool one_sided = false;
   int block = 0;  ///< of the image, see BlockIndex
   BlockUse use = BlockUse::kFit;
 };
@@ -80,9 +83,9 @@ class SensorPoints {
 struct SamplingOptions {
   double min_confidence = 0.5;  ///< of a label
   int max_side_points = 3000;   ///< that are fitted; as many again of each other use
-  int max_edge_points = 600;
-  int cloud_stride = 2;  ///< px
-  double max_range = 7;  ///< m, of cloud points
+  int max_edge_points = 600;    ///< and as many again of one-sided ones
+  int cloud_stride = 2;         ///< px
+  double max_range = 7;         ///< m, of cloud points
 };
 
 /// Takes the points out of a view and its labels. The same view always gives the same points.

@@ -181,7 +181,7 @@ TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
     std::string sentence;
   };
   const std::vector<Case> cases = {
-      {with({bottom, top, mid_top, mid_bottom}), "the stack is mirrored"},
+      {with({bottom, top, mid_top, mid_bottom}), "the stack or the frames are mirrored"},
       {with({bottom, mid_bottom, top, top}), "box mid_top is turned by 270 deg"},
       {with({bottom, mid_bottom, top, mid_top}), "boxes mid_top and top are swapped"}};
   const TempFolder folder;

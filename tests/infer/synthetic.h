@@ -227,6 +227,61 @@ inline Rig ThreeSensors() {
   return rig;
 }
 
+/// Takes depth and labels away beside depth edges, as sensors do: between two neighbouring pixels
+/// of which one is over 10 cm nearer, or alone has depth, `least` to `most` pixels along that row
+/// or column. Where both have depth, any part of them may belong to the nearer surface.
+inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most,
+                      std::uint64_t seed) {
+  constexpr float kJump = 0.1f;
+  const DepthImage before = *depth;
+  RandomStream random(seed, 0, "gaps");
+  const auto erase = [&](int u, int v, int du, int dv, int count) {
+    for (int k = 0; k < count && depth->Contains(u, v); ++k, u += du, v += dv) {
+      (*depth)(u, v) = 0;
+      (*labels)(u, v) = 0;
+    }
+  };
+  for (int v = 0; v < before.height(); ++v) {
+    for (int u = 0; u < before.width(); ++u) {
+      for (int axis = 0; axis < 2; ++axis) {
+        for (const int sign : {-1, 1}) {
+          const int du = axis == 0 ? sign : 0, dv = axis == 0 ? 0 : sign;
+          if (!before.Contains(u + du, v + dv) || !(before(u, v) > 0)) continue;
+          const float other = before(u + du, v + dv);
+          if (other > 0 && other < before(u, v) + kJump) continue;
+          const int gap = least + random.Below(most - least + 1);
+          const int near = other > 0 ? random.Below(gap + 1) : gap;
+          erase(u, v, -du, -dv, near);
+          erase(u + du, v + dv, du, dv, gap - near);
+        }
+      }
+    }
+  }
+}
+
+/// A frame as an SDK delivers it that shows pictures as in a mirror: rows run the other way, and
+/// the intrinsics say nothing of it. Labels are those of a network that knows the structure: what
+/// it sees is a stack whose left and right sides have changed places.
+inline void FlipFrame(const Structure& structure, SensorFrame* frame, LabelImage* labels) {
+  const auto flip = [](auto* image) {
+    for (int v = 0; v < image->height(); ++v) {
+      for (int u = 0; u < image->width() / 2; ++u)
+        std::swap((*image)(u, v), (*image)(image->width() - 1 - u, v));
+    }
+  };
+  flip(&frame->depth);
+  flip(labels);
+  const auto other = [](std::string name) {
+    const std::size_t slash = name.find('/') + 1;
+    const std::string side = name.substr(slash);
+    return name.substr(0, slash) + (side == "left" ? "right" : side == "right" ? "left" : side);
+  };
+  std::vector<std::uint8_t> renamed{0};
+  for (const std::string& name : structure.SideNames())
+    renamed.push_back(static_cast<std::uint8_t>(LabelOf(structure, other(name))));
+  for (std::uint8_t& label : *labels) label = renamed[label];
+}
+
 /// Calibrates what the rig's frames show, with its labels.
 inline CalibrationResult CalibrateRig(const Rig& rig, const CalibrateOptions& options = {}) {
   StoredSegmenter segmenter = rig.PerfectSegmenter();

@@ -84,7 +84,7 @@ TEST(Assembly, NamesWhatIsBuiltWrongly) {
       {Stack({kBottom, kMidBottom, kTop, kMidTop}), SensorCode::kAssemblySwapped,
        "boxes mid_top and top are swapped"},
       {Stack({kBottom, {-280, 50, -165, 390}, kMidTop, {-280, 50, -390, 165}}),
-       SensorCode::kAssemblyMirrored, "the stack is mirrored"},
+       SensorCode::kAssemblyMirrored, "the stack or the frames are mirrored"},
       {Stack({kBottom, kMidBottom, none, kTop}), SensorCode::kAssemblyMissing,
        "box mid_top is missing"},
       // The spiral without its highest box is the one without its lowest, a quarter turn further.

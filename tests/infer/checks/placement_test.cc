@@ -74,7 +74,7 @@ TEST(PlaceSensors, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   ASSERT_FALSE(SeesManySides(frames.labelled[1].initial.evidence, frames.options.verdict));
   AssemblyReport report;
   report.arrangement.code = SensorCode::kAssemblyMirrored;
-  report.arrangement.sentence = "the stack is mirrored";
+  report.arrangement.sentence = "the stack or the frames are mirrored";
   report.described_overlap = 0.7;
   report.overlap = 0.98;
   for (const Placement& placement : frames.Place(rig, report)) {
@@ -82,7 +82,7 @@ TEST(PlaceSensors, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
     ASSERT_NE(finding, nullptr);
     EXPECT_EQ(finding->code, SensorCode::kAssemblyMirrored);
     EXPECT_EQ(finding->reason,
-              "the stack is mirrored: that explains 98 % of what the sensors see, the stack as "
+              "the stack or the frames are mirrored: that explains 98 % of what the sensors see, the stack as "
               "described 70 %");
   }
 }

@@ -42,6 +42,11 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        "79 %"},
       {SensorCode::kAmbiguous, [](PlacedEvidence* e) { e->other_pose = "upside down"; },
        "upside down"},
+      {SensorCode::kByNeighbours,
+       [](PlacedEvidence* e) {
+         e->by_neighbours = Finding{SensorCode::kByNeighbours, "shared with S2", "more sides"};
+       },
+       "shared with S2"},
       {SensorCode::kIntrinsicsSuspect,
        [](PlacedEvidence* e) {
          e->suspect_intrinsics = Finding{SensorCode::kIntrinsicsSuspect, "fx = 300", "hint"};

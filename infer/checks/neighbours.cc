@@ -1,0 +1,320 @@
+#include "infer/checks/neighbours.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "core/lens.h"
+#include "infer/pose/agreement.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open direction
+/// Share of the largest eigenvalue of the sides' normals below which a direction is open.
+constexpr double kOpen = 0.05;
+constexpr std::size_t kMostSides = 2;                      // from each of which a pose is made
+constexpr std::size_t kMostRefined = 3;                    // candidates
+constexpr std::size_t kFewProbes = 80, kManyProbes = 400;  // points of a sensor that are compared
+constexpr std::size_t kFewestShared = 40;                  // of kManyProbes
+constexpr double kSearchGate = 0.1, kRefinedGate = 0.05;   // m, between points of one surface
+constexpr double kSameFacing = 0.7;                        // cosine between their normals
+/// Of the gate, by which a point has to lie in front of what another sensor measured along the same
+/// ray, for that sensor to see through it.
+constexpr double kSeenThrough = 2;
+constexpr double kHopeless = 0.5;   // of the best candidate's score
+constexpr double kAsGood = 0.1;     // of scores, of which neither decides
+constexpr double kUpright = 0.5;    // cosine: flatter sides do not tell the sensor's turn
+constexpr double kSamePlace = 0.1;  // m, of candidates that became one
+
+struct Neighbour {
+  const std::string* name;
+  const SensorView* view;
+  const Intrinsics* intrinsics;
+  RefineSensor sensor;
+};
+
+/// The sensor that is to be placed.
+struct Lost {
+  const SensorView& view;
+  const Intrinsics& intrinsics;
+  const LabelledView& labelled;
+  SensorPoints points;  // labelled by the network
+  const std::vector<SensorLens>& lenses;
+  int lens;  // its own, of these
+};
+
+/// How a sensor at a pose compares with its neighbours.
+struct Shared {
+  int probes = 0;
+  int matched = 0;       // points that lie on what a neighbour measured
+  int contradicted = 0;  // points of one that the other sees through
+  double score() const {
+    return probes > 0 ? static_cast<double>(matched - contradicted) / probes : -1;
+  }
+  double share() const {
+    return matched > 0 ? static_cast<double>(matched) / (matched + contradicted) : 0;
+  }
+};
+
+/// Does a sensor measure something far behind a point, given in its frame?
+bool SeesThrough(const SensorView& view, const Intrinsics& intrinsics, const Eigen::Vector3d& p,
+                 double distance) {
+  if (!(p.z() > 0)) return false;
+  const Eigen::Vector2d pixel = ProjectRay(intrinsics, p.head<2>() / p.z());
+  if (!(pixel.cwiseAbs().maxCoeff() < 1e6)) return false;
+  const int u = static_cast<int>(std::lround(pixel.x())),
+            v = static_cast<int>(std::lround(pixel.y()));
+  return view.depth.Contains(u, v) && view.depth(u, v) > p.z() + distance;
+}
+
+template <class Visit>
+void ForProbes(const std::vector<CloudPoint>& cloud, std::size_t most, const Visit& visit) {
+  const std::size_t count = std::min(most, cloud.size());
+  for (std::size_t k = 0; k < count; ++k) visit(cloud[k * cloud.size() / count]);
+}
+
+Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
+               double gate, std::size_t probes) {
+  Shared shared;
+  ForProbes(lost.points.cloud(), probes, [&](const CloudPoint& point) {
+    bool matched = false, contradicted = false;
+    for (const Neighbour& neighbour : neighbours) {
+      const Pose there = neighbour.sensor.start.inverse() * pose;
+      const Eigen::Vector3d p = there * point.p;
+      const int nearest = neighbour.sensor.points->Nearest(p, gate);
+      if (nearest >= 0) {
+        const CloudPoint& other =
+            neighbour.sensor.points->cloud()[static_cast<std::size_t>(nearest)];
+        matched = matched || (there.linear() * point.normal).dot(other.normal) > kSameFacing;
+      } else {
+        contradicted = contradicted ||
+                       SeesThrough(*neighbour.view, *neighbour.intrinsics, p, kSeenThrough * gate);
+      }
+    }
+    ++shared.probes;
+    shared.matched += matched ? 1 : 0;
+    shared.contradicted += contradicted && !matched ? 1 : 0;
+  });
+  for (const Neighbour& neighbour : neighbours) {
+    const Pose here = pose.inverse() * neighbour.sensor.start;
+    ForProbes(neighbour.sensor.points->cloud(), probes / neighbours.size(),
+              [&](const CloudPoint& point) {
+                const bool seen_through =
+                    SeesThrough(lost.view, lost.intrinsics, here * point.p, kSeenThrough * gate);
+                shared.contradicted += seen_through ? 1 : 0;
+              });
+  }
+  return shared;
+}
+
+/// The structure's vertical in the frames of sensors, which are mounted alike.
+Eigen::Vector3d UpOf(const std::vector<Neighbour>& neighbours) {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const Neighbour& neighbour : neighbours)
+    up += neighbour.sensor.start.linear().transpose() * Eigen::Vector3d::UnitY();
+  return up;
+}
+
+/// Columns: a unit normal, the vertical as far as it is square to it, and what is square to both.
+Eigen::Matrix3d FrameOf(const Eigen::Vector3d& normal, const Eigen::Vector3d& up) {
+  Eigen::Matrix3d frame;
+  frame.col(0) = normal;
+  frame.col(1) = (up - normal * normal.dot(up)).normalized();
+  frame.col(2) = frame.col(0).cross(frame.col(1));
+  return frame;
+}
+
+/// The initial pose, and one from each of the largest upright sides alone.
+std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& neighbours,
+                             const Structure& structure, KeypointKind keypoints) {
+  std::vector<Pose> starts;
+  if (lost.labelled.initial.found) starts.push_back(lost.labelled.initial.structure_from_sensor);
+  std::vector<SideEvidence> sides = lost.labelled.initial.evidence;
+  std::stable_sort(sides.begin(), sides.end(),
+                   [](const SideEvidence& a, const SideEvidence& b) { return a.area > b.area; });
+  if (sides.size() > kMostSides) sides.resize(kMostSides);
+  for (const SideEvidence& side : sides) {
+    const Eigen::Vector3d& normal = structure.SideOfLabel(side.label).normal;
+    if (std::abs(normal.y()) > kUpright) continue;
+    Pose pose = Pose::Identity();
+    pose.linear() = FrameOf(normal, Eigen::Vector3d::UnitY()) *
+                    FrameOf(side.normal, UpOf(neighbours)).transpose();
+    pose.translation() = structure.Keypoint(side.label, keypoints) - pose.linear() * side.centroid;
+    if (pose.matrix().allFinite()) starts.push_back(pose);
+  }
+  return starts;
+}
+
+/// Directions, structure frame, that the sides that were found leave open.
+std::vector<Eigen::Vector3d> OpenDirections(const std::vector<SideEvidence>& sides,
+                                            const Structure& structure) {
+  Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
+  for (const SideEvidence& side : sides) {
+    const Eigen::Vector3d& normal = structure.SideOfLabel(side.label).normal;
+    normals += side.area * normal * normal.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(normals);
+  std::vector<Eigen::Vector3d> open;
+  for (int k = 0; k < 3; ++k) {
+    if (solver.eigenvalues()[k] <= kOpen * solver.eigenvalues()[2])
+      open.push_back(solver.eigenvectors().col(k));
+  }
+  return open;
+}
+
+struct Candidate {
+  Pose pose;
+  double score;
+};
+
+/// The best ones, none next to a better one.
+std::vector<Candidate> BestApart(std::vector<Candidate> all) {
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  std::vector<Candidate> best;
+  for (const Candidate& candidate : all) {
+    const auto next_to = [&](const Candidate& other) {
+      return (candidate.pose.translation() - other.pose.translation()).norm() < 2 * kStep;
+    };
+    if (best.size() < kMostRefined && std::none_of(best.begin(), best.end(), next_to))
+      best.push_back(candidate);
+  }
+  return best;
+}
+
+std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& neighbours,
+                              const Structure& structure, KeypointKind keypoints) {
+  const std::vector<Eigen::Vector3d> open =
+      OpenDirections(lost.labelled.initial.evidence, structure);
+  const int steps = static_cast<int>(std::lround(kReach / kStep));
+  const int across = open.size() > 1 ? steps : 0, along = open.empty() ? 0 : steps;
+  std::vector<Candidate> candidates;
+  for (const Pose& start : StartPoses(lost, neighbours, structure, keypoints)) {
+    for (int i = -along; i <= along; ++i) {
+      for (int j = -across; j <= across; ++j) {
+        Pose pose = start;
+        if (along > 0) pose.translation() += i * kStep * open[0];
+        if (across > 0) pose.translation() += j * kStep * open[1];
+        candidates.push_back(
+            {pose, Compare(lost, neighbours, pose, kSearchGate, kFewProbes).score()});
+      }
+    }
+  }
+  return BestApart(std::move(candidates));
+}
+
+/// A candidate that was refined with the placed sensors.
+struct Refined {
+  Pose pose = Pose::Identity();
+  Matrix6d covariance = Matrix6d::Zero();
+  Shared shared;
+  bool good = false;  // it meets all conditions
+};
+
+Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& start,
+                   const Structure& structure, const PlacementOptions& options) {
+  std::vector<RefineSensor> sensors;
+  for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
+  sensors.push_back({&lost.points, start, start, start, true, lost.lens});
+  RefineOptions together = options.refine;
+  together.estimate = "none";
+  together.choose_estimates = false;
+  const RefinedSensor found = Refine(structure, sensors, together, lost.lenses).sensors.back();
+
+  Refined refined{found.structure_from_sensor, found.covariance, {}, false};
+  refined.shared = Compare(lost, neighbours, refined.pose, kRefinedGate, kManyProbes);
+  const Agreement agreement =
+      CompareWithView(lost.view, lost.labelled.segmentation, structure, refined.pose,
+                      options.initial.evidence.min_confidence, kInlierDistance);
+  const VerdictOptions& limits = options.verdict;
+  const bool explains = agreement.explained_share() >= limits.min_explained_share &&
+                        agreement.see_through_share() <= limits.max_see_through_share &&
+                        agreement.on_side_share() >= limits.min_on_side_share;
+  const bool fixed =
+      SigmaTranslation(refined.covariance).maxCoeff() <= limits.max_sigma_by_neighbours_m &&
+      SigmaRotationDeg(refined.covariance).maxCoeff() <= limits.max_sigma_by_neighbours_deg;
+  refined.good = found.accepted && found.problem.empty() && explains && fixed &&
+                 refined.shared.matched >= static_cast<int>(kFewestShared) &&
+                 refined.shared.share() >= limits.min_shared_share;
+  return refined;
+}
+
+/// The one candidate that meets all conditions, if there is one.
+std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& neighbours,
+                                const Structure& structure, const PlacementOptions& options) {
+  std::vector<Refined> all;
+  const std::vector<Candidate> candidates =
+      Search(lost, neighbours, structure, options.initial.keypoints);
+  for (const Candidate& candidate : candidates) {
+    if (candidate.score > kHopeless * std::max(0.0, candidates.front().score))
+      all.push_back(RefineWith(lost, neighbours, candidate.pose, structure, options));
+  }
+  const auto better = [](const Refined& a, const Refined& b) {
+    return std::make_pair(a.good, a.shared.score()) < std::make_pair(b.good, b.shared.score());
+  };
+  const auto best = std::max_element(all.begin(), all.end(), better);
+  if (best == all.end() || !best->good) return std::nullopt;
+  for (const Refined& other : all) {
+    const bool same = (other.pose.translation() - best->pose.translation()).norm() < kSamePlace;
+    if (!same && other.good && other.shared.score() > best->shared.score() - kAsGood)
+      return std::nullopt;
+  }
+  return *best;
+}
+
+std::string NamesOf(const std::vector<Neighbour>& neighbours) {
+  std::string names;
+  for (const Neighbour& neighbour : neighbours)
+    names += (names.empty() ? "" : ", ") + *neighbour.name;
+  return names;
+}
+
+}  // namespace
+
+std::vector<Placement> PlaceByNeighbours(const std::vector<SensorFrame>& frames,
+                                         const std::vector<SensorView>& views,
+                                         const std::vector<LabelledView>& labelled,
+                                         std::vector<Placement> placements, const LensSet& lenses,
+                                         const Structure& structure,
+                                         const PlacementOptions& options) {
+  const std::vector<RefineSensor> sensors =
+      SensorsToRefine(frames, labelled, placements, lenses, options.refine);
+  std::vector<Neighbour> neighbours;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (std::holds_alternative<PlacedSensor>(placements[i])) {
+      neighbours.push_back(
+          {&frames[i].name, &views[i], &frames[i].intrinsics, sensors[neighbours.size()]});
+    }
+  }
+  if (neighbours.empty() || options.refine.max_overlap_points == 0) return placements;
+  std::vector<std::pair<std::size_t, PlacedSensor>> found;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const auto* failure = std::get_if<Finding>(&placements[i]);
+    if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
+    const SeenView seen{views[i], frames[i].intrinsics, lenses.Of(i)};
+    const Lost lost{views[i],      frames[i].intrinsics,
+                    labelled[i],   SampleSeen(seen, labelled[i].segmentation, structure, options),
+                    lenses.lenses, lenses.of_frame[i]};
+    const std::optional<Refined> pose = FindPose(lost, neighbours, structure, options);
+    if (!pose) continue;
+    PlacedSensor placed = PlaceAt(seen, structure, pose->pose, options);
+    placed.by_neighbours = Finding{
+        SensorCode::kByNeighbours,
+        fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm", failure->reason,
+                    NamesOf(neighbours), 1000 * SigmaTranslation(pose->covariance).maxCoeff()),
+        failure->hint};
+    found.emplace_back(i, std::move(placed));
+  }
+  for (auto& [i, placed] : found) placements[i] = std::move(placed);
+  return placements;
+}
+
+}  // namespace volalign
