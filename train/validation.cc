@@ -5,6 +5,7 @@
 #include <c10/core/GradMode.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -21,6 +22,17 @@ namespace {
 
 constexpr int kMinPixels = 20;
 
+/// Area of a pixel on the plane z = 1, from its neighbours' rays; a lens spreads pixels unevenly.
+double AreaAtUnitDepth(const RayTable& rays, int u, int v) {
+  const auto slope = [&](int du, int dv) -> Eigen::Vector2d {
+    const int u0 = std::max(u - du, 0), u1 = std::min(u + du, rays.width - 1);
+    const int v0 = std::max(v - dv, 0), v1 = std::min(v + dv, rays.height - 1);
+    return (rays.at(u1, v1) - rays.at(u0, v0)).cast<double>() / (u1 - u0 + v1 - v0);
+  };
+  const Eigen::Vector2d a = slope(1, 0), b = slope(0, 1);
+  return std::abs(a.x() * b.y() - a.y() * b.x());
+}
+
 }  // namespace
 
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
@@ -35,7 +47,8 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
       const double z = sample.depth(u, v);
       const Eigen::Vector2f& ray = rays.at(u, v);
       if (z <= 0 || !ray.allFinite()) continue;
-      const double weight = z * z * z;
+      const double weight = z * z * z * AreaAtUnitDepth(rays, u, v);
+      if (!(weight > 0)) continue;  // beside the fold of a lens
       const std::size_t label = labels(u, v);
       sums[label] += weight * z * ray.cast<double>().homogeneous();
       weights[label] += weight;

@@ -44,7 +44,7 @@ struct SideKeypoints {
 };
 
 /// A side counts from 20 pixels on; its keypoint in the sensor frame is the mean of its pixels'
-/// points, weighted by z^3, their area on a plane up to a constant.
+/// points, weighted by their area on a plane up to a constant: z^3 times the pixel's on z = 1.
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind);
 

@@ -57,7 +57,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
 TEST(FindKeypoints, OfOnePoseAreTheSameThroughALens) {
   const Structure structure = ReadStructureYaml("configs/structure.yaml");
   Sample pinhole;
-  pinhole.intrinsics = {320, 288, 200, 200, 160, 144, {}};
+  pinhole.intrinsics = {640, 576, 400, 400, 320, 288, {}};
   pinhole.structure_from_sensor = LookAt({1.5, 0.4, 1.5}, {-0.1, 0, 0}, M_PI / 2);
   Sample lens = pinhole;
   lens.intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
@@ -73,7 +73,7 @@ TEST(FindKeypoints, OfOnePoseAreTheSameThroughALens) {
   for (std::size_t i = 0; i < found[0].sensor.size(); ++i) {
     EXPECT_EQ(found[0].structure[i], found[1].structure[i]);
     // Which pixels fall on a side's rim differs.
-    EXPECT_LT((found[0].sensor[i] - found[1].sensor[i]).norm(), 0.003) << i;
+    EXPECT_LT((found[0].sensor[i] - found[1].sensor[i]).norm(), 0.004) << i;
   }
 }
 
