@@ -1,4 +1,6 @@
 #include "infer/refine/estimates.h"
+#include "infer/refine/model_choice.h"
+#include "infer/refine/tune.h"
 
 #include <algorithm>
 #include <array>
@@ -118,6 +120,7 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   if (!kept) return solution;
   solution = std::move(*kept);
 
+  if (Tune("VB_OLD", 0) > 0) {
   const std::array<std::function<bool(FreeSet*)>, 4> kinds = {
       [](FreeSet* f) { return Clear(&f->boxes); },
       [](FreeSet* f) { return std::exchange(f->size, false); },
@@ -133,6 +136,22 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
       UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
     }
   }
+  return solution;
+  }
+  const NormalEquations kept_normal = ComputeNormalEquations(problem, solution);
+  const PriorScales scales = MostProbableScales(
+      {kept_normal.information, kept_normal.gradient, problem.layout.Values(solution.state),
+       PriorSigmas(problem, solution.evidence)},
+      problem.layout, solution.free);
+  const double line_free = solution.free.AllBoxes();
+  (void)line_free;
+  solution.state.scales = scales;
+  if (scales.boxes == 0) Clear(&solution.free.boxes);
+  if (scales.size == 0) solution.free.size = false;
+  if (scales.gain == 0) Clear(&solution.free.gain);
+  if (scales.offset == 0) Clear(&solution.free.offset);
+  problem.layout.SetNominal(solution.free, &solution.state);
+  if (std::optional<State> solved = SolveFine(problem, solution)) solution.state = std::move(*solved);
   return solution;
 }
 

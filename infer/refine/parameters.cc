@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "infer/refine/pose_manifold.h"
+#include "infer/refine/tune.h"
 
 namespace volalign::refine_internal {
 
@@ -28,7 +29,7 @@ Priors PriorsOf(const RefineOptions& options) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
   priors.gain = options.depth_gain_sigma_percent / 100;
-  priors.edge_shift = options.edge_shift_sigma_px;
+  priors.edge_shift = Tune("VB_SHIFT",options.edge_shift_sigma_px);
   priors.size = options.size_sigma_percent / 100;
   priors.box = options.box_sigma_m;
   priors.yaw = options.box_sigma_deg * M_PI / 180;
@@ -119,6 +120,27 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (!free.boxes[b]) hold(Boxes() + static_cast<Eigen::Index>(3 * b), 3);
   }
   return constant;
+}
+
+Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
+  Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
+  for (std::size_t i = 0; i < sensors_; ++i) {
+    of[Offset(i)] = scales.offset;
+    of[Nuisance(i, kDepthGain)] = scales.gain;
+  }
+  of[Size()] = scales.size;
+  of.segment(Boxes(), static_cast<Eigen::Index>(3 * boxes_)).setConstant(scales.boxes);
+  return of;
+}
+
+Eigen::VectorXd ParameterLayout::Values(const State& state) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(size());
+  State copy = state;
+  for (const Block& block : Blocks(&copy)) {
+    if (block.size != block.tangent_size) continue;
+    for (int k = 0; k < block.size; ++k) values[block.column + k] = block.values[k];
+  }
+  return values;
 }
 
 void ParameterLayout::SetNominal(const FreeSet& free, State* state) const {

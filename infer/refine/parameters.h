@@ -58,6 +58,11 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 /// SensorColumns: offset, nuisances, build. `multipath`, m, belongs to the sensor's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
+/// How far what is estimated beside the poses strays, of what its prior says; 0: it is nominal.
+struct PriorScales {
+  double boxes = 1, size = 1, gain = 1, offset = 1;
+};
+
 /// How a sensor stands and how it measures depth.
 struct SensorState {
   Pose structure_from_sensor;
@@ -77,6 +82,7 @@ struct State {
   std::vector<double> offsets;
   std::vector<std::array<double, kNuisances>> nuisances;
   std::vector<double> build;  ///< see BuildModel
+  PriorScales scales;
   /// The structure as `build` had it when it was last solved for: what points are matched with.
   Structure built;
 
@@ -138,6 +144,11 @@ class ParameterLayout {
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
   /// `multipath`: m, of each sensor.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath) const;
+
+  /// Of every parameter's prior, 1 where it is of none of their kinds.
+  Eigen::VectorXd Scales(const PriorScales& scales) const;
+  /// Of every parameter, zero of a pose: what its prior has something to say of.
+  Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where all of the sensors
   /// marked in `kept_initial` stands where it is (none where that is empty).

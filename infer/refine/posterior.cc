@@ -71,6 +71,7 @@ class Inverse {
 
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution) {
   State state = solution.state;
+  state.scales = PriorScales();
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
   const CeresProblem ceres =
       BuildFineProblem(problem, solution.evidence, solution.kept_initial, none, &state);

@@ -12,6 +12,8 @@
 #include "infer/refine/coarse.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/model_choice.h"
+#include "infer/refine/tune.h"
 #include "infer/refine/posterior.h"
 
 namespace volalign {
@@ -206,9 +208,17 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
   Acceptance accepted = AcceptImproved(problem, std::move(solution));
   CentreBoxes(problem, &accepted.solution);
-  const Posterior posterior = ComputePosterior(ComputeNormalEquations(problem, accepted.solution),
-                                               problem.layout, problem.layout.Constant(asked_for),
-                                               PriorSigmas(problem, accepted.solution.evidence));
+  const NormalEquations normal = ComputeNormalEquations(problem, accepted.solution);
+  const Eigen::VectorXd sigmas = PriorSigmas(problem, accepted.solution.evidence);
+  Posterior posterior =
+      ComputePosterior(normal, problem.layout, problem.layout.Constant(asked_for), sigmas);
+  if (options.choose_estimates && posterior.exact && Tune("VB_OLD", 0) == 0) {
+    const Eigen::MatrixXd over_models =
+        CovarianceOverModels({normal.information, normal.gradient,
+                              problem.layout.Values(accepted.solution.state), sigmas},
+                             problem.layout);
+    if (over_models.size() > 0 && over_models.allFinite()) posterior.covariance = over_models;
+  }
   return MakeResult(problem, accepted, unsolved, posterior);
 }
 

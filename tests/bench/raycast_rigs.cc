@@ -304,6 +304,7 @@ int Main(int argc, char** argv) {
     for (const std::string& variant : variants) {
       CalibrateOptions calibrate;
       calibrate.refine.estimate = variant;
+      calibrate.refine.max_edge_points = std::getenv("VB_EDGES") ? std::atoi(std::getenv("VB_EDGES")) : 600;
       std::replace(calibrate.refine.estimate.begin(), calibrate.refine.estimate.end(), '+', ',');
       if (verbose) fmt::print("  seed {} {}\n", seed, variant);
       Count(rig, Calibrate(rig.frames, nominal, segmenter, calibrate), verbose, &rows[variant]);
