@@ -4,43 +4,44 @@
 // prior says, less, or not at all. Not for callers of Refine.
 
 #include <Eigen/Core>
-#include <array>
 #include <vector>
 
+#include "infer/refine/fine.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/posterior.h"
+#include "infer/refine/problem.h"
 
 namespace volalign::refine_internal {
 
-/// The cost around a solution, as a quadratic function of all parameters, priors included.
+/// The fine stage's cost around a solution, as a quadratic function of all parameters.
 struct QuadraticCost {
-  Eigen::MatrixXd information;   ///< J^T J
-  Eigen::VectorXd gradient;      ///< J^T r
-  Eigen::VectorXd values;        ///< of the parameters, as they differ from their priors' means
-  Eigen::VectorXd prior_sigmas;  ///< of the priors that are part of it
+  NormalEquations normal;        ///< priors included, as the options have them
+  Eigen::VectorXd prior_sigmas;  ///< of these priors
+  Eigen::VectorXd values;        ///< of all parameters, see ParameterLayout::Values
 };
+QuadraticCost CostAround(const JointProblem& problem, const Solution& solution);
 
-/// What follows when each parameter's prior is narrowed by a factor.
+/// What follows where priors are narrower than the cost has them.
 struct ModelFit {
-  double log_evidence = 0;  ///< of the measurements, by Laplace's approximation, up to a constant
-  Eigen::VectorXd step;     ///< from the solution to the most probable values
-  Eigen::MatrixXd covariance;
+  /// Natural logarithm of the probability of the measurements, all parameters being unknown, by
+  /// Laplace's approximation (MacKay, "Information Theory, Inference, and Learning Algorithms",
+  /// chapter 28); up to a constant that is the same for all scales. -infinity where it cannot be
+  /// computed.
+  double log_evidence = 0;
+  Eigen::VectorXd step;        ///< from the solution to the most probable values
+  Eigen::MatrixXd covariance;  ///< of all parameters; zero of those that are held
 };
-/// `scales`: of the priors' standard deviations, one a parameter; 0: held at the prior's mean.
-/// `with_covariance`: else it is left empty. The log evidence is -infinity where there is no
-/// Cholesky factor.
+/// `scales`: factors on the priors' standard deviations, one a parameter; 0 holds it at its prior's
+/// mean. Without `with_covariance` there is none.
 ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool with_covariance);
 
-/// All combinations of scales, each kind's 0, some in between, or 1.
-std::vector<PriorScales> AllScales();
-
-/// The scales under which the measurements are most probable, of those kinds of which `free` has
-/// any parameter; the others' are 1.
+/// The scales under which the measurements are most probable, where only `free` may stray.
 PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
                                const FreeSet& free);
 
-/// Covariance of the parameters around the solution, whatever their scales are: the mean over all
-/// combinations, weighted by their evidence. Empty where it cannot be computed.
+/// Covariance of the parameters about the solution: the mean over all scales, weighted by their
+/// evidence, of the covariance under these scales, of the square of the step to their most probable
+/// values, and of what CommonShiftPull adds. Empty where it cannot be computed.
 Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterLayout& layout);
 
 }  // namespace volalign::refine_internal

@@ -8,8 +8,6 @@
 #include <vector>
 
 #include "infer/refine/residuals.h"
-#include "infer/refine/tune.h"
-#include <cstdio>
 
 namespace volalign::refine_internal {
 
@@ -18,20 +16,20 @@ namespace {
 // The covariance.
 constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
 constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
-const double kEdgeCommon = Tune("VB_ECOMMON",0.6);       // px, of the correlated part
-const double kLineTolerance = Tune("VB_LINE",0.004);  // m, an edge of a box is not a straight line
+constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
+constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
 /// A depth error moves a side that is seen at grazing incidence little, but there errors across the
 /// ray, of a pixel or less, count instead.
 constexpr double kLeastLever = 0.2;
-const double kLateral = Tune("VB_LAT",0.0003);   // rad, under a tenth of a pixel
+constexpr double kLateral = 0.0003;   // rad, under a tenth of a pixel
 constexpr double kLeastSigma = 3e-4;  // m: 1 mm steps
 
 // The fit. Warps of real sensors are 3-6 mm for time of flight, 8-20 mm for stereo: a log-normal
 // prior of 5 mm and a factor of e^0.8. Free of it, a warp can explain a tilt.
-const double kUsualWarp = Tune("VB_WARP",0.005), kWarpSpread = Tune("VB_WSPREAD",0.8);  // m, of the logarithm
+constexpr double kUsualWarp = 0.005, kWarpSpread = 0.8;  // m, of the logarithm
 constexpr double kLeastWarp = 3e-4, kMostWarp = 0.02;    // m
 constexpr int kWarpSteps = 8;
-const std::array<double, 4> kWarpLengths = {Tune("VB_LEN",0.05), 0.05, 0.1, 0.18};     // rad
+constexpr std::array<double, 3> kWarpLengths = {0.05, 0.1, 0.18};     // rad
 constexpr std::array<double, 3> kMultipaths = {0.001, 0.005, 0.012};  // m
 constexpr double kUsualMultipath = 0.012;                             // m, while the warp is sought
 constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;   // of NoiseModel::edge
@@ -289,7 +287,6 @@ void FitNoise(const BuildModel& model, const SensorParameters& parameters, const
   const Pose pose = block.ToPose();
   if (faces > kFewestFaces) FitFaceNoise(model, pose, sample, all.Rows(0, faces), &evidence->noise);
   if (edges > kFewestEdges) FitEdgeNoise(sample, all.Rows(faces, edges), &evidence->noise);
-  if (Tune("VB_PRINT",0)>0) fprintf(stderr,"noise warp %.2f mm len %.3f multi %.1f edge %.2f faces %d edges %d\n",1e3*evidence->noise.warp,evidence->noise.warp_length,1e3*evidence->noise.multipath,evidence->noise.edge,(int)evidence->faces.size(),(int)evidence->edges.size());
   SetCovariance(model, pose, evidence);
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "infer/refine/pose_manifold.h"
-#include "infer/refine/tune.h"
 
 namespace volalign::refine_internal {
 
@@ -29,7 +28,7 @@ Priors PriorsOf(const RefineOptions& options) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
   priors.gain = options.depth_gain_sigma_percent / 100;
-  priors.edge_shift = Tune("VB_SHIFT",options.edge_shift_sigma_px);
+  priors.edge_shift = options.edge_shift_sigma_px;
   priors.size = options.size_sigma_percent / 100;
   priors.box = options.box_sigma_m;
   priors.yaw = options.box_sigma_deg * M_PI / 180;

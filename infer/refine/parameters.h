@@ -58,7 +58,8 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 /// SensorColumns: offset, nuisances, build. `multipath`, m, belongs to the sensor's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
-/// How far what is estimated beside the poses strays, of what its prior says; 0: it is nominal.
+/// How far each kind of what is estimated beside the poses strays from its nominal value, as a
+/// factor on its prior standard deviation; 0: not at all.
 struct PriorScales {
   double boxes = 1, size = 1, gain = 1, offset = 1;
 };
@@ -82,7 +83,7 @@ struct State {
   std::vector<double> offsets;
   std::vector<std::array<double, kNuisances>> nuisances;
   std::vector<double> build;  ///< see BuildModel
-  PriorScales scales;
+  PriorScales scales;         ///< of the priors; they are estimated as well
   /// The structure as `build` had it when it was last solved for: what points are matched with.
   Structure built;
 
@@ -145,9 +146,9 @@ class ParameterLayout {
   /// `multipath`: m, of each sensor.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath) const;
 
-  /// Of every parameter's prior, 1 where it is of none of their kinds.
+  /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
   Eigen::VectorXd Scales(const PriorScales& scales) const;
-  /// Of every parameter, zero of a pose: what its prior has something to say of.
+  /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where all of the sensors

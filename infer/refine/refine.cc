@@ -13,7 +13,6 @@
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
 #include "infer/refine/model_choice.h"
-#include "infer/refine/tune.h"
 #include "infer/refine/posterior.h"
 
 namespace volalign {
@@ -158,6 +157,19 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
   return result;
 }
 
+/// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
+/// of that is part of it.
+Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
+                      const FreeSet& asked_for) {
+  const QuadraticCost cost = CostAround(problem, solution);
+  Posterior posterior = ComputePosterior(cost.normal, problem.layout,
+                                         problem.layout.Constant(asked_for), cost.prior_sigmas);
+  if (!problem.options.choose_estimates || !posterior.exact) return posterior;
+  const Eigen::MatrixXd covariance = CovarianceOverModels(cost, problem.layout);
+  if (covariance.size() > 0 && covariance.allFinite()) posterior.covariance = covariance;
+  return posterior;
+}
+
 }  // namespace
 
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
@@ -208,17 +220,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
   Acceptance accepted = AcceptImproved(problem, std::move(solution));
   CentreBoxes(problem, &accepted.solution);
-  const NormalEquations normal = ComputeNormalEquations(problem, accepted.solution);
-  const Eigen::VectorXd sigmas = PriorSigmas(problem, accepted.solution.evidence);
-  Posterior posterior =
-      ComputePosterior(normal, problem.layout, problem.layout.Constant(asked_for), sigmas);
-  if (options.choose_estimates && posterior.exact && Tune("VB_OLD", 0) == 0) {
-    const Eigen::MatrixXd over_models =
-        CovarianceOverModels({normal.information, normal.gradient,
-                              problem.layout.Values(accepted.solution.state), sigmas},
-                             problem.layout);
-    if (over_models.size() > 0 && over_models.allFinite()) posterior.covariance = over_models;
-  }
+  const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
   return MakeResult(problem, accepted, unsolved, posterior);
 }
 

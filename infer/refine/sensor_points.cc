@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "core/random.h"
-#include "infer/refine/tune.h"
 
 namespace volalign {
 
@@ -25,7 +24,7 @@ constexpr double kLeastIncidence = 0.2;  // cosine: beyond it half a pixel is ce
 /// The pixels that are lost at an edge belong to the background more often than to the side: on
 /// real captures, edges halfway through the gap come out a pixel too far out. So only this share
 /// counts.
-const double kShareOfGap = Tune("VB_GAP",0.25);
+constexpr double kShareOfGap = 0.25;
 
 /// Keeps at most `most` elements, evenly spread.
 template <class T>

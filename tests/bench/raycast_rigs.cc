@@ -1,20 +1,22 @@
-// Calibrates rigs that `render` did not make: frames by the analytic ray-caster of the tests, with perfect labels and errors that share
-// nothing with the sensor models of the renderer. What the refinement gets wrong here is not what it was tuned to.
+// Calibrates rigs that `render` did not make: frames by the analytic ray-caster of the tests, with
+// perfect labels and errors that share nothing with the sensor models of the renderer. What the
+// refinement gets wrong here is not what it was tuned to.
 //
 //   raycast_rigs [KEY=VALUE ...]
 //
 // seeds=3000:3004   one rig of 6 or 7 sensors each, half Kinects, half stereo cameras
-// estimate=none,auto  what is estimated beside the poses, one row of the table each; + joins words: size+boxes
-// white_mm=0.5:2 warp_mm=0.5:2 warp_px=3:8   range of one sensor's errors at 2 m; both grow with the square of the distance
-// gap=4             most pixels lost at a depth edge
+// estimate=none,auto  what is estimated beside the poses, one row of the table each; + joins words:
+// size+boxes white_mm=0.5:2 warp_mm=0.5:2 warp_px=3:8   range of one sensor's errors at 2 m; both
+// grow with the square of the distance gap=4             most pixels lost at a depth edge
 // gap_share=0.5:0.5 share of them that the nearer surface loses, range over sensors
 // dropout=0.05      share of the pixels that are lost elsewhere
-// boxes_mm=0 yaw_deg=0 size_percent=0   how the stack differs from its description, standard deviations
-// verbose=0         1: a line for each sensor
+// boxes_mm=0 yaw_deg=0 size_percent=0   how the stack differs from its description, standard
+// deviations verbose=0         1: a line for each sensor
 //
-// A row: errors of the refined poses, of the heights alone, estimated sizes, how many sensors keep their initial pose, and shares of errors
-// within the 68 % and 95 % intervals, pooled and by component (x y z, about x y z). The row "points to boxes" is a yardstick: each
-// sensor alone, all points near the true boxes brought onto them by a robust fit from the true pose.
+// A row: errors of the refined poses, of the heights alone, estimated sizes, how many sensors keep
+// their initial pose, and shares of errors within the 68 % and 95 % intervals, pooled and by
+// component (x y z, about x y z). The row "points to boxes" is a yardstick: each sensor alone, all
+// points near the true boxes brought onto them by a robust fit from the true pose.
 
 #include <fmt/format.h>
 
@@ -40,10 +42,10 @@ struct Range {
 
 struct Options {
   std::map<std::string, std::string> values = {
-      {"seeds", "3000:3004"}, {"estimate", "none,auto"}, {"white_mm", "0.5:2"},
-      {"warp_mm", "0.5:2"},   {"warp_px", "3:8"},        {"gap", "4"},
-      {"gap_share", "0.5:0.5"}, {"dropout", "0.05"},     {"boxes_mm", "0"},
-      {"yaw_deg", "0"},       {"size_percent", "0"},     {"verbose", "0"}};
+      {"seeds", "3000:3004"},   {"estimate", "none,auto"}, {"white_mm", "0.5:2"},
+      {"warp_mm", "0.5:2"},     {"warp_px", "3:8"},        {"gap", "4"},
+      {"gap_share", "0.5:0.5"}, {"dropout", "0.05"},       {"boxes_mm", "0"},
+      {"yaw_deg", "0"},         {"size_percent", "0"},     {"verbose", "0"}};
 
   double Number(const std::string& key) const { return std::atof(values.at(key).c_str()); }
   Range Pair(const std::string& key) const {
@@ -131,8 +133,7 @@ Structure BuiltStructure(const Structure& nominal, const Options& options, std::
   for (const Box& box : nominal.boxes()) {
     const Eigen::Vector3d centre = box.structure_from_box.translation();
     Pose offset = Pose::Identity();
-    offset.linear() =
-        RotationExp({0, random.Normal() * options.Number("yaw_deg") * M_PI / 180, 0});
+    offset.linear() = RotationExp({0, random.Normal() * options.Number("yaw_deg") * M_PI / 180, 0});
     const double sigma = 1e-3 * options.Number("boxes_mm");
     const Eigen::Vector3d shift(random.Normal() * sigma,
                                 (size - 1) * (centre.y() - nominal.FloorHeight()),
@@ -154,8 +155,8 @@ Rig MakeRig(const Options& options, std::uint64_t seed) {
     const double phi = turn + 360.0 * i / count + random.Uniform(-15, 15);
     const Eigen::Vector3d look_at(random.Uniform(-0.1, 0.1), random.Uniform(-0.1, 0.1),
                                   random.Uniform(-0.1, 0.1));
-    const Pose pose = RingPose(phi, random.Uniform(1.65, 2.35), random.Uniform(0.0, 0.7), 90,
-                               look_at);
+    const Pose pose =
+        RingPose(phi, random.Uniform(1.65, 2.35), random.Uniform(0.0, 0.7), 90, look_at);
     rig.Add("S" + std::to_string(i), pose, {true, wall}, i % 2 ? Stereo() : Kinect());
     Measure(options, seed, static_cast<std::uint64_t>(i), &rig.frames.back().depth);
     LabelImage& labels = rig.labels.back();
@@ -196,7 +197,8 @@ Pose PointsToBoxes(const SensorFrame& frame, const Structure& structure) {
 }
 
 struct Row {
-  std::vector<double> mm, deg, own_mm, height_mm, height_in_sigmas, sizes, in_sigmas[6], box_mm, shifts;
+  std::vector<double> mm, deg, own_mm, height_mm, height_in_sigmas, sizes, in_sigmas[6], box_mm,
+      shifts;
   int kept = 0, weak = 0;
 };
 
@@ -222,8 +224,7 @@ void Count(const Rig& rig, const CalibrationResult& result, bool verbose, Row* r
     const PoseError error = ComparePoses(*sensor.structure_from_sensor, truth);
     row->mm.push_back(1000 * error.translation_m);
     row->deg.push_back(error.rotation_deg);
-    const double height =
-        sensor.structure_from_sensor->translation().y() - truth.translation().y();
+    const double height = sensor.structure_from_sensor->translation().y() - truth.translation().y();
     row->height_mm.push_back(1000 * height);
     const Pose apart = truth * sensor.structure_from_sensor->inverse();
     Vector6d delta;
@@ -233,10 +234,11 @@ void Count(const Rig& rig, const CalibrationResult& result, bool verbose, Row* r
     row->kept += !sensor.refinement_accepted;
     row->weak += sensor.status != SensorStatus::kOk;
     if (verbose) {
-      fmt::print("    {} {:5.2f} mm {:.3f} deg  height {:5.2f} mm  offset {:5.2f} mm gain {:.4f}{}\n",
-                 sensor.name, 1000 * error.translation_m, error.rotation_deg, 1000 * height,
-                 1000 * sensor.depth_offset_m, sensor.depth_gain,
-                 sensor.refinement_accepted ? "" : "  kept_initial");
+      fmt::print(
+          "    {} {:5.2f} mm {:.3f} deg  height {:5.2f} mm  offset {:5.2f} mm gain {:.4f}{}\n",
+          sensor.name, 1000 * error.translation_m, error.rotation_deg, 1000 * height,
+          1000 * sensor.depth_offset_m, sensor.depth_gain,
+          sensor.refinement_accepted ? "" : "  kept_initial");
     }
   }
   row->sizes.push_back(100 * (result.size_scale - 1));
@@ -257,13 +259,17 @@ void Count(const Rig& rig, const CalibrationResult& result, bool verbose, Row* r
 
 void Print(const std::string& name, const Row& row) {
   std::vector<double> all;
-  for (const auto& component : row.in_sigmas) all.insert(all.end(), component.begin(), component.end());
-  fmt::print("{:28s} {:2d} sensors  {:5.2f} mm (95 %: {:5.2f}, mean {:5.2f})  {:.3f} deg  height {:5.2f} mm",
-             name, row.mm.size(), Median(row.mm), Quantile(row.mm, 0.95), Mean(row.mm), Median(row.deg),
-             Mean(row.height_mm));
+  for (const auto& component : row.in_sigmas)
+    all.insert(all.end(), component.begin(), component.end());
+  fmt::print(
+      "{:28s} {:2d} sensors  {:5.2f} mm (95 %: {:5.2f}, mean {:5.2f})  {:.3f} deg  height {:5.2f} "
+      "mm",
+      name, row.mm.size(), Median(row.mm), Quantile(row.mm, 0.95), Mean(row.mm), Median(row.deg),
+      Mean(row.height_mm));
   if (!all.empty()) {
-    fmt::print(" {:5.2f} sigma  boxes {:.2f} mm  kept {} weak {}  68: {:.0f}% 95: {:.0f}% [", Mean(row.in_sigmas[1]),
-               Mean(row.box_mm), row.kept, row.weak, ShareWithin(all, 1), ShareWithin(all, 1.96));
+    fmt::print(" {:5.2f} sigma  boxes {:.2f} mm  kept {} weak {}  68: {:.0f}% 95: {:.0f}% [",
+               Mean(row.in_sigmas[1]), Mean(row.box_mm), row.kept, row.weak, ShareWithin(all, 1),
+               ShareWithin(all, 1.96));
     for (const auto& component : row.in_sigmas) fmt::print(" {:.0f}", ShareWithin(component, 1));
     fmt::print(" |");
     for (const auto& component : row.in_sigmas) fmt::print(" {:.0f}", ShareWithin(component, 1.96));
@@ -304,7 +310,6 @@ int Main(int argc, char** argv) {
     for (const std::string& variant : variants) {
       CalibrateOptions calibrate;
       calibrate.refine.estimate = variant;
-      calibrate.refine.max_edge_points = std::getenv("VB_EDGES") ? std::atoi(std::getenv("VB_EDGES")) : 600;
       std::replace(calibrate.refine.estimate.begin(), calibrate.refine.estimate.end(), '+', ',');
       if (verbose) fmt::print("  seed {} {}\n", seed, variant);
       Count(rig, Calibrate(rig.frames, nominal, segmenter, calibrate), verbose, &rows[variant]);
