@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
+#include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
 #include "infer/refine/model_choice.h"
@@ -77,7 +78,7 @@ std::string Problem(bool unsolved, bool exact_covariance) {
 
 RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
                            const std::vector<char>& unsolved, const Posterior& posterior,
-                           std::size_t i) {
+                           const std::optional<SetAside>& set_aside, std::size_t i) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedSensor sensor;
@@ -94,6 +95,12 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   sensor.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
   sensor.problem = Problem(unsolved[i], posterior.exact);
+  if (set_aside) {
+    sensor.accepted = true;
+    sensor.structure_from_sensor = problem.sensors[i].start;
+    sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
+                                    set_aside->disagreement.rms_alone};
+  }
   return sensor;
 }
 
@@ -141,11 +148,12 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
 }
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const std::vector<char>& unsolved, const Posterior& posterior) {
+                        const std::vector<char>& unsolved, const Posterior& posterior,
+                        const std::vector<std::optional<SetAside>>& set_aside) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, i));
+    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, set_aside[i], i));
   result.boxes = BoxResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
@@ -217,11 +225,15 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
-  if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
-  Acceptance accepted = AcceptImproved(problem, std::move(solution));
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(sensors.size())};
+  if (options.choose_estimates) {
+    agreed = SetAsideDisagreeing(problem, asked_for,
+                                 ChooseEstimates(problem, std::move(agreed.solution)));
+  }
+  Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
   const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
-  return MakeResult(problem, accepted, unsolved, posterior);
+  return MakeResult(problem, accepted, unsolved, posterior, agreed.of);
 }
 
 }  // namespace volalign

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,9 +12,19 @@
 
 namespace volalign {
 
+/// What a sensor that contradicts the others would have had to accept to fit to them.
+struct RefusedFit {
+  Pose structure_from_sensor = Pose::Identity();  ///< of the joint solution with it
+  /// m: of its observations, at the joint solution and at the one that fits it alone.
+  double rms_together = 0, rms_alone = 0;
+};
+
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
   bool accepted = false;  ///< false: the pose is RefineSensor::fallback
+  /// Of a sensor that disagrees with the others. Its pose is then RefineSensor::start, and they are
+  /// solved without it; it counts as accepted.
+  std::optional<RefusedFit> refused_fit;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
