@@ -18,6 +18,7 @@ struct Disagreement {
   double cost = 0;
   /// m, of its observations of faces at the joint solution, and at its own.
   double rms_together = 0, rms_alone = 0;
+  Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, by its own measurements
 };
 /// Of a sensor that takes part in the solution, by a linear approximation.
 Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
@@ -36,8 +37,9 @@ struct Agreed {
   std::vector<std::optional<SetAside>> of;  ///< of each sensor; nothing where it agrees
 };
 /// Sets aside, one after the other, the sensor that disagrees most: it stays at its start pose, and
-/// the others are solved again without it, beginning with everything in `asked_for` free. Takes at
-/// least three sensors, as between two nothing tells which one is wrong, and leaves a majority.
+/// the others are solved again without its evidence, beginning with everything in `asked_for` free.
+/// Takes at least three sensors, as between two nothing tells which one is wrong, and leaves a
+/// majority.
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution);
 

@@ -97,6 +97,7 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   sensor.problem = Problem(unsolved[i], posterior.exact);
   if (set_aside) {
     sensor.accepted = true;
+    sensor.covariance = set_aside->disagreement.covariance;
     sensor.structure_from_sensor = problem.sensors[i].start;
     sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
                                     set_aside->disagreement.rms_alone};
