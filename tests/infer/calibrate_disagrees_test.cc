@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
+#include <vector>
 
 #include "infer/calibrate.h"
 #include "tests/infer/synthetic.h"
@@ -41,14 +43,15 @@ Rig WithoutTheOddOne(Rig rig) {
   return rig;
 }
 
-void ExpectOddOneSetAside(const Rig& rig) {
+void ExpectOddOneSetAside(const Rig& rig, const std::vector<SensorCode>& codes) {
   const CalibrationResult result = CalibrateRig(rig);
   const CalibrationResult others = CalibrateRig(WithoutTheOddOne(rig));
   for (std::size_t i = 0; i < kSensors; ++i) {
     const SensorResult& sensor = result.sensors[i];
     if (i == kOdd) {
       EXPECT_EQ(sensor.status, SensorStatus::kWeak);
-      EXPECT_EQ(sensor.code, SensorCode::kDisagrees) << sensor.reason;
+      EXPECT_EQ(std::count(codes.begin(), codes.end(), sensor.code), 1)
+          << ToString(sensor.code) << ": " << sensor.reason;
       ASSERT_TRUE(sensor.together.has_value());
       EXPECT_GT(ComparePoses(*sensor.together, *sensor.structure_from_sensor).translation_m, 1e-4);
     } else {
@@ -69,16 +72,17 @@ TEST(Disagrees, NoneOfARingThatSawOneStack) {
 
 TEST(Disagrees, OneWithAnotherFocalLength) {
   Rig rig = Ring(PaperStructure());
-  rig.frames[kOdd].intrinsics.fx *= 1.07;
-  rig.frames[kOdd].intrinsics.fy *= 1.07;
-  ExpectOddOneSetAside(rig);
+  rig.frames[kOdd].intrinsics.fx *= 1.06;
+  rig.frames[kOdd].intrinsics.fy *= 1.06;
+  // Where its own view gives the focal length away, that is what it is named for.
+  ExpectOddOneSetAside(rig, {SensorCode::kDisagrees, SensorCode::kIntrinsicsSuspect});
 }
 
 TEST(Disagrees, OneThatSawABoxElsewhere) {
   const Structure described = PaperStructure();
   std::vector<Pose> offsets(described.boxes().size(), Pose::Identity());
   offsets[2].translation() = Eigen::Vector3d(0.025, 0, 0.02);
-  ExpectOddOneSetAside(Ring(described.Displaced(offsets, 1)));
+  ExpectOddOneSetAside(Ring(described.Displaced(offsets, 1)), {SensorCode::kDisagrees});
 }
 
 }  // namespace
