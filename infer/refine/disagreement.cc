@@ -20,7 +20,7 @@ constexpr double kPoseSigma = 1;  // m and rad, prior of the pose
 }  // namespace
 
 Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 std::size_t sensor) {
+                                 const FreeSet& asked_for, std::size_t sensor) {
   const SensorEvidence& evidence = solution.evidence[sensor];
   const SensorParameters parameters = solution.state.Parameters(sensor);
   const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
@@ -45,6 +45,19 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
   values.tail(j.cols() - 6) << parameters.offset[0],
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
       Eigen::Map<const Eigen::VectorXd>(parameters.build, problem.model.size());
+  // What is not to be estimated stays where it is.
+  const ParameterLayout& layout = problem.layout;
+  const std::vector<char> constant = layout.Constant(asked_for);
+  const auto hold = [&](Eigen::Index first, Eigen::Index column, Eigen::Index count) {
+    for (Eigen::Index k = 0; k < count; ++k) {
+      if (!constant[static_cast<std::size_t>(first + k)]) continue;
+      a.col(column + k).setZero();
+      values[column + k] = 0;
+    }
+  };
+  hold(layout.Offset(sensor), 6, 1);
+  hold(layout.Nuisance(sensor, 0), 7, kNuisances);
+  hold(layout.Build(), 7 + kNuisances, problem.model.size());
   Eigen::MatrixXd h = a.transpose() * a;
   h.diagonal() += precisions;
   const Eigen::VectorXd g = a.transpose() * white + precisions.cwiseProduct(values);
@@ -64,12 +77,13 @@ bool Disagrees(const Disagreement& disagreement) { return disagreement.cost > kM
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution) {
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size())};
+  if (!asked_for.AllBoxes() || !asked_for.size) return agreed;
   for (std::size_t aside = 0; 2 * (aside + 1) < problem.size(); ++aside) {
     std::optional<std::size_t> worst;
     Disagreement most;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.kept_initial[i] || !problem.HasStructureTerms(i)) continue;
-      const Disagreement of = MeasureDisagreement(problem, agreed.solution, i);
+      const Disagreement of = MeasureDisagreement(problem, agreed.solution, asked_for, i);
       if (!Disagrees(of) || (worst && of.cost <= most.cost)) continue;
       worst = i;
       most = of;

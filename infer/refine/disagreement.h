@@ -20,9 +20,10 @@ struct Disagreement {
   double rms_together = 0, rms_alone = 0;
   Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, by its own measurements
 };
-/// Of a sensor that takes part in the solution, by a linear approximation.
+/// Of a sensor that takes part in the solution, by a linear approximation. What is not in
+/// `asked_for` is as it is in the solution.
 Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 std::size_t sensor);
+                                 const FreeSet& asked_for, std::size_t sensor);
 
 /// Is it more than the noise of both would make?
 bool Disagrees(const Disagreement& disagreement);

@@ -8,8 +8,7 @@ namespace volalign {
 
 namespace {
 
-// Of blocks, the share that is held out: 3 of 20, as a quarter less than one in five.
-constexpr int kCandidateOneIn = 5, kFitOneIn = 4;
+constexpr int kHeldOutOneIn = 5;  // blocks, of which one is held out
 
 }  // namespace
 
@@ -17,8 +16,7 @@ BlockUse UseOfBlock(int u, int v) {
   const auto block = static_cast<std::uint64_t>(v / kHeldOutBlock) << 32 |
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
   RandomStream random(0, block, "held_out");
-  const bool held_out = random.Below(kCandidateOneIn) == 0 && random.Below(kFitOneIn) != 0;
-  return held_out ? BlockUse::kAccept : BlockUse::kFit;
+  return random.Below(kHeldOutOneIn) == 0 ? BlockUse::kAccept : BlockUse::kFit;
 }
 
 }  // namespace volalign

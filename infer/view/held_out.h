@@ -8,9 +8,9 @@ inline constexpr int kHeldOutBlock = 16;
 /// What the pixels of an image block are for. The two uses share no block, so that what is
 /// judged by them was not made to fit them.
 enum class BlockUse {
-  /// Seventeen twentieths: poses and parameters are fitted to them.
+  /// Four fifths: poses and parameters are fitted to them.
   kFit,
-  /// Three twentieths: whether a refined pose is better than the one it has to beat, sensor by
+  /// A fifth: whether a refined pose is better than the one it has to beat, sensor by
   /// sensor.
   kAccept
 };

@@ -16,12 +16,14 @@ using testing_infer::Observe;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-TEST(IsBetter, NeedsOneOfBothMeasures) {
+TEST(IsBetter, RefusesWhatIsClearlyWorseByBothMeasures) {
   EXPECT_TRUE(IsBetter({0.9, 0.01, 5}, {1, 0.01, 5}));
   EXPECT_TRUE(IsBetter({1, 0.009, 5}, {1, 0.01, 5}));
   EXPECT_TRUE(IsBetter({2, 0.009, 5}, {1, 0.01, 5}));
-  EXPECT_FALSE(IsBetter({1, 0.01, 5}, {1, 0.01, 5}));
-  EXPECT_FALSE(IsBetter({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_TRUE(IsBetter({1, 0.01, 5}, {1, 0.01, 5}));
+  // A likelihood ratio of exp(5 / 2) = 12, and of exp(8 / 2) = 55.
+  EXPECT_TRUE(IsBetter({2, 0.02, 5}, {1, 0.01, 5}));
+  EXPECT_FALSE(IsBetter({2, 0.02, 8}, {1, 0.01, 8}));
   EXPECT_FALSE(IsBetter({0, 0, 0}, {1, 0.01, 5})) << "where it sees nothing, nothing is explained";
   EXPECT_TRUE(IsBetter({1, 0.01, 5}, {0, 0, 0}));
 }
