@@ -39,6 +39,7 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   if (!sensor.structure_from_sensor) return;
   ar.IfFinite("initial", sensor.initial);
   ar.Choice("refinement", sensor.refinement_accepted, "accepted", "kept_initial");
+  ar.Optional("together", sensor.together);
   ar("sides", sensor.sides);
   ar("points", sensor.points);
   ar.IfFinite("rms_to_structure_m", sensor.rms_to_structure_m);

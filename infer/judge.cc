@@ -23,6 +23,7 @@ void SetFinding(SensorStatus status, const Finding& finding, SensorResult* senso
 void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorResult* sensor) {
   sensor->initial = initial;
   sensor->refinement_accepted = refined.accepted;
+  if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
   sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;
   sensor->depth_offset_m = refined.depth_offset;
@@ -43,7 +44,7 @@ void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t fr
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
            const LabelledView& labelled, const std::optional<Finding>& suspect_lens,
-           const std::string& unsolved, const Structure& nominal, const Structure& built,
+           const RefinedSensor& refined, const Structure& nominal, const Structure& built,
            const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
@@ -62,10 +63,11 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
-  const std::optional<Finding> weakness = FindWeakness(
-      {quality, sensor->covariance, unsolved, depth.same_depth_as, placed.suspect_intrinsics,
-       suspect_lens, placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
-      options.verdict);
+  const std::optional<Finding> weakness =
+      FindWeakness({quality, sensor->covariance, refined.problem, refined.refused_fit,
+                    depth.same_depth_as, placed.suspect_intrinsics, suspect_lens,
+                    placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
+                   options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
   DemoteIfNotFinite(sensor);
@@ -126,8 +128,8 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j].problem,
-          structure, stages.refined.built, options, &result.sensors[i]);
+          stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j], structure,
+          stages.refined.built, options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);
   result.metrics = MeasureSetDistances(result.sensors, stages.refined.built);

@@ -38,6 +38,9 @@ struct SensorOutcome {
   std::optional<Pose> structure_from_sensor;
   Pose initial = Pose::Identity();  ///< of a placed sensor
   bool refinement_accepted = false;
+  /// Of a sensor that disagrees with the others: the pose that they would give it. The one that
+  /// counts, structure_from_sensor, is then its own pose.
+  std::optional<Pose> together;
   // Of a placed sensor, at the reported pose, of the structure as built.
   std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
   int points = 0;                  ///< side-labelled pixels with depth

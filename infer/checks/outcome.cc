@@ -50,6 +50,8 @@ const char* ToString(SensorCode code) {
       return "not_finite";
     case SensorCode::kUnsolved:
       return "unsolved";
+    case SensorCode::kDisagrees:
+      return "disagrees";
     case SensorCode::kSamePose:
       return "same_pose";
     case SensorCode::kAmbiguous:

@@ -30,6 +30,7 @@ enum class SensorCode {
   // Weak: the sensor has a pose that is to be used with care.
   kUnsolved,
   kSamePose,
+  kDisagrees,
   kAmbiguous,
   kByNeighbours,
   kFewInliers,

@@ -39,6 +39,16 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                              : "let it see the floor under the structure, or give its "
                                "quarter_turns"};
   }
+  if (evidence.refused_fit) {
+    return Finding{
+        SensorCode::kDisagrees,
+        fmt::format(
+            "what it saw contradicts the other sensors: with the boxes as they have them it "
+            "is {:.1f} mm RMS off, alone {:.1f} mm; its own pose stands, and theirs rest on "
+            "them alone",
+            1000 * evidence.refused_fit->rms_together, 1000 * evidence.refused_fit->rms_alone),
+        "check its intrinsics, and that it saw the same stack, with no box moved in between"};
+  }
   const PoseQuality& quality = evidence.quality;
   if (quality.surface.inlier_share < options.weak_inlier_share) {
     return Finding{SensorCode::kFewInliers,

@@ -9,6 +9,7 @@
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
+#include "infer/refine/refine.h"
 
 namespace volalign {
 
@@ -160,6 +161,7 @@ struct PlacedEvidence {
   PoseQuality quality;                        ///< at the reported pose
   Matrix6d covariance = Matrix6d::Zero();     ///< of it
   std::string unsolved;                       ///< RefinedSensor::problem
+  std::optional<RefusedFit> refused_fit;      ///< where it contradicts the other sensors
   std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_intrinsics;  ///< where others fit better
   std::optional<Finding> suspect_lens;        ///< where flat surfaces look bent

@@ -3,6 +3,7 @@
 // Which sensors' refined poses are better than those that they have to beat. Not for callers of
 // Refine.
 
+#include <cmath>
 #include <vector>
 
 #include "infer/refine/estimates.h"
@@ -28,10 +29,14 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
 PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
                         const Pose& pose, BlockUse use);
 
-/// Is a refined pose to be taken, by points that no solution has seen? Either measure tells.
+/// Is a refined pose to be taken, by points that no solution has seen? They are few, so that by
+/// chance a better pose may seem worse: it is refused where it lies farther off and is less
+/// probable by more than a factor of kRefuse.
 inline bool IsBetter(const PoseFit& after, const PoseFit& before) {
+  constexpr double kRefuse = 20;
   if (after.observations == 0 || before.observations == 0) return after.observations > 0;
-  return after.misfit < before.misfit || after.distance < before.distance;
+  const double rise = after.observations * (after.misfit - before.misfit);
+  return rise < 2 * std::log(kRefuse) || after.distance < before.distance;
 }
 
 /// Is it to be taken where nothing was held out, by the points that it was fitted to? They favour

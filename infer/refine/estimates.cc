@@ -1,16 +1,11 @@
 #include "infer/refine/estimates.h"
 
 #include <algorithm>
-#include <array>
-#include <functional>
 #include <optional>
 #include <utility>
 
-#include "core/parallel_for.h"
-#include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
-#include "infer/refine/observations.h"
-#include "infer/refine/residuals.h"
+#include "infer/refine/model_choice.h"
 
 namespace volalign::refine_internal {
 
@@ -19,19 +14,11 @@ namespace {
 /// A parameter is observable when its posterior standard deviation is below this share of the
 /// prior's.
 constexpr double kObservable = 0.7;
-constexpr double kGaugeOnly = 1e-12;    // m^2, a prior variance that is none: of a single box
-constexpr double kUnseenScale = 0.005;  // m, of the robust cost
-/// Share of the unseen cost that is its own noise: within it, what the posterior says decides.
-constexpr double kCostNoise = 0.03;
+constexpr double kGaugeOnly = 1e-12;  // m^2, a prior variance that is none: of a single box
 
 double Square(double x) { return x * x; }
 
-/// Clears all flags. Was any set?
-bool Clear(std::vector<char>* flags) {
-  const bool any = std::any_of(flags->begin(), flags->end(), [](char f) { return f != 0; });
-  std::fill(flags->begin(), flags->end(), 0);
-  return any;
-}
+void Clear(std::vector<char>* flags) { std::fill(flags->begin(), flags->end(), 0); }
 
 /// Solves again with less free, from where the solution is.
 std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& free,
@@ -92,58 +79,29 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
   return kept;
 }
 
-std::vector<SensorEvidence> GatherUnseen(const JointProblem& problem, const State& state) {
-  std::vector<SensorEvidence> unseen(problem.size());
-  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
-    if (!problem.HasStructureTerms(i)) return;
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kChoose,
-                       {state.poses[i].ToPose()}, FineGates(), &unseen[i]);
-  });
-  return unseen;
-}
-
-double UnseenCost(const JointProblem& problem, const State& state,
-                  const std::vector<SensorEvidence>& unseen) {
-  double sum = 0;
-  int count = 0;
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!problem.HasStructureTerms(i)) continue;
-    Eigen::VectorXd r;
-    Residuals(problem.model, unseen[i], state.Parameters(i), &r, nullptr);
-    for (const double distance : r) sum += RobustCost(distance, kUnseenScale);
-    count += static_cast<int>(r.size());
-  }
-  return count > 0 ? sum / count : 0;
-}
-
 Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
-  const std::vector<SensorEvidence> unseen = GatherUnseen(problem, solution.state);
-  const NormalEquations normal = ComputeNormalEquations(problem, solution);
-  const FreeSet observable =
-      Observable(normal, problem.layout, problem.structure, problem.priors, solution.state.lenses,
-                 problem.layout.Constant(solution.free), PriorSigmas(problem, solution.evidence),
-                 solution.free);
+  const QuadraticCost cost = CostAround(problem, solution);
+  const FreeSet observable = Observable(
+      cost.normal, problem.layout, problem.structure, problem.priors, solution.state.lenses,
+      problem.layout.Constant(solution.free), cost.prior_sigmas, solution.free);
   std::optional<Solution> kept = SolveWith(problem, observable, solution);
   if (!kept) return solution;
-  solution = std::move(*kept);
 
-  const std::array<std::function<bool(FreeSet*)>, 5> kinds = {
-      [](FreeSet* f) { return Clear(&f->boxes); },
-      [](FreeSet* f) { return std::exchange(f->size, false); },
-      [](FreeSet* f) { return Clear(&f->gain); }, [](FreeSet* f) { return Clear(&f->offset); },
-      [](FreeSet* f) { return Clear(&f->lens); }};
-  for (const auto& drop : kinds) {
-    FreeSet less = solution.free;
-    if (!drop(&less)) continue;
-    const double cost = UnseenCost(problem, solution.state, unseen);
-    std::optional<Solution> without = SolveWith(problem, less, solution);
-    if (without && UnseenCost(problem, without->state, unseen) < (1 - kCostNoise) * cost) {
-      solution = std::move(*without);
-    } else {
-      UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
-    }
-  }
-  return solution;
+  // The tolerance of edges stays: boxes that are found where the structure has them have their
+  // edges there too.
+  Solution chosen = *kept;
+  const PriorScales scales =
+      MostProbableScales(CostAround(problem, *kept), problem.layout, kept->free);
+  chosen.state.scales = scales;
+  if (scales.boxes == 0) Clear(&chosen.free.boxes);
+  if (scales.size == 0) chosen.free.size = false;
+  if (scales.gain == 0) Clear(&chosen.free.gain);
+  if (scales.offset == 0) Clear(&chosen.free.offset);
+  problem.layout.SetNominal(chosen.free, &chosen.state);
+  std::optional<State> solved = SolveFine(problem, chosen);
+  if (!solved) return *kept;
+  chosen.state = std::move(*solved);
+  return chosen;
 }
 
 }  // namespace volalign::refine_internal

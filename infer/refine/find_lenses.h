@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "infer/refine/straightness.h"
-#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_frame.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

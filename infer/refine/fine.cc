@@ -206,7 +206,9 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<char>& constant, State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
-  const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence);
+  const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence)
+                                     .cwiseProduct(layout.Scales(state->scales))
+                                     .unaryExpr(&Positive);
   double* build = state->build.data();
   ceres.problem->AddParameterBlock(build, problem.model.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {

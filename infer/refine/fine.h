@@ -31,7 +31,8 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
 void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
                          std::vector<SensorEvidence>* evidence);
 
-/// Prior standard deviations of all parameters, under the noise models of `evidence`.
+/// Prior standard deviations of all parameters, under the noise models of `evidence`, as the
+/// options have them.
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<SensorEvidence>& evidence);
 

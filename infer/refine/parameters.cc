@@ -137,6 +137,27 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   return constant;
 }
 
+Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
+  Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
+  for (std::size_t i = 0; i < sensors_; ++i) {
+    of[Offset(i)] = scales.offset;
+    of[Nuisance(i, kDepthGain)] = scales.gain;
+  }
+  of[Size()] = scales.size;
+  of.segment(Boxes(), static_cast<Eigen::Index>(3 * boxes_)).setConstant(scales.boxes);
+  return of;
+}
+
+Eigen::VectorXd ParameterLayout::Values(const State& state) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(size());
+  State copy = state;
+  for (const Block& block : Blocks(&copy)) {
+    if (block.size != block.tangent_size) continue;
+    for (int k = 0; k < block.size; ++k) values[block.column + k] = block.values[k];
+  }
+  return values;
+}
+
 void ParameterLayout::SetNominal(const FreeSet& free, State* state) const {
   const std::vector<char> constant = Constant(free);
   for (const Block& block : Blocks(state)) {

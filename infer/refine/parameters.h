@@ -63,6 +63,12 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 /// model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
+/// How far each kind of what is estimated beside the poses strays from its nominal value, as a
+/// factor on its prior standard deviation; 0: not at all.
+struct PriorScales {
+  double boxes = 1, size = 1, gain = 1, offset = 1;
+};
+
 /// How a sensor stands and how it measures depth.
 struct SensorState {
   Pose structure_from_sensor;
@@ -84,6 +90,7 @@ struct State {
   std::vector<LensChange> lenses;  ///< from the assumed intrinsics
   std::vector<int> lens_of;        ///< index of each sensor's lens
   std::vector<double> build;       ///< see BuildModel
+  PriorScales scales;              ///< of the priors; they are estimated as well
   /// The structure as `build` had it when it was last solved for: what points are matched with.
   Structure built;
 
@@ -162,6 +169,11 @@ class ParameterLayout {
   /// `multipath`: m, of each sensor.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
+
+  /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
+  Eigen::VectorXd Scales(const PriorScales& scales) const;
+  /// How far every parameter is from its prior's mean; 0 of poses.
+  Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where all of the sensors
   /// marked in `kept_initial` stands where it is (none where that is empty).

@@ -71,6 +71,7 @@ class Inverse {
 
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution) {
   State state = solution.state;
+  state.scales = PriorScales();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
   const CeresProblem ceres =
       BuildFineProblem(problem, solution.evidence, solution.kept_initial, none, &state);
@@ -91,6 +92,20 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   return normal;
 }
 
+Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const ParameterLayout& layout,
+                                const Eigen::VectorXd& prior_sigmas) {
+  // What pulls on each shift, but its own prior.
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(information.rows());
+  for (std::size_t i = 0; i < layout.sensors(); ++i) {
+    for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
+      const Eigen::Index column = layout.Nuisance(i, shift);
+      pull += information.col(column);
+      pull[column] -= 1 / Square(prior_sigmas[column]);
+    }
+  }
+  return kCommonEdgeShift * pull;
+}
+
 Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout& layout,
                            const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas) {
   const Eigen::MatrixXd& h = normal.information;
@@ -103,17 +118,7 @@ Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout&
   };
   if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; }))
     widen(inverse.Times(normal.gradient));
-  // How all parameters follow when every sensor's shifts grow by the same: what pulls on each shift
-  // but its own prior.
-  Eigen::VectorXd common = Eigen::VectorXd::Zero(h.rows());
-  for (std::size_t i = 0; i < layout.sensors(); ++i) {
-    for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
-      const Eigen::Index column = layout.Nuisance(i, shift);
-      common += h.col(column);
-      common[column] -= 1 / Square(prior_sigmas[column]);
-    }
-  }
-  widen(kCommonEdgeShift * inverse.Times(common));
+  widen(inverse.Times(CommonShiftPull(h, layout, prior_sigmas)));
   return posterior;
 }
 

@@ -24,6 +24,11 @@ struct NormalEquations {
 /// evaluated, of the priors alone.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
+/// By how much a shift of silhouettes that all sensors have in common pulls on every parameter: the
+/// parameters follow it by covariance * pull. Such a shift looks like another size.
+Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const ParameterLayout& layout,
+                                const Eigen::VectorXd& prior_sigmas);
+
 struct Posterior {
   Eigen::MatrixXd covariance;
   /// False: the normal equations had no inverse. The covariance is that of what they tell beyond

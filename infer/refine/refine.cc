@@ -10,8 +10,10 @@
 #include "core/error.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
+#include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/model_choice.h"
 #include "infer/refine/posterior.h"
 
 namespace volalign {
@@ -78,7 +80,7 @@ std::string Problem(bool unsolved, bool exact_covariance) {
 
 RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
                            const std::vector<char>& unsolved, const Posterior& posterior,
-                           std::size_t i) {
+                           const std::optional<SetAside>& set_aside, std::size_t i) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedSensor sensor;
@@ -95,6 +97,13 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   sensor.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
   sensor.problem = Problem(unsolved[i], posterior.exact);
+  if (set_aside) {
+    sensor.accepted = true;
+    sensor.covariance = set_aside->disagreement.covariance;
+    sensor.structure_from_sensor = problem.sensors[i].start;
+    sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
+                                    set_aside->disagreement.rms_alone};
+  }
   return sensor;
 }
 
@@ -143,11 +152,12 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
+                        const std::vector<std::optional<SetAside>>& set_aside,
                         std::size_t given_lenses) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, i));
+    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, set_aside[i], i));
   result.boxes = BoxResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
@@ -164,6 +174,19 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
          {posterior.Sigma(column), posterior.Sigma(column + 1), posterior.Sigma(column + 2)}});
   }
   return result;
+}
+
+/// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
+/// of that is part of it.
+Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
+                      const FreeSet& asked_for) {
+  const QuadraticCost cost = CostAround(problem, solution);
+  Posterior posterior = ComputePosterior(cost.normal, problem.layout,
+                                         problem.layout.Constant(asked_for), cost.prior_sigmas);
+  if (!problem.options.choose_estimates || !posterior.exact) return posterior;
+  const Eigen::MatrixXd covariance = CovarianceOverModels(cost, problem.layout);
+  if (covariance.size() > 0 && covariance.allFinite()) posterior.covariance = covariance;
+  return posterior;
 }
 
 }  // namespace
@@ -214,13 +237,15 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
-  if (options.choose_estimates) solution = ChooseEstimates(problem, std::move(solution));
-  Acceptance accepted = AcceptImproved(problem, std::move(solution));
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(sensors.size())};
+  if (options.choose_estimates) {
+    agreed = SetAsideDisagreeing(problem, asked_for,
+                                 ChooseEstimates(problem, std::move(agreed.solution)));
+  }
+  Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
-  const Posterior posterior = ComputePosterior(ComputeNormalEquations(problem, accepted.solution),
-                                               problem.layout, problem.layout.Constant(asked_for),
-                                               PriorSigmas(problem, accepted.solution.evidence));
-  return MakeResult(problem, accepted, unsolved, posterior, lenses.size());
+  const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
+  return MakeResult(problem, accepted, unsolved, posterior, agreed.of, lenses.size());
 }
 
 }  // namespace volalign

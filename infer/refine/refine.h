@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,9 +12,19 @@
 
 namespace volalign {
 
+/// What a sensor that contradicts the others would have had to accept to fit to them.
+struct RefusedFit {
+  Pose structure_from_sensor = Pose::Identity();  ///< of the joint solution with it
+  /// m: of its observations, at the joint solution and at the one that fits it alone.
+  double rms_together = 0, rms_alone = 0;
+};
+
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
   bool accepted = false;  ///< false: the pose is RefineSensor::fallback
+  /// Of a sensor that disagrees with the others. Its pose is then RefineSensor::start, and they are
+  /// solved without it; it counts as accepted.
+  std::optional<RefusedFit> refused_fit;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
@@ -78,14 +89,16 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
 /// by its overlap alone.
 ///
-/// A parameter is estimated where its posterior is clearly tighter than its prior and points that
-/// are held out for that fit worse without its kind; else it keeps its nominal value. Gauge: the
+/// A parameter is estimated where its posterior is clearly tighter than its prior and the
+/// measurements are more probable if parameters of its kind stray from their nominal values than if
+/// they do not (refine/model_choice.h); else it keeps its nominal value. Gauge: the
 /// mean displacement of the estimated boxes is zero. A sensor whose held-out points fit its refined
 /// pose no better, neither in standard deviations nor by plain distance, goes back to its fallback,
 /// and the others are solved again without it.
 ///
-/// Covariance: of the posterior with everything free, H^-1; where options.estimate leaves something
-/// out, widened by how far the poses would move if it did not, and for a sensor that goes back
+/// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
+/// whether options.estimate asks for it or not; with choose_estimates false, of that with
+/// everything free, widened by how far the poses would move if it were. For a sensor that goes back
 /// to its fallback by how far the refused one was from it. A prior of 1 m and 1 rad bounds
 /// directions that nothing constrains. Throws ConfigError for a bad
 /// options.estimate, DataError for a pose to beat or to fall back to that is not finite.

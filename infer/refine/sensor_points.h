@@ -7,8 +7,8 @@
 #include "core/kd_tree.h"
 #include "core/structure.h"
 #include "infer/view/held_out.h"
-#include "infer/view/sensor_lens.h"
 #include "infer/view/segmenter.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

@@ -6,8 +6,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "infer/view/sensor_lens.h"
 #include "infer/view/planes.h"
+#include "infer/view/sensor_lens.h"
 
 namespace volalign {
 

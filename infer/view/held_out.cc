@@ -9,7 +9,6 @@ namespace volalign {
 namespace {
 
 constexpr int kHeldOutOneIn = 5;  // blocks, of which one is held out
-constexpr int kChooseOneIn = 4;   // held-out blocks, of which one chooses estimates
 
 }  // namespace
 
@@ -17,8 +16,7 @@ BlockUse UseOfBlock(int u, int v) {
   const auto block = static_cast<std::uint64_t>(v / kHeldOutBlock) << 32 |
                      static_cast<std::uint64_t>(u / kHeldOutBlock);
   RandomStream random(0, block, "held_out");
-  if (random.Below(kHeldOutOneIn) != 0) return BlockUse::kFit;
-  return random.Below(kChooseOneIn) == 0 ? BlockUse::kChoose : BlockUse::kAccept;
+  return random.Below(kHeldOutOneIn) == 0 ? BlockUse::kAccept : BlockUse::kFit;
 }
 
 }  // namespace volalign

@@ -5,15 +5,12 @@ namespace volalign {
 /// Side of the square image blocks that are held out or used as a whole, px.
 inline constexpr int kHeldOutBlock = 16;
 
-/// What the pixels of an image block are for. No two of these uses share a block, so that what is
+/// What the pixels of an image block are for. The two uses share no block, so that what is
 /// judged by them was not made to fit them.
 enum class BlockUse {
   /// Four fifths: poses and parameters are fitted to them.
   kFit,
-  /// A twentieth: which parameters are estimated at all, which those of all sensors decide
-  /// together.
-  kChoose,
-  /// Three twentieths: whether a refined pose is better than the one it has to beat, sensor by
+  /// A fifth: whether a refined pose is better than the one it has to beat, sensor by
   /// sensor.
   kAccept
 };

@@ -46,6 +46,7 @@ class ExportTest : public ::testing::Test {
     rig_->frames[1].ground_truth.reset();
     StoredSegmenter segmenter = rig_->PerfectSegmenter();
     result_ = new CalibrationResult(Calibrate(rig_->frames, rig_->structure, segmenter));
+    result_->sensors[1].together = RingPose(76);
     folder_ = new TempFolder;
     WriteCalibration(folder_->path(), *result_, rig_->frames, rig_->structure,
                      {"capture.json", "model.pt", std::string(64, 'a')});
@@ -93,6 +94,10 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
     if (!sensor.structure_from_sensor) continue;
     EXPECT_TRUE(sensor.structure_from_sensor->isApprox(*from.structure_from_sensor, 1e-12));
     EXPECT_TRUE(sensor.initial.isApprox(from.initial, 1e-12));
+    ASSERT_EQ(sensor.together.has_value(), sensor.name == "right");
+    if (sensor.together) {
+      EXPECT_TRUE(sensor.together->isApprox(RingPose(76), 1e-12));
+    }
     EXPECT_TRUE(sensor.covariance.isApprox(from.covariance, 1e-12));
     EXPECT_EQ(sensor.sides, from.sides);
     EXPECT_DOUBLE_EQ(sensor.rms_to_structure_m, from.rms_to_structure_m);

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "infer/refine/costs.h"
 #include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign::refine_internal {
@@ -88,31 +87,6 @@ TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
   const FreeSet kept = made.Kept();
   EXPECT_FALSE(kept.gain[0]);
   EXPECT_TRUE(kept.offset[0]);
-}
-
-TEST(UnseenCost, IsTheMeanOverAllObservations) {
-  const Structure structure = testing_infer::PaperStructure();
-  const Pose pose = testing_infer::RingPose(35);
-  const SensorPoints nothing;
-  const std::vector<RefineSensor> sensors = {{&nothing, pose, pose, pose, true},
-                                             {&nothing, pose, pose, pose, false}};
-  const RefineOptions options;
-  const JointProblem problem(structure, sensors, options);
-  const State state = NominalState(structure, {pose, pose});
-  std::vector<SensorEvidence> unseen(2);
-  EXPECT_EQ(UnseenCost(problem, state, unseen), 0);
-  unseen[0] = testing_infer::Observe(structure, pose, 40);
-  for (FaceObservation& face : unseen[0].faces) face.multipath = 0;
-  EXPECT_NEAR(UnseenCost(problem, state, unseen), 0, 1e-9);
-  // 5 mm off the side, the scale of the cost: log(1 + 1). The sensor without structure terms has no
-  // say.
-  FaceObservation& face = unseen[0].faces.front();
-  const Eigen::Vector3d normal =
-      pose.linear().transpose() * structure.SideOfLabel(face.label).normal;
-  face.p += 0.005 * normal;
-  unseen[1] = unseen[0];
-  const auto n = static_cast<double>(unseen[0].faces.size());
-  EXPECT_NEAR(UnseenCost(problem, state, unseen), std::log(2) / n, 1e-6);
 }
 
 }  // namespace

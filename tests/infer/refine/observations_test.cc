@@ -81,7 +81,6 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   EXPECT_NEAR(face.variance, 2 * 8e-6 / 16, 1e-12);
   EXPECT_NEAR(face.multipath, 0, 1e-9) << "nothing rises in front of the top box";
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
-  EXPECT_EQ(block.Gather(BlockUse::kChoose).faces.size(), 0u);
 }
 
 TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {

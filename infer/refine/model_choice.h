@@ -1,0 +1,47 @@
+#pragma once
+
+// How far what is estimated beside the poses really strays from its nominal value: as far as its
+// prior says, less, or not at all. Not for callers of Refine.
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "infer/refine/fine.h"
+#include "infer/refine/parameters.h"
+#include "infer/refine/posterior.h"
+#include "infer/refine/problem.h"
+
+namespace volalign::refine_internal {
+
+/// The fine stage's cost around a solution, as a quadratic function of all parameters.
+struct QuadraticCost {
+  NormalEquations normal;        ///< priors included, as the options have them
+  Eigen::VectorXd prior_sigmas;  ///< of these priors
+  Eigen::VectorXd values;        ///< of all parameters, see ParameterLayout::Values
+};
+QuadraticCost CostAround(const JointProblem& problem, const Solution& solution);
+
+/// What follows where priors are narrower than the cost has them.
+struct ModelFit {
+  /// Natural logarithm of the probability of the measurements, all parameters being unknown, by
+  /// Laplace's approximation (MacKay, "Information Theory, Inference, and Learning Algorithms",
+  /// chapter 28); up to a constant that is the same for all scales. -infinity where it cannot be
+  /// computed.
+  double log_evidence = 0;
+  Eigen::VectorXd step;        ///< from the solution to the most probable values
+  Eigen::MatrixXd covariance;  ///< of all parameters; zero of those that are held
+};
+/// `scales`: factors on the priors' standard deviations, one a parameter; 0 holds it at its prior's
+/// mean. Without `with_covariance` there is none.
+ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool with_covariance);
+
+/// The scales under which the measurements are most probable, where only `free` may stray.
+PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
+                               const FreeSet& free);
+
+/// Covariance of the parameters about the solution: the mean over all scales, weighted by their
+/// evidence, of the covariance under these scales, of the square of the step to their most probable
+/// values, and of what CommonShiftPull adds. Empty where it cannot be computed.
+Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterLayout& layout);
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,131 @@
+#include "infer/refine/model_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "core/random.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+/// Measurements y = A x + e, e of standard deviation 1, of parameters x whose priors are normal.
+struct Linear {
+  Eigen::MatrixXd a;
+  Eigen::VectorXd y, sigmas;
+
+  Linear(Eigen::Index measurements, Eigen::VectorXd prior_sigmas, std::uint64_t seed)
+      : a(measurements, prior_sigmas.size()), y(measurements), sigmas(std::move(prior_sigmas)) {
+    RandomStream random(seed, 0, "linear");
+    for (Eigen::Index k = 0; k < a.size(); ++k) a.data()[k] = random.Normal();
+    for (double& of : y) of = random.Normal();
+  }
+
+  /// Of the squares of residuals and priors, at `values`.
+  QuadraticCost CostAt(const Eigen::VectorXd& values) const {
+    const Eigen::VectorXd precisions = sigmas.cwiseAbs2().cwiseInverse();
+    QuadraticCost cost;
+    cost.normal.information = a.transpose() * a;
+    cost.normal.information.diagonal() += precisions;
+    cost.normal.gradient = a.transpose() * (a * values - y) + precisions.cwiseProduct(values);
+    cost.prior_sigmas = sigmas;
+    cost.values = values;
+    return cost;
+  }
+
+  /// Density of y with x integrated out: normal, with covariance A P A^T + 1.
+  double LogDensity(const Eigen::VectorXd& scales) const {
+    const Eigen::VectorXd variances = sigmas.cwiseProduct(scales).cwiseAbs2();
+    const Eigen::MatrixXd covariance =
+        a * variances.asDiagonal() * a.transpose() + Eigen::MatrixXd::Identity(a.rows(), a.rows());
+    return -0.5 * y.dot(covariance.inverse() * y) - 0.5 * std::log(covariance.determinant());
+  }
+};
+
+TEST(FitModel, EvidenceIsTheDensityOfTheMeasurements) {
+  const Linear linear(6, Eigen::Vector4d(2, 0.5, 3, 1), 1);
+  const QuadraticCost cost = linear.CostAt(Eigen::Vector4d(0.3, -0.2, 1.5, 0.7));
+  const auto difference = [&](const Eigen::Vector4d& scales) {
+    return FitModel(cost, scales, false).log_evidence -
+           FitModel(cost, Eigen::Vector4d::Ones(), false).log_evidence;
+  };
+  for (const Eigen::Vector4d& scales :
+       {Eigen::Vector4d(0.3, 1, 1, 1), Eigen::Vector4d(1, 0, 0.1, 1), Eigen::Vector4d(0, 0, 0, 0.5),
+        Eigen::Vector4d(0, 0, 0, 0)}) {
+    EXPECT_NEAR(difference(scales),
+                linear.LogDensity(scales) - linear.LogDensity(Eigen::Vector4d::Ones()), 1e-9)
+        << scales.transpose();
+  }
+}
+
+TEST(FitModel, StepAndCovarianceAreThoseOfTheNarrowerPriors) {
+  const Linear linear(6, Eigen::Vector3d(2, 0.5, 3), 2);
+  const Eigen::Vector3d values(0.3, -0.2, 1.5);
+  const ModelFit fit = FitModel(linear.CostAt(values), Eigen::Vector3d(0.3, 0, 1), true);
+  Eigen::MatrixXd open(6, 2);
+  open << linear.a.col(0), linear.a.col(2);
+  const Eigen::Matrix2d covariance =
+      (open.transpose() * open + Eigen::Matrix2d(Eigen::Vector2d(1 / 0.36, 1 / 9.0).asDiagonal()))
+          .inverse();
+  const Eigen::Vector2d best = covariance * open.transpose() * linear.y;
+  EXPECT_TRUE((values + fit.step).isApprox(Eigen::Vector3d(best[0], 0, best[1]), 1e-9));
+  EXPECT_NEAR(fit.covariance(0, 0), covariance(0, 0), 1e-12);
+  EXPECT_NEAR(fit.covariance(0, 2), covariance(0, 1), 1e-12);
+  EXPECT_EQ(fit.covariance.col(1).norm(), 0);
+}
+
+/// Two sensors and the paper's boxes, of which each parameter beside the poses is measured to a
+/// tenth of its prior's standard deviation.
+struct Measured {
+  ParameterLayout layout{2, 4};
+  FreeSet free;
+  QuadraticCost cost;
+
+  Measured() {
+    Priors priors;
+    priors.offset = 0.007;
+    priors.gain = 0.003;
+    priors.edge_shift = 0.7;
+    priors.size = 0.01;
+    priors.box = 0.004;
+    priors.yaw = 0.009;
+    free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+    cost.prior_sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
+    cost.normal.information = 101 * cost.prior_sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
+    cost.normal.gradient = Eigen::VectorXd::Zero(layout.size());
+    cost.values = Eigen::VectorXd::Zero(layout.size());
+  }
+};
+
+TEST(MostProbableScales, AreNominalWhereNothingStrays) {
+  const Measured measured;
+  const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
+  EXPECT_EQ(scales.boxes, 0);
+  EXPECT_EQ(scales.size, 0);
+  EXPECT_EQ(scales.gain, 0);
+  EXPECT_EQ(scales.offset, 0);
+}
+
+TEST(MostProbableScales, FollowWhatStrays) {
+  Measured measured;
+  const auto stray = [&](Eigen::Index column, double sigmas) {
+    measured.cost.values[column] = sigmas * measured.cost.prior_sigmas[column];
+  };
+  stray(measured.layout.Offset(0), 1.2);
+  stray(measured.layout.Offset(1), -0.9);
+  for (Eigen::Index k = 0; k < 12; ++k) stray(measured.layout.Boxes() + k, k % 2 ? 0.3 : -0.35);
+  const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
+  EXPECT_EQ(scales.offset, 1);
+  EXPECT_EQ(scales.boxes, 0.3);
+  EXPECT_EQ(scales.size, 0);
+  EXPECT_EQ(scales.gain, 0);
+  measured.free.offset = {0, 0};
+  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free).boxes, 0.3)
+      << "whatever is held";
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal
