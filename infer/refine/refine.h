@@ -93,7 +93,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// measurements are more probable if parameters of its kind stray from their nominal values than if
 /// they do not (refine/model_choice.h); else it keeps its nominal value. Gauge: the
 /// mean displacement of the estimated boxes is zero. A sensor whose held-out points fit its refined
-/// pose no better, neither in standard deviations nor by plain distance, goes back to its fallback,
+/// pose clearly worse, in standard deviations and by plain distance, goes back to its fallback,
 /// and the others are solved again without it.
 ///
 /// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
