@@ -78,6 +78,8 @@ void FindLens(const std::vector<SensorPlanes>& planes, std::size_t index, bool c
       straightness.Straighten(frames.assumed, lens.prior_sigmas, lens.change);
   const bool believed = LogBayesFactor(estimate, lens.prior_sigmas) > kBelievedLens;
   lens.contradicted = IsContradicted(estimate, lens);
+  if (lens.unknown && !believed)
+    lens.prior_sigmas = lens.prior_sigmas.cwiseMin(SigmasWithoutBend()).eval();
   lens.change = believed && !lens.contradicted ? estimate.change : LensChange::Zero();
   lens.evidence =
       lens.contradicted ? LensEvidence() : straightness.EvidenceAt(frames.assumed, lens.change);

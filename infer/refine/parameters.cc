@@ -77,8 +77,12 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sen
   free.size = asked.size && priors.size > 0;
   free.gain.assign(sensors, asked.depth_gain && priors.gain > 0);
   free.offset.assign(sensors, asked.depth_offset && priors.offset > 0);
-  for (const SensorLens& lens : lenses)
-    free.lens.push_back(asked.lens && lens.prior_sigmas.maxCoeff() > 0);
+  for (const SensorLens& lens : lenses) {
+    // What a single view of the boxes seems to say about a lens is as well said by their size and
+    // place and by the sensor's depth errors.
+    const bool told = sensors > 1 || lens.evidence.information.trace() > 0;
+    free.lens.push_back(asked.lens && told && lens.prior_sigmas.maxCoeff() > 0);
+  }
   return free;
 }
 

@@ -122,7 +122,8 @@ struct FreeSet {
 
   bool AllBoxes() const;
 };
-/// What the options ask for, where the prior leaves it open at all.
+/// What the options ask for, where the prior leaves it open at all. Of the lens of a single sensor,
+/// only where large planes tell about it.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
                  std::size_t boxes, const std::vector<SensorLens>& lenses = {SensorLens()});
 

@@ -22,9 +22,9 @@ constexpr double kLeastIncidence = 0.2;  // cosine: beyond it half a pixel is ce
 /// counts.
 constexpr double kShareOfGap = 0.25;
 // One-sided silhouettes.
-/// Two-sided points of a side along one image axis from which on they say where it ends: one-sided
+/// Two-sided points along one image axis from which on they say where the structure ends: one-sided
 /// ones, which depend on what a sensor loses along edges, would only blur that.
-constexpr int kEnough = 20;
+constexpr int kEnough = 40;
 /// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
 /// band as wide as its largest disparity.
 constexpr int kEmptyBorder = 12;
@@ -176,14 +176,12 @@ std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candid
                                 const std::vector<EdgePoint>& two_sided) {
   Ends ends;
   for (const Candidate& c : candidates) ends[KeyOf(c, c.line())].push_back(c.end());
-  std::map<std::pair<int, int>, int> known;  // two-sided points by label and axis
-  for (const EdgePoint& edge : two_sided) ++known[{edge.label, edge.axis}];
+  std::map<int, int> known;  // two-sided points by axis
+  for (const EdgePoint& edge : two_sided) ++known[edge.axis];
   std::vector<EdgePoint> edges;
   for (const Candidate& candidate : candidates) {
     double slope = 0;
-    if (known[{candidate.edge.label, candidate.edge.axis}] >= kEnough ||
-        !FitSlope(candidate, ends, &slope))
-      continue;
+    if (known[candidate.edge.axis] >= kEnough || !FitSlope(candidate, ends, &slope)) continue;
     edges.push_back(candidate.edge);
     edges.back().one_sided = true;
     TurnSquare(view, candidate, slope, &edges.back());

@@ -26,6 +26,9 @@ constexpr Sigmas kTypical = {0.01, 0.006, 0.01};
 constexpr Sigmas kRectified = {0.003, 0.006, 0.01};
 constexpr Sigmas kMild = {0.01, 0.03, 0.06};
 constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
+/// One that is unknown, where no plane looks bent: most sensors whose capture gives no distortion
+/// rectify their images.
+constexpr Sigmas kNoBend = {0.01, 0.015, 0.02};
 
 /// The kinds of sensors whose lens is known by their names in the intrinsics pool; the first of
 /// these that a name begins with counts.
@@ -119,6 +122,8 @@ LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor) {
   }
   return {{}, AsVector(kUnknown), LensSource::kGiven, true};
 }
+
+Eigen::Vector3d SigmasWithoutBend() { return AsVector(kNoBend); }
 
 std::vector<LensPrior> TypicalLenses() {
   std::vector<LensPrior> typical;

@@ -108,6 +108,9 @@ struct LensSet {
   }
 };
 
+/// Standard deviations of a lens of which nothing is known but that the images show no bend.
+Eigen::Vector3d SigmasWithoutBend();
+
 /// The lenses that are known as the typical ones of some kind: what an unknown one may be.
 std::vector<LensPrior> TypicalLenses();
 

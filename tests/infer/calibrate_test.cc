@@ -344,7 +344,8 @@ TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
     });
     CalibrateOptions options;
     options.refine.max_overlap_points = 0;  // by which it would be placed
-    const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {}, options);
+    const CalibrationResult result = CalibrateSpoilt(
+        rig, [](SensorFrame*) {}, options);
     ExpectFailed(result.sensors[3], SensorCode::kDegenerateSides, {"sides"});
     const std::string& hint = result.sensors[3].hint;
     EXPECT_NE(hint.find(right ? "turn the sensor to the right" : "turn the sensor to the left"),
