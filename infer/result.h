@@ -13,8 +13,8 @@
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
 #include "infer/refine/refine.h"
-#include "infer/view/sensor_lens.h"
 #include "infer/view/segmenter.h"
+#include "infer/view/sensor_lens.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

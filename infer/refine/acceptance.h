@@ -57,9 +57,9 @@ struct Acceptance {
   std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };
 
-/// Sends sensors back whose points for BlockUse::kAccept (or, for want of any, whose own) their
-/// refined pose explains no better (worse) than the one to beat. A sensor that goes back may have
-/// pulled its neighbours: they are solved again without it.
+/// Sends sensors back whose refined pose is not better than the one to beat, by their points for
+/// BlockUse::kAccept (IsBetter) or, for want of any, by their own (IsNoWorse). A sensor that goes
+/// back may have pulled its neighbours: they are solved again without it.
 Acceptance AcceptImproved(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -87,7 +87,9 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// gain, and an error in concave seams; silhouettes may be shifted outwards. Together with each
 /// box's place and turn and the size of all boxes these are parameters with priors. Between
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
-/// by its overlap alone.
+/// by its overlap alone. Sensors whose RefineSensor::lens is an index into `lenses` look through
+/// that lens, whose change from SensorLens::change is a parameter, too, with the evidence that
+/// large planes give; sensors may share one.
 ///
 /// A parameter is estimated where its posterior is clearly tighter than its prior and the
 /// measurements are more probable if parameters of its kind stray from their nominal values than if
@@ -98,10 +100,10 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 ///
 /// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
 /// whether options.estimate asks for it or not; with choose_estimates false, of that with
-/// everything free, widened by how far the poses would move if it were. For a sensor that goes back
-/// to its fallback by how far the refused one was from it. A prior of 1 m and 1 rad bounds
-/// directions that nothing constrains. Throws ConfigError for a bad
-/// options.estimate, DataError for a pose to beat or to fall back to that is not finite.
+/// everything free, widened by how far the poses would move if it were. That of a sensor which goes
+/// back to its fallback is widened by how far the refused pose was from it. A prior of 1 m and 1
+/// rad bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate,
+/// DataError for a pose to beat or to fall back to that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
                     const RefineOptions& options, const std::vector<SensorLens>& lenses = {});
 

@@ -32,7 +32,7 @@ struct Silhouettes {
   /// side itself may be what is missing. So these are only points at which the side ends along a
   /// straight line. No such end are a hole (the same plane goes on behind it), what is hidden (the
   /// next depth is nearer), and the border of the picture with the band along it that some sensors
-  /// leave empty. Only of sides that have few two-sided ones along the same image axis.
+  /// leave empty. Only in views that have few two-sided ones along the same image axis.
   std::vector<EdgePoint> one_sided;
 };
 

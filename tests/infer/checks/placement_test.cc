@@ -82,7 +82,8 @@ TEST(PlaceSensors, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
     ASSERT_NE(finding, nullptr);
     EXPECT_EQ(finding->code, SensorCode::kAssemblyMirrored);
     EXPECT_EQ(finding->reason,
-              "the stack or the frames are mirrored: that explains 98 % of what the sensors see, the stack as "
+              "the stack or the frames are mirrored: that explains 98 % of what the sensors see, "
+              "the stack as "
               "described 70 %");
   }
 }

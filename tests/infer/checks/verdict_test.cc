@@ -41,7 +41,9 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
       {SensorCode::kFewInliers, [](PlacedEvidence* e) { e->quality.surface.inlier_share = 0.79; },
        "79 %"},
       {SensorCode::kDisagrees,
-       [](PlacedEvidence* e) { e->refused_fit = RefusedFit{Pose::Identity(), 0.0174, 0.0061}; },
+       [](PlacedEvidence* e) {
+         e->refused_fit = RefusedFit{Pose::Identity(), 0.0174, 0.0061};
+       },
        "17.4 mm RMS off, alone 6.1 mm"},
       {SensorCode::kAmbiguous, [](PlacedEvidence* e) { e->other_pose = "upside down"; },
        "upside down"},

@@ -10,16 +10,7 @@
 namespace volalign::refine_internal {
 namespace {
 
-Priors SomePriors() {
-  Priors priors;
-  priors.offset = 0.007;
-  priors.gain = 0.003;
-  priors.edge_shift = 0.7;
-  priors.size = 0.01;
-  priors.box = 0.004;
-  priors.yaw = 0.009;
-  return priors;
-}
+using testing_infer::SomePriors;
 
 /// Two sensors and the paper's four boxes: priors alone, then what measurements add.
 struct Handmade {

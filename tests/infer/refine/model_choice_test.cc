@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "core/random.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/refine/points_and_evidence.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -85,13 +85,7 @@ struct Measured {
   QuadraticCost cost;
 
   Measured() {
-    Priors priors;
-    priors.offset = 0.007;
-    priors.gain = 0.003;
-    priors.edge_shift = 0.7;
-    priors.size = 0.01;
-    priors.box = 0.004;
-    priors.yaw = 0.009;
+    const Priors priors = testing_infer::SomePriors();
     free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
     cost.prior_sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
     cost.normal.information = 101 * cost.prior_sigmas.cwiseAbs2().cwiseInverse().asDiagonal();

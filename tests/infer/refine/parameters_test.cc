@@ -21,6 +21,7 @@ using testing_infer::PaperStructure;
 using testing_infer::PointsOf;
 using testing_infer::Rig;
 using testing_infer::RingPose;
+using testing_infer::SomePriors;
 
 /// A parameter by its own name, and where the layout says its column is.
 struct Named {
@@ -134,17 +135,6 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
         << parameter.name;
   }
   for (const int times : named) EXPECT_EQ(times, 1) << "every column has one name";
-}
-
-Priors SomePriors() {
-  Priors priors;
-  priors.offset = 0.007;
-  priors.gain = 0.003;
-  priors.edge_shift = 0.7;
-  priors.size = 0.01;
-  priors.box = 0.004;
-  priors.yaw = 0.009;
-  return priors;
 }
 
 TEST(ParameterLayout, PriorsStandAtTheirParameters) {

@@ -51,6 +51,18 @@ struct ParameterPoint {
   }
 };
 
+/// Of the sizes that the options have by default, each another number.
+inline refine_internal::Priors SomePriors() {
+  refine_internal::Priors priors;
+  priors.offset = 0.007;
+  priors.gain = 0.003;
+  priors.edge_shift = 0.7;
+  priors.size = 0.01;
+  priors.box = 0.004;
+  priors.yaw = 0.009;
+  return priors;
+}
+
 /// Observations on visible sides as a sensor at `pose` would make them.
 inline refine_internal::SensorEvidence Observe(const Structure& structure, const Pose& pose,
                                                int stride) {
