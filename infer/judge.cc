@@ -129,18 +129,18 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
           stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j], structure,
-          stages.refined.built, options, &result.sensors[i]);
+          stages.refined.placements.front().built, options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);
-  result.metrics = MeasureSetDistances(result.sensors, stages.refined.built);
+  result.metrics = MeasureSetDistances(result.sensors, stages.refined.placements.front().built);
   for (const RefinedPair& pair : stages.refined.pairs) {
     result.pairs.push_back({frames[placed[static_cast<std::size_t>(pair.a)]].name,
                             frames[placed[static_cast<std::size_t>(pair.b)]].name, pair.overlap,
                             pair.rms});
   }
   result.assembly = std::move(stages.assembly);
-  result.built = std::move(stages.refined.built);
-  result.boxes = std::move(stages.refined.boxes);
+  result.built = std::move(stages.refined.placements.front().built);
+  result.boxes = std::move(stages.refined.placements.front().boxes);
   result.size_estimated = stages.refined.size_estimated;
   result.size_scale = stages.refined.size_scale;
   result.sigma_size_scale = stages.refined.sigma_size_scale;

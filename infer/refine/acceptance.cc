@@ -55,7 +55,8 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
   Residuals(model, evidence,
-            {block.values, &no_offset, kNone.data(), state.Lens(sensor).data(), state.build.data()},
+            {block.values, &no_offset, kNone.data(), state.Lens(sensor).data(),
+             state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = SensorColumns::kOwn;
   const Eigen::VectorXd sigmas =
@@ -85,7 +86,7 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
   double sum = 0;
   int count = 0;
   for (std::size_t other = 0; other < problem.size(); ++other) {
-    if (other == sensor) continue;
+    if (other == sensor || problem.frames[other].still != problem.frames[sensor].still) continue;
     const OverlapView neighbour = problem.Overlap(other, state);
     const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
     for (const int j : *own.chosen) {

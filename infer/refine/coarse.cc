@@ -46,10 +46,10 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const SensorState sensor = coarse.state->Sensor(i);
   const double sigma = std::max(coarse.sigmas[i], coarse.least_scale);
   double* pose = coarse.state->poses[i].values;
-  double* offset = &coarse.state->offsets[i];
+  double* offset = &coarse.state->Offset(i);
   for (const SidePoint& point : problem.sensors[i].points->side_points) {
     if (point.use != BlockUse::kFit ||
-        !LiesOnItsSide(coarse.state->built, sensor, point, coarse.gates.side))
+        !LiesOnItsSide(coarse.state->Built(i), sensor, point, coarse.gates.side))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new SideCost(point.p, problem.structure.SideOfLabel(point.label), 1 / sigma),
@@ -59,7 +59,7 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   for (const EdgePoint& edge : problem.sensors[i].points->edge_points) {
     EdgeLine line;
     if (edge.use != BlockUse::kFit ||
-        !LiesOnAnEdge(coarse.state->built, sensor, edge, coarse.gates.side, &line))
+        !LiesOnAnEdge(coarse.state->Built(i), sensor, edge, coarse.gates.side, &line))
       continue;
     coarse.ceres->problem->AddResidualBlock(
         new LineCost(edge.p, line.direction, line.offset,
@@ -82,7 +82,7 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
     State& state = *coarse.state;
     coarse.ceres->problem->AddResidualBlock(
         new OverlapCost(p, to.p, to.normal, its_weight), coarse.ceres->loss.get(),
-        state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
+        state.poses[a].values, state.poses[b].values, &state.Offset(a), &state.Offset(b));
   };
   for (const Match& match : matches) {
     const CloudPoint &from = from_view.Cloud(match.from), &to = to_view.Cloud(match.to);
@@ -114,9 +114,9 @@ double MeasureSigma(const JointProblem& problem, const State& state, std::size_t
   const SensorState sensor = state.Sensor(i);
   std::vector<double> distances;
   for (const SidePoint& point : problem.sensors[i].points->side_points) {
-    if (!LiesOnItsSide(state.built, sensor, point, side_gate)) continue;
+    if (!LiesOnItsSide(state.Built(i), sensor, point, side_gate)) continue;
     const Eigen::Vector3d p = sensor.InStructure(point.p);
-    distances.push_back((state.built.SideOfLabel(point.label).ClosestPoint(p) - p).norm());
+    distances.push_back((state.Built(i).SideOfLabel(point.label).ClosestPoint(p) - p).norm());
   }
   return std::max(kLeastSigma, kMadToSigma * Median(std::move(distances)));
 }
@@ -137,7 +137,7 @@ State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_ini
     const Coarse coarse{problem, sigmas, CoarseGates(iteration), LeastScale(iteration),
                         &state,  &ceres};
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      double *pose = state.poses[i].values, *offset = &state.offsets[i];
+      double *pose = state.poses[i].values, *offset = &state.Offset(i);
       ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
       ceres.problem->AddResidualBlock(new PosePriorCost(state.poses[i].ToPose(), 1, 1), nullptr,
                                       pose);
@@ -151,7 +151,7 @@ State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_ini
     }
     for (std::size_t a = 0; a < problem.size(); ++a) {
       for (std::size_t b = 0; b < problem.size(); ++b) {
-        if (a != b && problem.HasOverlapTerms()) AddOverlapTerms(coarse, a, b);
+        if (problem.OverlapCounts(a, b)) AddOverlapTerms(coarse, a, b);
       }
     }
     // The fine stage, which begins where this one ends, can do without it.

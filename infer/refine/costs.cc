@@ -1,5 +1,7 @@
 #include "infer/refine/costs.h"
 
+#include <ceres/autodiff_cost_function.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -38,7 +40,38 @@ Eigen::Vector3d Transform(const double* pose, const Eigen::Vector3d& p) {
 /// x - clamp(x, -half, half), and whether it is outside.
 double Excess(double x, double half) { return x - std::clamp(x, -half, half); }
 
+/// See TieCost.
+struct Tie {
+  double sigma_translation, sigma_rotation;
+
+  template <class T>
+  bool operator()(const T* placement_a, const T* pose_a, const T* placement_b, const T* pose_b,
+                  T* residuals) const {
+    using Quaternion = Eigen::Quaternion<T>;
+    using Vector = Eigen::Matrix<T, 3, 1>;
+    const auto rotation = [](const T* block) {
+      return Eigen::Map<const Quaternion>(block).normalized();
+    };
+    const auto translation = [](const T* block) { return Eigen::Map<const Vector>(block + 4); };
+    const Quaternion of_a = rotation(placement_a), of_b = rotation(placement_b);
+    const Vector apart = of_b * translation(pose_b) + translation(placement_b) -
+                         (of_a * translation(pose_a) + translation(placement_a));
+    Quaternion turn = (of_b * rotation(pose_b)) * (of_a * rotation(pose_a)).conjugate();
+    if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
+    for (int k = 0; k < 3; ++k) {
+      residuals[k] = apart[k] / T(sigma_translation);
+      residuals[3 + k] = T(2) * turn.coeffs()[k] / T(sigma_rotation);
+    }
+    return true;
+  }
+};
+
 }  // namespace
+
+ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation) {
+  return new ceres::AutoDiffCostFunction<Tie, 6, 7, 7, 7, 7>(
+      new Tie{sigma_translation, sigma_rotation});
+}
 
 bool SideCost::Evaluate(double const* const* parameters, double* residuals,
                         double** jacobians) const {

@@ -123,6 +123,10 @@ class PosePriorCost : public ceres::SizedCostFunction<6, 7> {
   double sigma_translation_, sigma_rotation_;
 };
 
+/// How far a sensor stands and looks apart in two stills, over standard deviations of m and rad:
+/// [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses P_a T_a and P_b T_b. Parameters: P_a, T_a, P_b, T_b.
+ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation);
+
 /// parameters / sigma, element by element.
 class PriorCost : public ceres::CostFunction {
  public:

@@ -43,9 +43,7 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
       SharedPriorSigmas(problem.PriorsOf(sensor), evidence.noise.multipath, boxes)
           .unaryExpr(&Positive);
   precisions = precisions.cwiseAbs2().cwiseInverse().eval();
-  values.tail(j.cols() - 6) << parameters.offset[0],
-      Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
-      Eigen::Map<const Eigen::VectorXd>(parameters.build, problem.model.size());
+  values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
   // What is not to be estimated stays where it is.
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> constant = layout.Constant(asked_for);
@@ -58,9 +56,9 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
   };
   hold(layout.Offset(sensor), 6, 1);
   hold(layout.Nuisance(sensor, 0), 7, kNuisances);
-  hold(layout.Lens(static_cast<std::size_t>(problem.lens_of[sensor])), 7 + kNuisances,
-       kLensParameters);
-  hold(layout.Build(), 7 + kNuisances + kLensParameters, problem.model.size());
+  hold(layout.Lens(solution.state.LensOf(sensor)), 7 + kNuisances, kLensParameters);
+  hold(layout.Size(), 7 + kNuisances + kLensParameters, 1);
+  hold(layout.Boxes(solution.state.StillOf(sensor)), 8 + kNuisances + kLensParameters, 3 * boxes);
   Eigen::MatrixXd h = a.transpose() * a;
   h.diagonal() += precisions;
   const Eigen::VectorXd g = a.transpose() * white + precisions.cwiseProduct(values);

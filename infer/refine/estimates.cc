@@ -58,23 +58,24 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
       SharedPriorSigmas(priors, 0, boxes).unaryExpr(&Positive).tail(3 * boxes).cwiseAbs2();
   const Eigen::VectorXd prior =
       (projection * variances.asDiagonal() * projection.transpose()).diagonal();
-  const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, projection);
-  for (std::size_t b = 0; b < layout.boxes(); ++b) {
-    const auto x = static_cast<Eigen::Index>(3 * b);
-    for (const Eigen::Index j : {x, x + 1}) {
-      // A single box is nothing but gauge.
-      const bool clear =
-          prior[j] > kGaugeOnly && Square(sigmas[j]) < Square(kObservable) * prior[j];
-      kept.boxes[b] = kept.boxes[b] && clear;
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, still, projection);
+    for (std::size_t b = 0; b < layout.boxes(); ++b) {
+      char& keep = kept.boxes[still * layout.boxes() + b];
+      const auto x = static_cast<Eigen::Index>(3 * b);
+      for (const Eigen::Index j : {x, x + 1}) {
+        // A single box is nothing but gauge.
+        keep = keep && prior[j] > kGaugeOnly && Square(sigmas[j]) < Square(kObservable) * prior[j];
+      }
     }
   }
-  for (std::size_t i = 0; i < layout.sensors(); ++i)
+  for (std::size_t i = 0; i < layout.frames(); ++i)
     kept.gain[i] = free.gain[i] && observable(layout.Nuisance(i, kDepthGain), priors.gain);
   // A gain that is held leaves the offset to stand for both at the structure's distance.
   FreeSet without_gain = free;
   without_gain.gain = kept.gain;
   posterior = ConditionalPosterior(normal, layout.Constant(without_gain), prior_sigmas);
-  for (std::size_t i = 0; i < layout.sensors(); ++i)
+  for (std::size_t i = 0; i < layout.frames(); ++i)
     kept.offset[i] = free.offset[i] && observable(layout.Offset(i), priors.offset);
   return kept;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -65,7 +66,7 @@ std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
     if (both_on_structure) {
       if (sigma > kOverlapGate / 2) continue;
       const Eigen::Vector3d p = from_view.state.InStructure(from.p);
-      if (DistanceToSurface(state.built, p).distance < kOffStructure) continue;
+      if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
     }
     informative.push_back({&from, &to, sigma, match.residual});
   }
@@ -106,9 +107,9 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
       const SensorPoints& points = *problem.sensors[i].points;
       return LensPoint{p, points.RayByLensAt(p), points.lens};
     };
-    const bool shared = state->lens_of[a] == state->lens_of[b];
+    const bool shared = state->LensOf(a) == state->LensOf(b);
     std::vector<double*> blocks = {state->poses[a].values, state->poses[b].values,
-                                   &state->offsets[a], &state->offsets[b], state->Lens(a).data()};
+                                   &state->Offset(a), &state->Offset(b), state->Lens(a).data()};
     if (!shared) blocks.push_back(state->Lens(b).data());
     ceres->problem->AddResidualBlock(
         new OverlapThroughLensCost(through_lens(a, match.from->p), through_lens(b, match.to->p),
@@ -117,22 +118,80 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
   }
 }
 
-/// Priors and residuals of one sensor. `sigmas`: of all priors.
-void AddSensorTerms(const JointProblem& problem, const SensorEvidence& evidence,
-                    const Eigen::VectorXd& sigmas, std::size_t i, State* state,
-                    CeresProblem* ceres) {
-  double *pose = state->poses[i].values, *offset = &state->offsets[i],
-         *nuisance = state->nuisances[i].data();
-  const double* prior = sigmas.data();
-  const double* of_nuisances = prior + problem.layout.Nuisance(i, 0);
-  ceres->problem->AddResidualBlock(new PriorCost({prior[problem.layout.Offset(i)]}), nullptr,
-                                   offset);
-  ceres->problem->AddResidualBlock(
-      new PriorCost(std::vector<double>(of_nuisances, of_nuisances + kNuisances)), nullptr,
-      nuisance);
-  if (problem.HasStructureTerms(i) && !evidence.faces.empty()) {
-    ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr, pose, offset,
-                                     nuisance, state->Lens(i).data(), state->build.data());
+/// Priors of the depth errors of those sensors that have a frame whose pose is sought.
+void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
+                     const std::vector<char>& constant, State* state, CeresProblem* ceres) {
+  std::set<int> sought;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!constant[static_cast<std::size_t>(problem.layout.Pose(i))])
+      sought.insert(problem.frames[i].sensor);
+  }
+  for (const int sensor : sought) {
+    const auto s = static_cast<std::size_t>(sensor);
+    const double* of_nuisances = sigmas.data() + problem.layout.NuisanceOfSensor(s, 0);
+    ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.OffsetOfSensor(s)]}),
+                                     nullptr, &state->offsets[s]);
+    ceres->problem->AddResidualBlock(
+        new PriorCost(std::vector<double>(of_nuisances, of_nuisances + kNuisances)), nullptr,
+        state->nuisances[s].data());
+  }
+}
+
+/// Residuals of one frame.
+void AddStructureTerms(const JointProblem& problem, const SensorEvidence& evidence, std::size_t i,
+                       State* state, CeresProblem* ceres) {
+  if (!problem.HasStructureTerms(i) || evidence.faces.empty()) return;
+  ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr,
+                                   state->poses[i].values, &state->Offset(i), state->Nuisance(i),
+                                   state->Lens(i).data(), &state->size,
+                                   state->boxes[state->StillOf(i)].data());
+}
+
+/// A sensor stays where it is between stills. Each of its frames is tied to its first that counts.
+void AddTies(const JointProblem& problem, const std::vector<char>& kept_initial, State* state,
+             CeresProblem* ceres) {
+  std::map<int, std::size_t> first_of;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (kept_initial[i]) continue;
+    const auto [entry, is_first] = first_of.emplace(problem.frames[i].sensor, i);
+    if (is_first) continue;
+    const std::size_t first = entry->second;
+    ceres->problem->AddResidualBlock(
+        TieCost(problem.options.sensor_moved_sigma_m,
+                problem.options.sensor_moved_sigma_deg * M_PI / 180),
+        nullptr, state->placements[state->StillOf(first)].values, state->poses[first].values,
+        state->placements[state->StillOf(i)].values, state->poses[i].values);
+  }
+}
+
+/// The placements of all stills, with loose priors. The first stands where it stands.
+void AddPlacements(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, State* state,
+                   CeresProblem* ceres) {
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    double* placement = state->placements[still].values;
+    ceres->problem->AddParameterBlock(placement, 7, ceres->manifold.get());
+    if (still == 0) {
+      ceres->problem->SetParameterBlockConstant(placement);
+      continue;
+    }
+    const Eigen::Index column = layout.Placement(still);
+    ceres->problem->AddResidualBlock(new PosePriorCost(state->placements[still].ToPose(),
+                                                       sigmas[column], sigmas[column + 3]),
+                                     nullptr, placement);
+  }
+}
+
+/// The size and the boxes of all stills, with their priors.
+void AddBuild(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, State* state,
+              CeresProblem* ceres) {
+  ceres->problem->AddParameterBlock(&state->size, 1);
+  ceres->problem->AddResidualBlock(new PriorCost({sigmas[layout.Size()]}), nullptr, &state->size);
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    std::vector<double>& boxes = state->boxes[still];
+    const double* prior = sigmas.data() + layout.Boxes(still);
+    ceres->problem->AddParameterBlock(boxes.data(), static_cast<int>(boxes.size()));
+    ceres->problem->AddResidualBlock(
+        new PriorCost(std::vector<double>(prior, prior + boxes.size())), nullptr, boxes.data());
   }
 }
 
@@ -209,30 +268,28 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence)
                                      .cwiseProduct(layout.Scales(state->scales))
                                      .unaryExpr(&Positive);
-  double* build = state->build.data();
-  ceres.problem->AddParameterBlock(build, problem.model.size());
   for (std::size_t i = 0; i < problem.size(); ++i) {
     double* pose = state->poses[i].values;
     ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
-    ceres.problem->AddParameterBlock(&state->offsets[i], 1);
-    ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
+    ceres.problem->AddParameterBlock(&state->Offset(i), 1);
+    ceres.problem->AddParameterBlock(state->Nuisance(i), kNuisances);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(
         new PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr,
         pose);
     if (!constant[static_cast<std::size_t>(column)])
-      AddSensorTerms(problem, evidence[i], sigmas, i, state, &ceres);
+      AddStructureTerms(problem, evidence[i], i, state, &ceres);
   }
+  AddPlacements(layout, sigmas, state, &ceres);
+  AddSensorPriors(problem, sigmas, constant, state, &ceres);
+  AddTies(problem, kept_initial, state, &ceres);
   AddLensTerms(problem, sigmas, state, &ceres);
-  const double* of_build = sigmas.data() + layout.Build();
-  ceres.problem->AddResidualBlock(
-      new PriorCost(std::vector<double>(of_build, of_build + problem.model.size())), nullptr,
-      build);
+  AddBuild(layout, sigmas, state, &ceres);
   HoldConstant(layout, constant, state, &ceres);
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = 0; b < problem.size(); ++b) {
-      if (a != b && problem.HasOverlapTerms())
+      if (problem.OverlapCounts(a, b))
         AddOverlapTerms(problem, evidence, kept_initial, a, b, state, &ceres);
     }
   }
@@ -245,7 +302,7 @@ std::optional<State> SolveFine(const JointProblem& problem, const Solution& solu
       BuildFineProblem(problem, solution.evidence, solution.kept_initial,
                        problem.layout.Constant(solution.free, solution.kept_initial), &state);
   if (!Minimise(problem.options, ceres.problem.get())) return std::nullopt;
-  state.built = problem.model.Built(state.build.data());
+  state.UpdateBuilt(problem.model);
   return state;
 }
 
@@ -259,9 +316,13 @@ bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t
 
 void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution) {
   solution->state.poses[sensor] = PoseBlock(problem.sensors[sensor].fallback);
-  solution->state.offsets[sensor] = 0;
-  solution->state.nuisances[sensor] = {};
   solution->kept_initial[sensor] = 1;
+  State& state = solution->state;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (state.SensorOf(i) == state.SensorOf(sensor) && !solution->kept_initial[i]) return;
+  }
+  state.Offset(sensor) = 0;
+  state.nuisances[state.SensorOf(sensor)] = {};
 }
 
 Solution IterateFine(const JointProblem& problem, Solution solution) {

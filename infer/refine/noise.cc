@@ -151,12 +151,8 @@ Linearised Linearise(const BuildModel& model, const SensorEvidence& evidence,
       SensorColumns::InTangentSpace(jacobian.leftCols<SensorColumns::kOffset>(), parameters.pose);
   const auto boxes = static_cast<int>(model.structure().boxes().size());
   const Eigen::VectorXd sigmas = SharedPriorSigmas(priors, 0, boxes);
-  Eigen::VectorXd values(sigmas.size());  // the lens's prior is about where it is
-  values << parameters.offset[0],
-      Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
-      Eigen::Map<const Eigen::VectorXd>(parameters.build, model.size());
   const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
-  linear.residuals -= known * values;
+  linear.residuals -= known * SharedValues(parameters, boxes);
   linear.shared = known * sigmas.asDiagonal();
   linear.seam = known.col(1 + kMultipath);
   return linear;

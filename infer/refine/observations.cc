@@ -153,12 +153,13 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
                         const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
                         const Gates& gates, SensorEvidence* evidence) {
+  const Structure& built = state.Built(sensor);
   std::vector<SensorState> places;
   for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
     const auto lies_on_it = [&](const SensorState& at) {
-      return LiesOnItsSide(state.built, at, point, gates.side);
+      return LiesOnItsSide(built, at, point, gates.side);
     };
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
       faces[{point.label, point.block}].push_back(&point);
@@ -168,7 +169,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   for (const EdgePoint& edge : points.edge_points) {
     EdgeLine line;
     const auto lies_on_one = [&](const SensorState& at) {
-      return LiesOnAnEdge(state.built, at, edge, gates.side, &line);
+      return LiesOnAnEdge(built, at, edge, gates.side, &line);
     };
     if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
       lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
@@ -177,7 +178,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   evidence->faces.clear();
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
-      evidence->faces.push_back(FaceOf(nominal, state.built, places.front(), key.first, of));
+      evidence->faces.push_back(FaceOf(nominal, built, places.front(), key.first, of));
   }
   for (FaceObservation& face : evidence->faces) face.by_lens = points.RayByLensAt(face.p);
   evidence->edges.clear();

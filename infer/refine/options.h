@@ -25,6 +25,8 @@ struct RefineOptions {
   double depth_offset_sigma_m = 0.007;
   double edge_shift_sigma_px = 0.7;
   bool lens_per_sensor = false;
+  double sensor_moved_sigma_m = 2e-4;
+  double sensor_moved_sigma_deg = 0.005;
   int outer_iterations = 5;
   int inner_iterations = 6;
   int fine_iterations = 3;
@@ -63,6 +65,14 @@ struct RefineOptions {
        AtLeast(0));
     ar("edge_shift_sigma_px", edge_shift_sigma_px,
        "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
+    ar("sensor_moved_sigma_m", sensor_moved_sigma_m,
+       "of several captures: prior standard deviation of how far a sensor moves from one to another, "
+       "m (floors give way, and tripods creep)",
+       Above(0));
+    ar("sensor_moved_sigma_deg", sensor_moved_sigma_deg,
+       "of several captures: prior standard deviation of how far a sensor turns from one to another, "
+       "deg",
+       Above(0));
     ar("outer_iterations", outer_iterations,
        "associations of the coarse stage, each followed by a Ceres solution; the joint "
        "refinement has one only where without_structure names a sensor",

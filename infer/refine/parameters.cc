@@ -43,26 +43,48 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
   sigmas[1 + kMultipath] = multipath;
   sigmas[1 + kEdgeShift] = sigmas[2 + kEdgeShift] = priors.edge_shift;
   sigmas.segment<kLensParameters>(1 + kNuisances) = priors.lens;
-  auto build = sigmas.tail(1 + 3 * boxes);
-  build[0] = priors.size;
+  sigmas[1 + kNuisances + kLensParameters] = priors.size;
+  auto of_boxes = sigmas.tail(3 * boxes);
   for (int b = 0; b < boxes; ++b) {
-    build[BuildModel::X(b)] = build[BuildModel::Z(b)] = priors.box;
-    build[BuildModel::Yaw(b)] = priors.yaw;
+    of_boxes[BuildModel::X(b)] = of_boxes[BuildModel::Z(b)] = priors.box;
+    of_boxes[BuildModel::Yaw(b)] = priors.yaw;
   }
   return sigmas;
 }
 
+Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes) {
+  Eigen::VectorXd values(1 + kNuisances + kLensParameters + 1 + 3 * boxes);
+  values << *parameters.offset, Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
+      LensChange::Zero(), *parameters.build.size,
+      Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, 3 * boxes);
+  return values;
+}
+
+std::vector<FrameOf> EachItsOwn(std::size_t frames) {
+  std::vector<FrameOf> each(frames);
+  for (std::size_t i = 0; i < frames; ++i) each[i].sensor = static_cast<int>(i);
+  return each;
+}
+
+void State::UpdateBuilt(const BuildModel& model) {
+  for (std::size_t still = 0; still < built.size(); ++still)
+    built[still] = model.Built(Build(still));
+}
+
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses, std::vector<int> lens_of) {
+                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frames,
+                   const std::vector<Pose>& placements) {
   State state;
+  state.frames = frames.empty() ? EachItsOwn(poses.size()) : std::move(frames);
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
-  state.offsets.assign(poses.size(), 0);
-  state.nuisances.assign(poses.size(), {});
-  lens_of.resize(poses.size(), 0);
-  state.lens_of = std::move(lens_of);
+  for (const Pose& placement : placements) state.placements.emplace_back(placement);
+  std::size_t sensors = 0;
+  for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
+  state.offsets.assign(sensors, 0);
+  state.nuisances.assign(sensors, {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
-  state.build.assign(1 + 3 * structure.boxes().size(), 0);
-  state.built = structure;
+  state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
+  state.built.assign(placements.size(), structure);
   return state;
 }
 
@@ -70,34 +92,46 @@ bool FreeSet::AllBoxes() const {
   return std::all_of(boxes.begin(), boxes.end(), [](char f) { return f != 0; });
 }
 
-FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
+FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
                  std::size_t boxes, const std::vector<SensorLens>& lenses) {
   FreeSet free;
   free.boxes.assign(boxes, asked.boxes && priors.box > 0);
   free.size = asked.size && priors.size > 0;
-  free.gain.assign(sensors, asked.depth_gain && priors.gain > 0);
-  free.offset.assign(sensors, asked.depth_offset && priors.offset > 0);
+  free.gain.assign(frames, asked.depth_gain && priors.gain > 0);
+  free.offset.assign(frames, asked.depth_offset && priors.offset > 0);
   for (const SensorLens& lens : lenses) {
     // What a single view of the boxes seems to say about a lens is as well said by their size and
     // place and by the sensor's depth errors.
-    const bool told = sensors > 1 || lens.evidence.information.trace() > 0;
+    const bool told = frames > 1 || lens.evidence.information.trace() > 0;
     free.lens.push_back(asked.lens && told && lens.prior_sigmas.maxCoeff() > 0);
   }
   return free;
 }
 
+ParameterLayout::ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
+                                 std::size_t lenses)
+    : frames_(std::move(frames)), stills_(stills), boxes_(boxes), lenses_(lenses) {
+  for (std::size_t i = 0; i < frames_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
+}
+
 std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const {
   std::vector<Block> blocks;
-  for (std::size_t i = 0; i < sensors_; ++i)
+  for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->poses[i].values, Pose(i), 7, 6});
-  for (std::size_t i = 0; i < sensors_; ++i)
-    blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
-  for (std::size_t i = 0; i < sensors_; ++i)
-    blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
+  for (std::size_t still = 1; still < stills_; ++still)
+    blocks.push_back({state->placements[still].values, Placement(still), 7, 6});
+  for (std::size_t s = 0; s < sensors_; ++s)
+    blocks.push_back({&state->offsets[s], OffsetOfSensor(s), 1, 1});
+  for (std::size_t s = 0; s < sensors_; ++s) {
+    blocks.push_back(
+        {state->nuisances[s].data(), NuisanceOfSensor(s, 0), kNuisances, kNuisances});
+  }
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
-  const int build = static_cast<int>(state->build.size());
-  blocks.push_back({state->build.data(), Build(), build, build});
+  blocks.push_back({&state->size, Size(), 1, 1});
+  const int boxes = static_cast<int>(3 * boxes_);
+  for (std::size_t still = 0; still < stills_; ++still)
+    blocks.push_back({state->boxes[still].data(), Boxes(still), boxes, boxes});
   return blocks;
 }
 
@@ -106,14 +140,23 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
                                              const std::vector<SensorLens>& lenses) const {
   Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
   const auto boxes = static_cast<int>(boxes_);
-  for (std::size_t i = 0; i < sensors_; ++i) {
-    const Eigen::VectorXd shared = SharedPriorSigmas(priors, multipath[i], boxes);
-    sigmas[Offset(i)] = shared[0];
-    sigmas.segment<kNuisances>(Nuisance(i, 0)) = shared.segment<kNuisances>(1);
+  std::vector<double> sums(sensors_, 0), counts(sensors_, 0);
+  for (std::size_t i = 0; i < frames(); ++i) {
+    sums[SensorOf(i)] += multipath[i];
+    ++counts[SensorOf(i)];
+  }
+  for (std::size_t s = 0; s < sensors_; ++s) {
+    const Eigen::VectorXd shared =
+        SharedPriorSigmas(priors, sums[s] / std::max(1.0, counts[s]), boxes);
+    sigmas[OffsetOfSensor(s)] = shared[0];
+    sigmas.segment<kNuisances>(NuisanceOfSensor(s, 0)) = shared.segment<kNuisances>(1);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
-  sigmas.tail(1 + 3 * boxes) = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);
+  const Eigen::VectorXd build = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);
+  sigmas[Size()] = build[0];
+  for (std::size_t still = 0; still < stills_; ++still)
+    sigmas.segment(Boxes(still), 3 * boxes) = build.tail(3 * boxes);
   return sigmas.unaryExpr(&Positive);
 }
 
@@ -123,32 +166,40 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   const auto hold = [&](Eigen::Index first, int count) {
     std::fill_n(constant.begin() + first, count, 1);
   };
-  for (std::size_t i = 0; i < sensors_; ++i) {
+  std::vector<char> is_moved(sensors_, kept_initial.empty());
+  for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset[i]) hold(Offset(i), 1);
     if (!free.gain[i]) hold(Nuisance(i, kDepthGain), 1);
-    if (kept_initial.empty() || !kept_initial[i]) continue;
-    hold(Pose(i), 6);
-    hold(Offset(i), 1);
-    hold(Nuisance(i, 0), kNuisances);
+    if (kept_initial.empty()) continue;
+    if (kept_initial[i]) {
+      hold(Pose(i), 6);
+    } else {
+      is_moved[SensorOf(i)] = 1;
+    }
+  }
+  for (std::size_t s = 0; s < sensors_; ++s) {
+    if (is_moved[s]) continue;
+    hold(OffsetOfSensor(s), 1);
+    hold(NuisanceOfSensor(s, 0), kNuisances);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);
   }
   if (!free.size) hold(Size(), 1);
-  for (std::size_t b = 0; b < boxes_; ++b) {
-    if (!free.boxes[b]) hold(Boxes() + static_cast<Eigen::Index>(3 * b), 3);
+  for (std::size_t b = 0; b < free.boxes.size(); ++b) {
+    if (!free.boxes[b]) hold(Boxes(0) + static_cast<Eigen::Index>(3 * b), 3);
   }
   return constant;
 }
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
-  for (std::size_t i = 0; i < sensors_; ++i) {
-    of[Offset(i)] = scales.offset;
-    of[Nuisance(i, kDepthGain)] = scales.gain;
+  for (std::size_t s = 0; s < sensors_; ++s) {
+    of[OffsetOfSensor(s)] = scales.offset;
+    of[NuisanceOfSensor(s, kDepthGain)] = scales.gain;
   }
   of[Size()] = scales.size;
-  of.segment(Boxes(), static_cast<Eigen::Index>(3 * boxes_)).setConstant(scales.boxes);
+  of.tail(size() - Boxes(0)).setConstant(scales.boxes);
   return of;
 }
 

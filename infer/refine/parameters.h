@@ -23,21 +23,30 @@ namespace volalign::refine_internal {
 inline constexpr int kNuisances = 4;
 inline constexpr int kDepthGain = 0, kMultipath = 1, kEdgeShift = 2;
 
-/// One sensor's parameter blocks: pose (7), depth offset in m (1), nuisances, its lens
-/// (LensChange), and the build that all sensors share.
+/// What a frame is of: indices of its sensor, its still and its lens. The frames of one sensor are
+/// of different stills.
+struct FrameOf {
+  int sensor = 0, still = 0, lens = 0;
+};
+/// Of so many frames, each of a sensor of its own, all in one still, with one lens.
+std::vector<FrameOf> EachItsOwn(std::size_t frames);
+
+/// One frame's parameter blocks: pose in the structure of its still (7), its sensor's depth offset
+/// in m (1), nuisances and lens (LensChange), and the build of its still.
 struct SensorParameters {
   const double* pose;
   const double* offset;
   const double* nuisance;
   const double* lens;
-  const double* build;
+  BuildParameters build;
 };
 
-/// Columns of the derivatives of one sensor's residuals by its blocks, one after the other. The
+/// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct SensorColumns {
   static constexpr Eigen::Index kPose = 0, kOffset = 7, kNuisance = 8,
-                                kLens = kNuisance + kNuisances, kBuild = kLens + kLensParameters;
+                                kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
+                                kBoxes = kSize + 1;
   /// How many columns are the sensor's own depth and silhouette errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
@@ -58,10 +67,13 @@ Priors PriorsOf(const RefineOptions& options);
 /// A standard deviation of zero stands for "known"; this is the least with which one can divide.
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 
-/// Prior standard deviations of what moves one sensor's residuals beside its pose, in the order of
-/// SensorColumns: offset, nuisances, lens, build. `multipath`, m, belongs to the sensor's noise
-/// model.
+/// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
+/// SensorColumns: offset, nuisances, lens, size, boxes. `multipath`, m, belongs to the frame's
+/// noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
+
+/// The values of the same parameters. That of the lens is zero: its prior is about where it is.
+Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes);
 
 /// How far each kind of what is estimated beside the poses strays from its nominal value, as a
 /// factor on its prior standard deviation; 0: not at all.
@@ -82,79 +94,113 @@ struct SensorState {
   }
 };
 
-/// Values of all parameters.
+/// Values of all parameters. A frame's sensor is short for the sensor that it is of.
 struct State {
-  std::vector<PoseBlock> poses;
-  std::vector<double> offsets;
-  std::vector<std::array<double, kNuisances>> nuisances;
-  std::vector<LensChange> lenses;  ///< from the assumed intrinsics
-  std::vector<int> lens_of;        ///< index of each sensor's lens
-  std::vector<double> build;       ///< see BuildModel
-  PriorScales scales;              ///< of the priors; they are estimated as well
-  /// The structure as `build` had it when it was last solved for: what points are matched with.
-  Structure built;
+  std::vector<FrameOf> frames;
+  std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
+  std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
+  std::vector<double> offsets;        ///< of each sensor
+  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each sensor
+  std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
+  double size = 0;                                        ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
+  PriorScales scales;  ///< of the priors; they are estimated as well
+  /// Of each still, the structure as the build had it when it was last solved for: what points are
+  /// matched with.
+  std::vector<Structure> built;
 
+  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].sensor); }
+  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].still); }
+  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].lens); }
+
+  // Of a frame.
+  const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
+  const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
+  LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
+  double& Offset(std::size_t i) { return offsets[SensorOf(i)]; }
+  double* Nuisance(std::size_t i) { return nuisances[SensorOf(i)].data(); }
   SensorState Sensor(std::size_t i) const { return Sensor(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   SensorState Sensor(std::size_t i, const Pose& pose) const {
-    return {pose, nuisances[i][kDepthGain], offsets[i]};
+    return {pose, nuisances[SensorOf(i)][kDepthGain], offsets[SensorOf(i)]};
   }
-  /// Of a sensor.
-  const LensChange& Lens(std::size_t i) const {
-    return lenses[static_cast<std::size_t>(lens_of[i])];
-  }
-  LensChange& Lens(std::size_t i) { return lenses[static_cast<std::size_t>(lens_of[i])]; }
+  BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
   SensorParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], nuisances[i].data(), Lens(i).data(), build.data()};
+    return {poses[i].values, &offsets[SensorOf(i)], nuisances[SensorOf(i)].data(), Lens(i).data(),
+            Build(StillOf(i))};
   }
+  /// Makes `built` what the parameters say.
+  void UpdateBuilt(const BuildModel& model);
 };
-/// Everything nominal, the sensors at `poses`, each with the lens of this index.
-/// Lenses begin at SensorLens::change. By default all sensors have one lens, which is known.
+/// Everything nominal, the frames at `poses`, the stills at `placements`. Lenses begin at
+/// SensorLens::change. By default there is one still, each frame is of a sensor of its own, and all
+/// have one lens, which is known.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses = {SensorLens()},
-                   std::vector<int> lens_of = {});
+                   std::vector<FrameOf> frames = {},
+                   const std::vector<Pose>& placements = {Pose::Identity()});
 
 /// What is estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
-  std::vector<char> boxes, gain, offset;  ///< of each box, each sensor, each sensor
-  std::vector<char> lens;                 ///< of each lens
+  std::vector<char> boxes;         ///< of each box of each still, still by still
+  std::vector<char> gain, offset;  ///< of each frame; those of one sensor are alike
+  std::vector<char> lens;          ///< of each lens
   bool size = false;
 
   bool AllBoxes() const;
 };
-/// What the options ask for, where the prior leaves it open at all. Of the lens of a single sensor,
-/// only where large planes tell about it.
-FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t sensors,
+/// What the options ask for, where the prior leaves it open at all. Of the lens of a single frame,
+/// only where large planes tell about it. `boxes`: of all stills.
+FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
                  std::size_t boxes, const std::vector<SensorLens>& lenses = {SensorLens()});
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
-/// poses (6 each), the depth offsets, the nuisances (kNuisances of each sensor), the lenses
-/// (kLensParameters each), the build.
+/// frames' poses (6 each), the placements of all stills but the first (6 each), of the sensors the
+/// depth offsets and the nuisances (kNuisances each), the lenses (kLensParameters each), the size,
+/// the boxes of each still.
 class ParameterLayout {
  public:
-  ParameterLayout(std::size_t sensors, std::size_t boxes, std::size_t lenses = 1)
-      : sensors_(sensors), boxes_(boxes), lenses_(lenses) {}
+  /// `boxes`: of one still.
+  ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
+                  std::size_t lenses);
+  /// One still, each frame of a sensor of its own.
+  ParameterLayout(std::size_t frames, std::size_t boxes, std::size_t lenses = 1)
+      : ParameterLayout(EachItsOwn(frames), 1, boxes, lenses) {}
 
+  std::size_t frames() const { return frames_.size(); }
   std::size_t sensors() const { return sensors_; }
-  std::size_t boxes() const { return boxes_; }
+  std::size_t stills() const { return stills_; }
+  std::size_t boxes() const { return boxes_; }  ///< of one still
   std::size_t lenses() const { return lenses_; }
-  Eigen::Index size() const { return Build() + 1 + static_cast<Eigen::Index>(3 * boxes_); }
+  Eigen::Index size() const { return Boxes(stills_); }
 
-  Eigen::Index Pose(std::size_t i) const { return static_cast<Eigen::Index>(6 * i); }
-  Eigen::Index Offset(std::size_t i) const { return static_cast<Eigen::Index>(6 * sensors_ + i); }
-  /// `which`: kDepthGain, kMultipath, kEdgeShift or kEdgeShift + 1.
-  Eigen::Index Nuisance(std::size_t i, int which) const {
-    return static_cast<Eigen::Index>(7 * sensors_ + kNuisances * i) + which;
+  Eigen::Index Pose(std::size_t frame) const { return static_cast<Eigen::Index>(6 * frame); }
+  /// Of a still, not the first.
+  Eigen::Index Placement(std::size_t still) const {
+    return static_cast<Eigen::Index>(6 * (frames() + still - 1));
+  }
+  Eigen::Index OffsetOfSensor(std::size_t sensor) const {
+    return Placement(stills_) + static_cast<Eigen::Index>(sensor);
+  }
+  Eigen::Index NuisanceOfSensor(std::size_t sensor, int which) const {
+    return OffsetOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * sensor) + which;
+  }
+  /// Of a frame's sensor.
+  Eigen::Index Offset(std::size_t frame) const { return OffsetOfSensor(SensorOf(frame)); }
+  /// Of a frame's sensor. `which`: kDepthGain, kMultipath, kEdgeShift or kEdgeShift + 1.
+  Eigen::Index Nuisance(std::size_t frame, int which) const {
+    return NuisanceOfSensor(SensorOf(frame), which);
   }
   /// Of the lens of this index.
   Eigen::Index Lens(std::size_t lens) const {
-    return static_cast<Eigen::Index>((7 + kNuisances) * sensors_ + kLensParameters * lens);
+    return NuisanceOfSensor(sensors_, 0) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
-  /// Of the whole block. Its first parameter is the size of all boxes.
-  Eigen::Index Build() const { return Lens(lenses_); }
-  Eigen::Index Size() const { return Build(); }
-  /// The three of each box (x, z, yaw), box by box from here.
-  Eigen::Index Boxes() const { return Build() + 1; }
+  /// Of all boxes.
+  Eigen::Index Size() const { return Lens(lenses_); }
+  /// The three of each box (x, z, yaw) in a still, box by box from here.
+  Eigen::Index Boxes(std::size_t still = 0) const {
+    return Size() + 1 + static_cast<Eigen::Index>(3 * boxes_ * still);
+  }
 
   /// A block of Ceres parameters and the first of its columns.
   struct Block {
@@ -167,7 +213,7 @@ class ParameterLayout {
   std::vector<Block> Blocks(State* state) const;
 
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
-  /// `multipath`: m, of each sensor.
+  /// `multipath`: m, of each frame; a sensor's is the mean of its frames'.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
@@ -176,15 +222,21 @@ class ParameterLayout {
   /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
 
-  /// Which columns are held constant where only `free` is estimated, and where all of the sensors
-  /// marked in `kept_initial` stands where it is (none where that is empty).
+  /// Which columns are held constant where only `free` is estimated, and where the frames marked in
+  /// `kept_initial` (none where that is empty) stand where they are, with all of a sensor that has
+  /// no others.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& kept_initial = {}) const;
 
   /// Gives what `free` leaves out its nominal value, zero.
   void SetNominal(const FreeSet& free, State* state) const;
 
  private:
-  std::size_t sensors_, boxes_, lenses_;
+  std::size_t SensorOf(std::size_t frame) const {
+    return static_cast<std::size_t>(frames_[frame].sensor);
+  }
+
+  std::vector<FrameOf> frames_;
+  std::size_t sensors_ = 0, stills_, boxes_, lenses_;
 };
 
 }  // namespace volalign::refine_internal

@@ -96,9 +96,9 @@ Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const Parame
                                 const Eigen::VectorXd& prior_sigmas) {
   // What pulls on each shift, but its own prior.
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(information.rows());
-  for (std::size_t i = 0; i < layout.sensors(); ++i) {
+  for (std::size_t s = 0; s < layout.sensors(); ++s) {
     for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
-      const Eigen::Index column = layout.Nuisance(i, shift);
+      const Eigen::Index column = layout.NuisanceOfSensor(s, shift);
       pull += information.col(column);
       pull[column] -= 1 / Square(prior_sigmas[column]);
     }
@@ -156,10 +156,10 @@ Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors
 }
 
 Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& layout,
-                          const Eigen::MatrixXd& gauge_projection) {
+                          std::size_t still, const Eigen::MatrixXd& gauge_projection) {
   const Eigen::Index n = gauge_projection.rows();
   const Eigen::MatrixXd covariance =
-      gauge_projection * posterior.covariance.block(layout.Boxes(), layout.Boxes(), n, n) *
+      gauge_projection * posterior.covariance.block(layout.Boxes(still), layout.Boxes(still), n, n) *
       gauge_projection.transpose();
   return covariance.diagonal().cwiseMax(0).cwiseSqrt();
 }

@@ -55,8 +55,9 @@ Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<
 /// as one, to those that the prior finds likeliest. 3 x boxes square.
 Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors);
 
-/// Posterior standard deviations of the boxes' x, z (m) and yaw (rad), the gauge taken out.
+/// Posterior standard deviations of the boxes' x, z (m) and yaw (rad) in one still, the gauge taken
+/// out.
 Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& layout,
-                          const Eigen::MatrixXd& gauge_projection);
+                          std::size_t still, const Eigen::MatrixXd& gauge_projection);
 
 }  // namespace volalign::refine_internal

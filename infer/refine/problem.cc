@@ -1,6 +1,7 @@
 #include "infer/refine/problem.h"
 
 #include <algorithm>
+#include <map>
 
 namespace volalign::refine_internal {
 
@@ -14,11 +15,21 @@ std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
   return lenses;
 }
 
-std::vector<int> LensesOf(const std::vector<RefineSensor>& sensors, std::size_t given) {
-  std::vector<int> lens_of;
-  for (const RefineSensor& sensor : sensors)
-    lens_of.push_back(sensor.lens < 0 ? static_cast<int>(given) : sensor.lens);
-  return lens_of;
+/// `known_lens`: index of the one that is known. Sensors are numbered as they first occur.
+std::vector<FrameOf> FramesOf(const std::vector<RefineSensor>& sensors, std::size_t known_lens) {
+  std::vector<FrameOf> frames;
+  std::map<int, int> numbers;
+  int count = 0;
+  for (const RefineSensor& sensor : sensors) {
+    FrameOf of;
+    of.still = sensor.still;
+    of.lens = sensor.lens < 0 ? static_cast<int>(known_lens) : sensor.lens;
+    of.sensor = count;
+    if (sensor.sensor >= 0) of.sensor = numbers.emplace(sensor.sensor, count).first->second;
+    count = std::max(count, of.sensor + 1);
+    frames.push_back(of);
+  }
+  return frames;
 }
 
 }  // namespace
@@ -26,18 +37,31 @@ std::vector<int> LensesOf(const std::vector<RefineSensor>& sensors, std::size_t 
 JointProblem::JointProblem(const Structure& structure_in,
                            const std::vector<RefineSensor>& sensors_in,
                            const RefineOptions& options_in,
-                           const std::vector<SensorLens>& lenses_in)
+                           const std::vector<SensorLens>& lenses_in, std::size_t stills)
     : structure(structure_in),
       sensors(sensors_in),
       options(options_in),
       model(structure_in),
       priors(refine_internal::PriorsOf(options_in)),
       lenses(WithKnownLens(lenses_in, sensors_in)),
-      lens_of(LensesOf(sensors_in, lenses_in.size())),
-      layout(sensors_in.size(), structure_in.boxes().size(), lenses.size()) {
+      frames(FramesOf(sensors_in, lenses_in.size())),
+      layout(frames, stills, structure_in.boxes().size(), lenses.size()) {
   for (const RefineSensor& sensor : sensors)
     overlap_points.push_back(
         ChooseOverlapPoints(structure, *sensor.points, sensor.start, options.max_overlap_points));
+}
+
+bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {
+  if (options.max_overlap_points == 0 || a == b || frames[a].still != frames[b].still) return false;
+  const auto is_in = [&](int sensor, int still) {
+    return std::any_of(frames.begin(), frames.end(), [&](const FrameOf& frame) {
+      return frame.sensor == sensor && frame.still == still;
+    });
+  };
+  for (int still = 0; still < frames[a].still; ++still) {
+    if (is_in(frames[a].sensor, still) && is_in(frames[b].sensor, still)) return false;
+  }
+  return true;
 }
 
 }  // namespace volalign::refine_internal

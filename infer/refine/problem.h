@@ -12,7 +12,8 @@
 
 namespace volalign {
 
-/// One sensor to refine. All poses are structure_from_sensor.
+/// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the structure
+/// where it stands in that still.
 struct RefineSensor {
   const SensorPoints* points = nullptr;
   /// What a refined pose has to explain held-out points better than. A pose that was fitted to the
@@ -25,6 +26,9 @@ struct RefineSensor {
   bool use_structure_terms = true;
   /// Index into the lenses; -1: its lens is known.
   int lens = -1;
+  /// Index of the sensor among those of all stills; -1: one of its own.
+  int sensor = -1;
+  int still = 0;  ///< index into the placements
 };
 
 namespace refine_internal {
@@ -35,7 +39,8 @@ inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 /// What is given and stays as it is while the parameters are sought. Refers to its arguments.
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<RefineSensor>& sensors,
-               const RefineOptions& options, const std::vector<SensorLens>& lenses = {});
+               const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
+               std::size_t stills = 1);
 
   const Structure& structure;  ///< as described
   const std::vector<RefineSensor>& sensors;
@@ -44,21 +49,25 @@ struct JointProblem {
   Priors priors;  ///< without a lens's
   /// Those given, then one for all sensors whose lens is known, where there are any.
   std::vector<SensorLens> lenses;
-  std::vector<int> lens_of;  ///< of each sensor, into `lenses`
+  std::vector<FrameOf> frames;  ///< what each of `sensors` is of
   ParameterLayout layout;
-  std::vector<std::vector<int>> overlap_points;  ///< of each sensor, see ChooseOverlapPoints
+  std::vector<std::vector<int>> overlap_points;  ///< of each frame, see ChooseOverlapPoints
 
   std::size_t size() const { return sensors.size(); }
   /// For what a sensor's points alone are to tell: with the standard deviations of its lens about
   /// where all evidence together has it, which are not those of a lens of which nothing is known.
   Priors PriorsOf(std::size_t i) const {
     Priors own = priors;
-    own.lens = lenses[static_cast<std::size_t>(lens_of[i])].prior_sigmas.cwiseMin(kFoundLens);
+    const auto lens = static_cast<std::size_t>(frames[i].lens);
+    own.lens = lenses[lens].prior_sigmas.cwiseMin(kFoundLens);
     return own;
   }
   bool HasStructureTerms(std::size_t i) const { return sensors[i].use_structure_terms; }
-  bool HasOverlapTerms() const { return options.max_overlap_points > 0; }
-  /// One sensor's part in its overlap with others.
+  /// Does the overlap of two frames count? They have to be of one still, and no earlier one may
+  /// have both sensors: what stands about the structure would be measured again with the same
+  /// errors.
+  bool OverlapCounts(std::size_t a, std::size_t b) const;
+  /// One frame's part in its overlap with others.
   OverlapView Overlap(std::size_t i, const State& state) const {
     return {sensors[i].points, &overlap_points[i], state.Sensor(i)};
   }

@@ -23,11 +23,12 @@ namespace {
 using namespace refine_internal;  // NOLINT(google-build-using-namespace): its own parts
 
 /// Where everything begins. A sensor that has no place to begin at is kept at its fallback.
-Solution Begin(const JointProblem& problem, const FreeSet& asked_for) {
+Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
+               const FreeSet& asked_for) {
   std::vector<Pose> starts;
   for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
   Solution solution{asked_for,
-                    NominalState(problem.structure, starts, problem.lenses, problem.lens_of),
+                    NominalState(problem.structure, starts, problem.lenses, problem.frames, placements),
                     {},
                     std::vector<char>(problem.size(), 0)};
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -45,28 +46,45 @@ void CheckPoses(const std::vector<RefineSensor>& sensors) {
   }
 }
 
-/// Gauge: the mean displacement of the estimated boxes is zero. The priors all but see to it.
-void CentreBoxes(const JointProblem& problem, Solution* solution) {
-  const FreeSet& free = solution->free;
-  State* state = &solution->state;
+/// Makes the mean displacement of a still's estimated boxes zero. Returns it.
+Eigen::Vector3d TakeMeanOut(const char* estimated, std::vector<double>* boxes) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  std::vector<int> estimated;
-  for (std::size_t b = 0; b < free.boxes.size(); ++b) {
-    if (free.boxes[b]) estimated.push_back(static_cast<int>(b));
-  }
-  if (estimated.empty()) return;
-  const auto at = [&](int k) -> double& { return state->build[static_cast<std::size_t>(k)]; };
-  for (const int b : estimated)
+  double count = 0;
+  const auto at = [&](int k) -> double& { return (*boxes)[static_cast<std::size_t>(k)]; };
+  const int all = static_cast<int>(boxes->size()) / 3;
+  for (int b = 0; b < all; ++b) {
+    if (!estimated[b]) continue;
     mean += Eigen::Vector3d(at(BuildModel::X(b)), 0, at(BuildModel::Z(b)));
-  mean /= static_cast<double>(estimated.size());
-  for (const int b : estimated) {
+    ++count;
+  }
+  mean /= std::max(1.0, count);
+  for (int b = 0; b < all; ++b) {
+    if (!estimated[b]) continue;
     at(BuildModel::X(b)) -= mean.x();
     at(BuildModel::Z(b)) -= mean.z();
   }
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!solution->kept_initial[i]) Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= mean;
+  return mean;
+}
+
+/// Gauge: in each still, the mean displacement of the estimated boxes is zero. The priors all but
+/// see to it.
+void CentreBoxes(const JointProblem& problem, Solution* solution) {
+  State* state = &solution->state;
+  std::vector<Eigen::Vector3d> means;
+  for (std::size_t still = 0; still < state->boxes.size(); ++still) {
+    means.push_back(TakeMeanOut(solution->free.boxes.data() + still * problem.layout.boxes(),
+                                &state->boxes[still]));
   }
-  state->built = problem.model.Built(state->build.data());
+  for (std::size_t still = 1; still < means.size(); ++still) {
+    Pose placement = state->placements[still].ToPose();
+    placement.translation() += placement.linear() * means[still] - means[0];
+    state->placements[still] = PoseBlock(placement);
+  }
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (solution->kept_initial[i]) continue;
+    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->StillOf(i)];
+  }
+  state->UpdateBuilt(problem.model);
 }
 
 /// What there is to say of numbers that failed, or nothing.
@@ -78,6 +96,27 @@ std::string Problem(bool unsolved, bool exact_covariance) {
   return "";
 }
 
+/// T Exp(delta) = Exp(Adjoint(T) delta) T, for delta = [translation; rotation vector].
+Matrix6d Adjoint(const Pose& pose) {
+  Matrix6d adjoint = Matrix6d::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = pose.linear();
+  adjoint.topRightCorner<3, 3>() = Cross(pose.translation()) * pose.linear();
+  return adjoint;
+}
+
+/// Of first_from_placement * pose, pose being a frame's.
+Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posterior,
+                           const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
+  const Matrix6d turned = Adjoint(placement);
+  Matrix6d in_first = turned * covariance * turned.transpose();
+  const auto still = static_cast<std::size_t>(problem.frames[frame].still);
+  if (still == 0) return in_first;
+  const Eigen::Index p = problem.layout.Placement(still), t = problem.layout.Pose(frame);
+  const Matrix6d cross = posterior.covariance.block<6, 6>(p, t) * turned.transpose();
+  in_first += posterior.covariance.block<6, 6>(p, p) + cross + cross.transpose();
+  return (in_first + in_first.transpose()) / 2;
+}
+
 RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
                            const std::vector<char>& unsolved, const Posterior& posterior,
                            const std::optional<SetAside>& set_aside, std::size_t i) {
@@ -87,8 +126,9 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   sensor.accepted = !kept_initial[i];
   sensor.structure_from_sensor =
       sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].fallback;
-  if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[i];
-  if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[i][kDepthGain];
+  const std::size_t own = state.SensorOf(i);
+  if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[own];
+  if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[own][kDepthGain];
   sensor.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
   sensor.sigma_depth_gain = posterior.Sigma(layout.Nuisance(i, kDepthGain));
   sensor.held_out_before = accepted.before[i].misfit;
@@ -104,13 +144,17 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
     sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
                                     set_aside->disagreement.rms_alone};
   }
+  const Pose placement = state.placements[state.StillOf(i)].ToPose();
+  sensor.first_from_sensor = placement * sensor.structure_from_sensor;
+  sensor.first_covariance =
+      CovarianceInFirst(problem, posterior, placement, i, sensor.covariance);
   return sensor;
 }
 
-/// Does a sensor that was refined see the box?
-bool IsSeen(const JointProblem& problem, const Acceptance& accepted, int box) {
+/// Does a sensor that was refined see the box in a still?
+bool IsSeen(const JointProblem& problem, const Acceptance& accepted, std::size_t still, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (accepted.solution.kept_initial[i]) continue;
+    if (accepted.solution.kept_initial[i] || accepted.solution.state.StillOf(i) != still) continue;
     for (const FaceObservation& face : accepted.solution.evidence[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }
@@ -119,18 +163,18 @@ bool IsSeen(const JointProblem& problem, const Acceptance& accepted, int box) {
 }
 
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
-                                   const Posterior& posterior) {
-  const Eigen::VectorXd sigmas =
-      BoxSigmas(posterior, problem.layout, GaugeProjection(problem.structure, problem.priors));
-  const std::vector<double>& build = accepted.solution.state.build;
+                                   const Posterior& posterior, std::size_t still) {
+  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
+                                           GaugeProjection(problem.structure, problem.priors));
+  const std::vector<double>& of_boxes = accepted.solution.state.boxes[still];
+  const char* free = accepted.solution.free.boxes.data() + still * problem.layout.boxes();
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated =
-        accepted.solution.free.boxes[static_cast<std::size_t>(b)] && IsSeen(problem, accepted, b);
-    box.x = build[static_cast<std::size_t>(BuildModel::X(b))];
-    box.z = build[static_cast<std::size_t>(BuildModel::Z(b))];
-    box.yaw = build[static_cast<std::size_t>(BuildModel::Yaw(b))];
+    box.estimated = free[b] && IsSeen(problem, accepted, still, b);
+    box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
+    box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
+    box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
     box.sigma_x = sigmas[3 * b];
     box.sigma_z = sigmas[3 * b + 1];
     box.sigma_yaw = sigmas[3 * b + 2];
@@ -139,15 +183,44 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
   return boxes;
 }
 
+/// Still by still.
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
   const Gates gates = FineGates();
-  std::vector<OverlapView> views;
-  for (std::size_t i = 0; i < problem.size(); ++i) views.push_back(problem.Overlap(i, state));
   std::vector<RefinedPair> pairs;
-  for (const Pair& pair :
-       FindPairs(views, gates.overlap, gates.min_cosine, problem.options.min_overlap))
-    pairs.push_back({pair.a, pair.b, pair.overlap, pair.rms});
+  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
+    std::vector<OverlapView> views;
+    std::vector<int> frames;  // of each view
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (state.StillOf(i) != still) continue;
+      views.push_back(problem.Overlap(i, state));
+      frames.push_back(static_cast<int>(i));
+    }
+    for (const Pair& pair :
+         FindPairs(views, gates.overlap, gates.min_cosine, problem.options.min_overlap)) {
+      pairs.push_back({frames[static_cast<std::size_t>(pair.a)],
+                       frames[static_cast<std::size_t>(pair.b)], pair.overlap, pair.rms});
+    }
+  }
   return pairs;
+}
+
+std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
+                                               const Acceptance& accepted,
+                                               const Posterior& posterior) {
+  const State& state = accepted.solution.state;
+  std::vector<RefinedPlacement> placements;
+  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
+    RefinedPlacement placement;
+    placement.first_from_placement = state.placements[still].ToPose();
+    if (still > 0) {
+      const Eigen::Index column = problem.layout.Placement(still);
+      placement.covariance = posterior.covariance.block<6, 6>(column, column);
+    }
+    placement.boxes = BoxResults(problem, accepted, posterior, still);
+    placement.built = state.built[still];
+    placements.push_back(std::move(placement));
+  }
+  return placements;
 }
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
@@ -158,13 +231,12 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
     result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, set_aside[i], i));
-  result.boxes = BoxResults(problem, accepted, posterior);
+  result.placements = PlacementResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
                                [](const RefinedSensor& sensor) { return sensor.accepted; });
-  result.size_scale = 1 + state.build[0];
+  result.size_scale = 1 + state.size;
   result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
-  result.built = state.built;
   result.pairs = PairResults(problem, state);
   for (std::size_t lens = 0; lens < given_lenses; ++lens) {
     const Eigen::Index column = problem.layout.Lens(lens);
@@ -217,21 +289,25 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
 }
 
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
-                    const RefineOptions& options, const std::vector<SensorLens>& lenses) {
+                    const RefineOptions& options, const std::vector<SensorLens>& lenses,
+                    const std::vector<Pose>& placements) {
   const EstimateSet asked = ParseEstimate(options.estimate);
   if (sensors.empty()) {
     RefineResult nothing;
-    nothing.boxes.resize(structure.boxes().size());
-    nothing.built = structure;
+    for (const Pose& placement : placements) {
+      nothing.placements.push_back({placement, Matrix6d::Zero(),
+                                    std::vector<RefinedBox>(structure.boxes().size()), structure});
+    }
     for (const SensorLens& lens : lenses) nothing.lenses.push_back({lens.change});
     return nothing;
   }
   CheckPoses(sensors);
-  const JointProblem problem(structure, sensors, options, lenses);
+  const JointProblem problem(structure, sensors, options, lenses, placements.size());
   const FreeSet asked_for =
-      AskedFor(asked, problem.priors, sensors.size(), structure.boxes().size(), problem.lenses);
+      AskedFor(asked, problem.priors, sensors.size(),
+               placements.size() * structure.boxes().size(), problem.lenses);
 
-  Solution solution = Begin(problem, asked_for);
+  Solution solution = Begin(problem, placements, asked_for);
   if (options.coarse) {
     solution.state = SolveCoarse(problem, solution.kept_initial, std::move(solution.state));
   }

@@ -19,6 +19,7 @@ struct RefusedFit {
   double rms_together = 0, rms_alone = 0;
 };
 
+/// Of a frame; poses in the structure of its still.
 struct RefinedSensor {
   Pose structure_from_sensor = Pose::Identity();
   bool accepted = false;  ///< false: the pose is RefineSensor::fallback
@@ -32,6 +33,9 @@ struct RefinedSensor {
   double held_out_before = 0, held_out_after = 0;
   /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.
   Matrix6d covariance = Matrix6d::Zero();
+  /// The same in the structure of the first still.
+  Pose first_from_sensor = Pose::Identity();
+  Matrix6d first_covariance = Matrix6d::Zero();
 
   /// True depth = measured depth * depth_gain + depth_offset. 1 and 0 where not estimated; the
   /// sigmas are posterior ones in either case.
@@ -56,19 +60,27 @@ struct RefinedLens {
 };
 
 struct RefinedPair {
-  int a = 0, b = 0;    ///< indices of the sensors, a < b
+  int a = 0, b = 0;    ///< indices of the frames, a < b, of one still
   double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
   double rms = 0;      ///< m, point to plane over them
 };
 
+/// Where the stack stood in a still, and how its boxes did.
+struct RefinedPlacement {
+  Pose first_from_placement = Pose::Identity();
+  /// Of delta as of a pose's, m and rad, in the structure frame of the first still, which has none.
+  Matrix6d covariance = Matrix6d::Zero();
+  std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+  Structure built;                ///< the structure with the boxes' places and the size
+};
+
 struct RefineResult {
-  std::vector<RefinedSensor> sensors;
+  std::vector<RefinedSensor> sensors;  ///< of the frames that were given
   std::vector<RefinedPair> pairs;
-  std::vector<RefinedBox> boxes;    ///< of Structure::boxes()
-  std::vector<RefinedLens> lenses;  ///< of those given
+  std::vector<RefinedPlacement> placements;  ///< of the stills, the first with the identity
+  std::vector<RefinedLens> lenses;           ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
-  Structure built;  ///< the structure with the estimated placement and size
 };
 
 /// Directions in which a pose with this covariance (structure frame, m and rad) is open: each
@@ -76,7 +88,7 @@ struct RefineResult {
 /// as "along structure x (0.12 m)" or "about the vertical (4.1 deg)".
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 
-/// Refines all sensors together, in two stages (refine/coarse.h and refine/fine.h).
+/// Refines all frames together, in two stages (refine/coarse.h and refine/fine.h).
 ///
 /// Coarse, from far off: single points to sides, edges and other sensors' surfaces, the poses
 /// alone.
@@ -90,6 +102,12 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// by its overlap alone. Sensors whose RefineSensor::lens is an index into `lenses` look through
 /// that lens, whose change from SensorLens::change is a parameter, too, with the evidence that
 /// large planes give; sensors may share one.
+///
+/// Several stills of the same sensors have the stack in several places. `placements`, one a still,
+/// are about first_from_placement, the first the identity. Each is a parameter, as are the boxes of
+/// each still; a sensor's depth errors, its lens and the size are the same in all. The frames of a
+/// sensor (RefineSensor::sensor) have a pose each, which differ by the placements and by as little
+/// as options.sensor_moved_sigma_m and _deg allow.
 ///
 /// A parameter is estimated where its posterior is clearly tighter than its prior and the
 /// measurements are more probable if parameters of its kind stray from their nominal values than if
@@ -105,6 +123,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// rad bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate,
 /// DataError for a pose to beat or to fall back to that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
-                    const RefineOptions& options, const std::vector<SensorLens>& lenses = {});
+                    const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
+                    const std::vector<Pose>& placements = {Pose::Identity()});
 
 }  // namespace volalign

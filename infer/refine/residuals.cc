@@ -27,12 +27,12 @@ class Scene {
         lens_(Eigen::Map<const LensChange>(parameters.lens) - seen_through),
         rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
         translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
-        growth_(parameters.build[0]) {}
+        growth_(*parameters.build.size) {}
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
   const double* pose() const { return parameters_.pose; }
   double nuisance(int which) const { return parameters_.nuisance[which]; }
-  Eigen::Index columns() const { return SensorColumns::kBuild + model_.size(); }
+  Eigen::Index columns() const { return SensorColumns::kBoxes + model_.box_parameters(); }
   const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
     return rotation_ * p + translation_;
@@ -68,14 +68,14 @@ class Scene {
   /// Derivative of Distance(plane, R p + t), p fixed. at = R p + t.
   Eigen::RowVectorXd Derivative(const MovedPlane& plane, const Eigen::Vector3d& p,
                                 const Eigen::Vector3d& at) const {
-    constexpr Eigen::Index kBuild = SensorColumns::kBuild;
+    constexpr Eigen::Index kBoxes = SensorColumns::kBoxes;
     Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(columns());
     row.head<4>() = plane.normal.transpose() * RotatedPointJacobian(parameters_.pose, p);
     row.segment<3>(4) = plane.normal.transpose();
-    row[kBuild] = -plane.normal.y() * plane.height - plane.half;
-    row[kBuild + BuildModel::X(plane.box)] = -plane.normal.x();
-    row[kBuild + BuildModel::Z(plane.box)] = -plane.normal.z();
-    row[kBuild + BuildModel::Yaw(plane.box)] = VerticalCross(plane.normal).dot(at - plane.centre);
+    row[SensorColumns::kSize] = -plane.normal.y() * plane.height - plane.half;
+    row[kBoxes + BuildModel::X(plane.box)] = -plane.normal.x();
+    row[kBoxes + BuildModel::Z(plane.box)] = -plane.normal.z();
+    row[kBoxes + BuildModel::Yaw(plane.box)] = VerticalCross(plane.normal).dot(at - plane.centre);
     return row;
   }
 
@@ -83,17 +83,17 @@ class Scene {
   /// The plane of this direction that lies `extent` outside of the side's centre.
   MovedPlane Moved(const Side& side, const Eigen::Vector3d& direction, double extent) const {
     const Box& box = model_.structure().boxes()[static_cast<std::size_t>(side.box)];
-    const double* build = parameters_.build;
+    const double* boxes = parameters_.build.boxes;
     MovedPlane plane;
     plane.box = side.box;
     plane.nominal_centre = box.structure_from_box.translation();
     plane.height = plane.nominal_centre.y() - model_.floor();
     plane.half = direction.dot(side.centre - plane.nominal_centre) + extent;
     plane.normal =
-        Eigen::AngleAxisd(build[BuildModel::Yaw(side.box)], Eigen::Vector3d::UnitY()) * direction;
-    plane.centre = plane.nominal_centre + Eigen::Vector3d(build[BuildModel::X(side.box)],
+        Eigen::AngleAxisd(boxes[BuildModel::Yaw(side.box)], Eigen::Vector3d::UnitY()) * direction;
+    plane.centre = plane.nominal_centre + Eigen::Vector3d(boxes[BuildModel::X(side.box)],
                                                           growth_ * plane.height,
-                                                          build[BuildModel::Z(side.box)]);
+                                                          boxes[BuildModel::Z(side.box)]);
     return plane;
   }
 
@@ -139,7 +139,7 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
     const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
     jacobian->row(row).head<4>() -=
         behind * turn.transpose() * RotatedPointJacobian(scene.pose(), ray);
-    (*jacobian)(row, SensorColumns::kBuild + BuildModel::Yaw(side.box)) -=
+    (*jacobian)(row, SensorColumns::kBoxes + BuildModel::Yaw(side.box)) -=
         behind *
         (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
         (nv * nv);
@@ -174,7 +174,8 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
 SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
     : model_(model), evidence_(evidence) {
   set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
-  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, model.size()};
+  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, 1,
+                                      model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
@@ -182,8 +183,12 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
   Eigen::VectorXd r;
   Eigen::MatrixXd j;
   Residuals(model_, evidence_,
-            {parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]}, &r,
-            jacobians ? &j : nullptr);
+            {parameters[0],
+             parameters[1],
+             parameters[2],
+             parameters[3],
+             {parameters[4], parameters[5]}},
+            &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
   const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());
   const auto face_root = evidence_.face_root.triangularView<Eigen::Lower>();

@@ -13,13 +13,13 @@ namespace {
 TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
   const Structure structure = testing_infer::PaperStructure();
   const BuildModel model(structure);
-  std::vector<double> build(static_cast<std::size_t>(model.size()), 0);
-  EXPECT_EQ(build.size(), 1 + 3 * structure.boxes().size());
-  build[0] = 0.02;
-  build[static_cast<std::size_t>(BuildModel::X(1))] = 0.003;
-  build[static_cast<std::size_t>(BuildModel::Z(1))] = -0.004;
-  build[static_cast<std::size_t>(BuildModel::Yaw(1))] = M_PI / 2;
-  const Structure built = model.Built(build.data());
+  std::vector<double> boxes(static_cast<std::size_t>(model.box_parameters()), 0);
+  EXPECT_EQ(boxes.size(), 3 * structure.boxes().size());
+  const double size = 0.02;
+  boxes[static_cast<std::size_t>(BuildModel::X(1))] = 0.003;
+  boxes[static_cast<std::size_t>(BuildModel::Z(1))] = -0.004;
+  boxes[static_cast<std::size_t>(BuildModel::Yaw(1))] = M_PI / 2;
+  const Structure built = model.Built({&size, boxes.data()});
   EXPECT_NEAR(built.FloorHeight(), structure.FloorHeight(), 1e-9);
   for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
     const Box &before = structure.boxes()[b], &after = built.boxes()[b];

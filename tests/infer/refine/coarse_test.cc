@@ -48,7 +48,8 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
     EXPECT_FALSE(!(error.rotation_deg < 0.3)) << error.rotation_deg;
     EXPECT_EQ(state.offsets[i], 0) << "the poses alone";
   }
-  for (const double x : state.build) EXPECT_EQ(x, 0);
+  EXPECT_EQ(state.size, 0);
+  for (const double x : state.boxes[0]) EXPECT_EQ(x, 0);
 }
 
 }  // namespace

@@ -30,26 +30,35 @@ struct Named {
   std::function<void(State*, double)> move;
 };
 
+/// Moves a pose by a step of its tangent space.
+void MovePose(int k, double step, PoseBlock* pose) {
+  PoseBlock moved(PerturbLeft(step * Vector6d::Unit(k), pose->ToPose()));
+  // Of the two quaternions of a rotation, the nearer.
+  Eigen::Map<Eigen::Vector4d> q(moved.values);
+  if (q.dot(Eigen::Map<Eigen::Vector4d>(pose->values)) < 0) q = -q;
+  *pose = moved;
+}
+
 std::vector<Named> AllParameters(const ParameterLayout& layout) {
   std::vector<Named> all;
+  for (int k = 0; k < 6; ++k) {
+    for (std::size_t i = 0; i < layout.frames(); ++i) {
+      all.push_back({"pose" + std::to_string(k) + " of frame " + std::to_string(i),
+                     layout.Pose(i) + k,
+                     [i, k](State* s, double h) { MovePose(k, h, &s->poses[i]); }});
+    }
+    for (std::size_t still = 1; still < layout.stills(); ++still) {
+      all.push_back({"placement" + std::to_string(k), layout.Placement(still) + k,
+                     [still, k](State* s, double h) { MovePose(k, h, &s->placements[still]); }});
+    }
+  }
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
     const std::string of = " of sensor " + std::to_string(i);
-    for (int k = 0; k < 6; ++k) {
-      all.push_back(
-          {"pose" + std::to_string(k) + of, layout.Pose(i) + k, [i, k](State* s, double h) {
-             const Vector6d delta = h * Vector6d::Unit(k);
-             PoseBlock moved(PerturbLeft(delta, s->poses[i].ToPose()));
-             // Of the two quaternions of a rotation, the nearer.
-             Eigen::Map<Eigen::Vector4d> q(moved.values);
-             if (q.dot(Eigen::Map<Eigen::Vector4d>(s->poses[i].values)) < 0) q = -q;
-             s->poses[i] = moved;
-           }});
-    }
     all.push_back(
-        {"offset" + of, layout.Offset(i), [i](State* s, double h) { s->offsets[i] += h; }});
+        {"offset" + of, layout.OffsetOfSensor(i), [i](State* s, double h) { s->offsets[i] += h; }});
     for (const int k : {kDepthGain, kMultipath, kEdgeShift, kEdgeShift + 1}) {
       all.push_back(
-          {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
+          {"nuisance" + std::to_string(k) + of, layout.NuisanceOfSensor(i, k),
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
@@ -59,40 +68,51 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                      [lens, k](State* s, double h) { s->lenses[lens][k] += h; }});
     }
   }
-  all.push_back({"size", layout.Size(), [](State* s, double h) { s->build[0] += h; }});
-  for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
-    int k = 0;
-    for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)}) {
-      all.push_back({"box " + std::to_string(b), layout.Boxes() + 3 * b + k++,
-                     [at](State* s, double h) { s->build[static_cast<std::size_t>(at)] += h; }});
+  all.push_back({"size", layout.Size(), [](State* s, double h) { s->size += h; }});
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
+      int k = 0;
+      for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)}) {
+        all.push_back({"box " + std::to_string(b), layout.Boxes(still) + 3 * b + k++,
+                       [still, at](State* s, double h) {
+                         s->boxes[still][static_cast<std::size_t>(at)] += h;
+                       }});
+      }
     }
   }
   return all;
 }
 
 TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
+  // The stack stands elsewhere in the second still, which has a frame of the first sensor.
   Rig rig{PaperStructure(), {}, {}};
+  Pose placement = Pose::Identity();
+  placement.linear() = RotationExp(Eigen::Vector3d(0, 0.7, 0));
+  placement.translation() = Eigen::Vector3d(0.4, 0, -0.2);
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(100));
+  rig.Add("A", placement.inverse() * RingPose(40));
   std::vector<SensorPoints> points = PointsOf(rig);
   std::vector<RefineSensor> sensors;
   std::vector<SensorLens> lenses(2);
-  for (std::size_t i = 0; i < 2; ++i) {
+  for (std::size_t i = 0; i < 3; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    const int sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    lenses[i].prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
-    sensors.push_back({&points[i], start, start, start, true, static_cast<int>(i)});
+    sensors.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
   }
+  for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
-  const JointProblem problem(rig.structure, sensors, options, lenses);
+  const JointProblem problem(rig.structure, sensors, options, lenses, 2);
   State state =
-      NominalState(rig.structure, {sensors[0].start, sensors[1].start}, lenses, problem.lens_of);
-  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 2, 4, lenses);
+      NominalState(rig.structure, {sensors[0].start, sensors[1].start, sensors[2].start}, lenses,
+                   problem.frames, {Pose::Identity(), placement});
+  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
   const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
-  const CeresProblem ceres = BuildFineProblem(problem, evidence, {0, 0}, none, &state);
+  const CeresProblem ceres = BuildFineProblem(problem, evidence, {0, 0, 0}, none, &state);
 
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : layout.Blocks(&state))
@@ -119,7 +139,10 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
-    std::copy(before.build.begin(), before.build.end(), state.build.begin());
+    std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
+    for (std::size_t still = 0; still < 2; ++still)
+      std::copy(before.boxes[still].begin(), before.boxes[still].end(), state.boxes[still].begin());
+    state.size = before.size;
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
   };
@@ -177,7 +200,8 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   State state = NominalState(structure, {RingPose(10), RingPose(20)});
   for (double& x : state.offsets) x = 1;
   for (auto& nuisances : state.nuisances) nuisances.fill(1);
-  for (double& x : state.build) x = 1;
+  state.size = 1;
+  for (double& x : state.boxes[0]) x = 1;
   state.lenses[0].setOnes();
   layout.SetNominal(free, &state);
   EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
@@ -185,11 +209,11 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   EXPECT_EQ(state.nuisances[1][kDepthGain], 0);
   EXPECT_EQ(state.nuisances[1][kMultipath], 1);
   EXPECT_TRUE(state.lenses[0].isZero());
-  double sum = 0;
-  for (const double x : state.build) sum += x;
-  EXPECT_EQ(sum, 1 + 3 * 3);
-  EXPECT_EQ(state.build[static_cast<std::size_t>(BuildModel::X(2))], 0);
-  EXPECT_EQ(state.build[static_cast<std::size_t>(BuildModel::Yaw(2))], 0);
+  EXPECT_EQ(state.size, 1);
+  const std::vector<double>& boxes = state.boxes[0];
+  EXPECT_EQ(std::accumulate(boxes.begin(), boxes.end(), 0.0), 3 * 3);
+  EXPECT_EQ(boxes[static_cast<std::size_t>(BuildModel::X(2))], 0);
+  EXPECT_EQ(boxes[static_cast<std::size_t>(BuildModel::Yaw(2))], 0);
   EXPECT_TRUE(state.poses[0].ToPose().isApprox(RingPose(10), 1e-12));
 }
 

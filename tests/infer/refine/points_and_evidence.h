@@ -39,7 +39,7 @@ inline Pose Displaced(const Pose& pose, double translation, double rotation_deg,
 struct ParameterPoint {
   Eigen::VectorXd x;
   ParameterPoint(const refine_internal::BuildModel& model, const Pose& pose)
-      : x(refine_internal::SensorColumns::kBuild + model.size()) {
+      : x(refine_internal::SensorColumns::kBoxes + model.box_parameters()) {
     x.setZero();
     const refine_internal::PoseBlock block(pose);
     x.head<7>() = Eigen::Map<const Eigen::Matrix<double, 7, 1>>(block.values);
@@ -47,7 +47,8 @@ struct ParameterPoint {
   refine_internal::SensorParameters Parameters() const {
     using Columns = refine_internal::SensorColumns;
     return {x.data(), x.data() + Columns::kOffset, x.data() + Columns::kNuisance,
-            x.data() + Columns::kLens, x.data() + Columns::kBuild};
+            x.data() + Columns::kLens,
+            {x.data() + Columns::kSize, x.data() + Columns::kBoxes}};
   }
 };
 

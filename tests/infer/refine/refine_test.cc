@@ -301,18 +301,18 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   const RefineResult result = Refine(nominal, sensors, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (std::size_t b = 0; b < shift.size(); ++b) {
-    EXPECT_TRUE(result.boxes[b].estimated);
-    EXPECT_NEAR(result.boxes[b].x, 1e-3 * shift[b].x(), 1.5e-3) << b;
-    EXPECT_NEAR(result.boxes[b].z, 1e-3 * shift[b].y(), 1.5e-3) << b;
-    EXPECT_NEAR(result.boxes[b].yaw, 0, 2e-3) << b;
-    mean += Eigen::Vector2d(result.boxes[b].x, result.boxes[b].z) / 4;
+    EXPECT_TRUE(result.placements[0].boxes[b].estimated);
+    EXPECT_NEAR(result.placements[0].boxes[b].x, 1e-3 * shift[b].x(), 1.5e-3) << b;
+    EXPECT_NEAR(result.placements[0].boxes[b].z, 1e-3 * shift[b].y(), 1.5e-3) << b;
+    EXPECT_NEAR(result.placements[0].boxes[b].yaw, 0, 2e-3) << b;
+    mean += Eigen::Vector2d(result.placements[0].boxes[b].x, result.placements[0].boxes[b].z) / 4;
   }
   EXPECT_LT(mean.norm(), 1e-9) << "the gauge is the nominal frame";
   EXPECT_TRUE(result.size_estimated);
   EXPECT_NEAR(result.size_scale, size, 2e-3);
   double farthest = 0;
   for (std::size_t b = 0; b < shift.size(); ++b) {
-    farthest = std::max(farthest, (result.built.boxes()[b].structure_from_box.translation() -
+    farthest = std::max(farthest, (result.placements[0].built.boxes()[b].structure_from_box.translation() -
                                    rig.structure.boxes()[b].structure_from_box.translation())
                                       .norm());
   }
@@ -333,9 +333,9 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_FALSE(fixed.size_estimated);
   EXPECT_EQ(fixed.size_scale, 1);
   for (std::size_t b = 0; b < shift.size(); ++b) {
-    EXPECT_FALSE(fixed.boxes[b].estimated);
-    EXPECT_EQ(fixed.boxes[b].x, 0);
-    EXPECT_TRUE(fixed.built.boxes()[b].structure_from_box.isApprox(
+    EXPECT_FALSE(fixed.placements[0].boxes[b].estimated);
+    EXPECT_EQ(fixed.placements[0].boxes[b].x, 0);
+    EXPECT_TRUE(fixed.placements[0].built.boxes()[b].structure_from_box.isApprox(
         nominal.boxes()[b].structure_from_box, 1e-15));
   }
   EXPECT_GT(worst(fixed), worst(result));
@@ -343,7 +343,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   size_alone.estimate = "size";
   const RefineResult sized = Refine(nominal, sensors, size_alone);
   EXPECT_TRUE(sized.size_estimated);
-  EXPECT_FALSE(sized.boxes[0].estimated);
+  EXPECT_FALSE(sized.placements[0].boxes[0].estimated);
 }
 
 TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
@@ -380,7 +380,7 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
   const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, truth, true}}, {});
-  for (const RefinedBox& box : result.boxes) EXPECT_FALSE(box.estimated);
+  for (const RefinedBox& box : result.placements[0].boxes) EXPECT_FALSE(box.estimated);
   EXPECT_FALSE(result.size_estimated);
 }
 

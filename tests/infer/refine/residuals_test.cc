@@ -85,15 +85,15 @@ TEST(Residuals, VanishOnTheStructureAsBuilt) {
   const BuildModel model(nominal);
   const Pose pose = RingPose(70);
   ParameterPoint at(model, pose);
-  double* build = at.x.data() + SensorColumns::kBuild;
-  build[0] = 0.012;
+  double* boxes = at.x.data() + SensorColumns::kBoxes;
+  at.x[SensorColumns::kSize] = 0.012;
   RandomStream random(2, 0, "built");
   for (int b = 0; b < static_cast<int>(nominal.boxes().size()); ++b) {
-    build[BuildModel::X(b)] = random.Normal(0, 0.004);
-    build[BuildModel::Z(b)] = random.Normal(0, 0.004);
-    build[BuildModel::Yaw(b)] = random.Normal(0, 0.01);
+    boxes[BuildModel::X(b)] = random.Normal(0, 0.004);
+    boxes[BuildModel::Z(b)] = random.Normal(0, 0.004);
+    boxes[BuildModel::Yaw(b)] = random.Normal(0, 0.01);
   }
-  const Structure built = model.Built(build);
+  const Structure built = model.Built(at.Parameters().build);
   EXPECT_NEAR(built.FloorHeight(), nominal.FloorHeight(), 1e-9) << "it stands on the same floor";
   SensorEvidence evidence = Observe(built, pose, 20);
   for (FaceObservation& face : evidence.faces) face.multipath = 0;
@@ -120,7 +120,8 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, evidence);
   const SensorParameters p = at.Parameters();
-  const std::array<const double*, 5> blocks = {p.pose, p.offset, p.nuisance, p.lens, p.build};
+  const std::array<const double*, 6> blocks = {p.pose, p.offset,     p.nuisance,
+                                               p.lens, p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, evidence, p, &residuals, nullptr);
