@@ -84,6 +84,21 @@ struct PairResult {
   double rms_m = 0;
 };
 
+/// One still's part of a result of several; what is geometry, in the structure where it stood then.
+struct StillResult {
+  std::string name;
+  Pose first_from_placement = Pose::Identity();
+  /// Of delta as of a pose's; zero of the first still.
+  Matrix6d covariance = Matrix6d::Zero();
+  std::vector<SensorResult> sensors;  ///< of its frames
+  std::vector<PairResult> pairs;
+  std::optional<SetDistances> metrics;
+  std::optional<AssemblyReport> assembly;
+  Structure built;
+  std::vector<RefinedBox> boxes;
+};
+
+/// Of several stills: figures of all together, poses and boxes of the first.
 struct CalibrationResult {
   std::vector<SensorResult> sensors;
   std::vector<PairResult> pairs;
@@ -96,6 +111,9 @@ struct CalibrationResult {
   std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  /// Of several stills, each, with its images, which `sensors` then have none of. Empty where there
+  /// is only one.
+  std::vector<StillResult> stills;
 
   /// The worst of the sensors' statuses.
   SensorStatus verdict() const;

@@ -42,6 +42,8 @@ const char* ToString(SensorCode code) {
       return "assembly_missing";
     case SensorCode::kFrameMirrored:
       return "frame_mirrored";
+    case SensorCode::kUnconnected:
+      return "unconnected";
     case SensorCode::kDuplicateDepth:
       return "duplicate_depth";
     case SensorCode::kIntrinsicsSuspect:

@@ -23,14 +23,15 @@ enum class SensorCode {
   kAssemblySwapped,
   kAssemblyMissing,
   kFrameMirrored,
+  kUnconnected,
   // Failed or weak.
   kDuplicateDepth,
   kIntrinsicsSuspect,
+  kDisagrees,
   kNotFinite,  ///< numbers that no solver should leave
   // Weak: the sensor has a pose that is to be used with care.
   kUnsolved,
   kSamePose,
-  kDisagrees,
   kAmbiguous,
   kByNeighbours,
   kFewInliers,

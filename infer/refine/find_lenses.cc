@@ -108,7 +108,8 @@ std::vector<SensorPlanes> FindPlanes(const std::vector<SensorView>& views, const
                                      int threads) {
   std::vector<SensorPlanes> planes(views.size());
   ParallelFor(views.size(), threads, [&](std::size_t i) {
-    planes[i] = {lenses.Effective(i), FindLargePlanes(views[i])};
+    planes[i].intrinsics = lenses.Effective(i);
+    if (!lenses.repeats[i]) planes[i].planes = FindLargePlanes(views[i]);
   });
   return planes;
 }

@@ -19,7 +19,8 @@ std::vector<SensorFrame> SeenThrough(std::vector<SensorFrame> frames, const Lens
 /// as it is. The result has the planes' evidence about every lens, but about such a one.
 LensSet FindLenses(const std::vector<SensorFrame>& frames, LensSet lenses, int threads);
 
-/// The large planes of each view, which was made with the lenses' intrinsics.
+/// The large planes of each view, which was made with the lenses' intrinsics; none of a frame that
+/// repeats a sensor.
 std::vector<SensorPlanes> FindPlanes(const std::vector<SensorView>& views, const LensSet& lenses,
                                      int threads);
 

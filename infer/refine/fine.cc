@@ -175,9 +175,9 @@ void AddPlacements(const ParameterLayout& layout, const Eigen::VectorXd& sigmas,
       continue;
     }
     const Eigen::Index column = layout.Placement(still);
-    ceres->problem->AddResidualBlock(new PosePriorCost(state->placements[still].ToPose(),
-                                                       sigmas[column], sigmas[column + 3]),
-                                     nullptr, placement);
+    ceres->problem->AddResidualBlock(
+        new PosePriorCost(state->placements[still].ToPose(), sigmas[column], sigmas[column + 3]),
+        nullptr, placement);
   }
 }
 

@@ -66,11 +66,13 @@ struct RefineOptions {
     ar("edge_shift_sigma_px", edge_shift_sigma_px,
        "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
     ar("sensor_moved_sigma_m", sensor_moved_sigma_m,
-       "of several captures: prior standard deviation of how far a sensor moves from one to another, "
+       "of several captures: prior standard deviation of how far a sensor moves from one to "
+       "another, "
        "m (floors give way, and tripods creep)",
        Above(0));
     ar("sensor_moved_sigma_deg", sensor_moved_sigma_deg,
-       "of several captures: prior standard deviation of how far a sensor turns from one to another, "
+       "of several captures: prior standard deviation of how far a sensor turns from one to "
+       "another, "
        "deg",
        Above(0));
     ar("outer_iterations", outer_iterations,

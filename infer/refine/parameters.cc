@@ -123,8 +123,7 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   for (std::size_t s = 0; s < sensors_; ++s)
     blocks.push_back({&state->offsets[s], OffsetOfSensor(s), 1, 1});
   for (std::size_t s = 0; s < sensors_; ++s) {
-    blocks.push_back(
-        {state->nuisances[s].data(), NuisanceOfSensor(s, 0), kNuisances, kNuisances});
+    blocks.push_back({state->nuisances[s].data(), NuisanceOfSensor(s, 0), kNuisances, kNuisances});
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});

@@ -159,7 +159,8 @@ Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& lay
                           std::size_t still, const Eigen::MatrixXd& gauge_projection) {
   const Eigen::Index n = gauge_projection.rows();
   const Eigen::MatrixXd covariance =
-      gauge_projection * posterior.covariance.block(layout.Boxes(still), layout.Boxes(still), n, n) *
+      gauge_projection *
+      posterior.covariance.block(layout.Boxes(still), layout.Boxes(still), n, n) *
       gauge_projection.transpose();
   return covariance.diagonal().cwiseMax(0).cwiseSqrt();
 }

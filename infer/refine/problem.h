@@ -12,8 +12,8 @@
 
 namespace volalign {
 
-/// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the structure
-/// where it stands in that still.
+/// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the
+/// structure where it stands in that still.
 struct RefineSensor {
   const SensorPoints* points = nullptr;
   /// What a refined pose has to explain held-out points better than. A pose that was fitted to the

@@ -27,10 +27,11 @@ Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
   for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
-  Solution solution{asked_for,
-                    NominalState(problem.structure, starts, problem.lenses, problem.frames, placements),
-                    {},
-                    std::vector<char>(problem.size(), 0)};
+  Solution solution{
+      asked_for,
+      NominalState(problem.structure, starts, problem.lenses, problem.frames, placements),
+      {},
+      std::vector<char>(problem.size(), 0)};
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!starts[i].matrix().allFinite()) KeepInitial(problem, i, &solution);
   }
@@ -146,8 +147,7 @@ RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accept
   }
   const Pose placement = state.placements[state.StillOf(i)].ToPose();
   sensor.first_from_sensor = placement * sensor.structure_from_sensor;
-  sensor.first_covariance =
-      CovarianceInFirst(problem, posterior, placement, i, sensor.covariance);
+  sensor.first_covariance = CovarianceInFirst(problem, posterior, placement, i, sensor.covariance);
   return sensor;
 }
 
@@ -303,9 +303,8 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   }
   CheckPoses(sensors);
   const JointProblem problem(structure, sensors, options, lenses, placements.size());
-  const FreeSet asked_for =
-      AskedFor(asked, problem.priors, sensors.size(),
-               placements.size() * structure.boxes().size(), problem.lenses);
+  const FreeSet asked_for = AskedFor(asked, problem.priors, sensors.size(),
+                                     placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
   if (options.coarse) {

@@ -174,21 +174,17 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
 SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
     : model_(model), evidence_(evidence) {
   set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
-  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, 1,
-                                      model.box_parameters()};
+  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
   Eigen::VectorXd r;
   Eigen::MatrixXd j;
-  Residuals(model_, evidence_,
-            {parameters[0],
-             parameters[1],
-             parameters[2],
-             parameters[3],
-             {parameters[4], parameters[5]}},
-            &r, jacobians ? &j : nullptr);
+  Residuals(
+      model_, evidence_,
+      {parameters[0], parameters[1], parameters[2], parameters[3], {parameters[4], parameters[5]}},
+      &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
   const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());
   const auto face_root = evidence_.face_root.triangularView<Eigen::Lower>();

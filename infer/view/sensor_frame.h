@@ -32,4 +32,10 @@ struct SensorFrame {
   std::string serial;
 };
 
+/// What the sensors saw while the stack stood in one place.
+struct Still {
+  std::string name;  ///< of the capture, for a reader; unique
+  std::vector<SensorFrame> frames;
+};
+
 }  // namespace volalign

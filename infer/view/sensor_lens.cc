@@ -139,17 +139,21 @@ std::vector<LensPrior> TypicalLenses() {
 LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor) {
   LensSet set;
   std::map<std::pair<std::string, bool>, int> shared;  // by kind and whether it is given
+  std::map<std::string, int> own;                      // by the sensor's name
   for (const SensorFrame& frame : frames) {
     LensPrior prior = PriorOfLens(frame.intrinsics, frame.sensor);
     const auto next = static_cast<int>(set.lenses.size());
-    int lens = next;
-    if (!per_sensor && !frame.sensor.empty())
-      lens = shared.emplace(std::pair(frame.sensor, !frame.intrinsics.distortion.empty()), next)
-                 .first->second;
-    if (lens == next)
+    const auto [entry, is_first] = own.emplace(frame.name, next);
+    if (is_first && !per_sensor && !frame.sensor.empty()) {
+      entry->second =
+          shared.emplace(std::pair(frame.sensor, !frame.intrinsics.distortion.empty()), next)
+              .first->second;
+    }
+    if (entry->second == next)
       set.lenses.push_back(
           {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, prior.unknown});
-    set.of_frame.push_back(lens);
+    set.of_frame.push_back(entry->second);
+    set.repeats.push_back(!is_first);
     set.assumed.push_back(frame.intrinsics);
     set.assumed.back().distortion = std::move(prior.distortion);
   }
@@ -158,13 +162,25 @@ LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor) {
 
 LensSet GivenLenses(const std::vector<SensorFrame>& frames) {
   LensSet set;
+  std::map<std::string, int> own;  // by the sensor's name
   for (const SensorFrame& frame : frames) {
-    set.of_frame.push_back(static_cast<int>(set.lenses.size()));
+    const auto [entry, is_first] = own.emplace(frame.name, static_cast<int>(set.lenses.size()));
+    set.of_frame.push_back(entry->second);
+    set.repeats.push_back(!is_first);
+    set.assumed.push_back(frame.intrinsics);
+    if (!is_first) continue;
     set.lenses.emplace_back();
     set.lenses.back().sensor = frame.sensor;
-    set.assumed.push_back(frame.intrinsics);
   }
   return set;
+}
+
+LensSet OfFrames(const LensSet& lenses, std::size_t first, std::size_t count) {
+  const auto part = [&](const auto& all) {
+    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
+    return std::decay_t<decltype(all)>(begin, begin + static_cast<std::ptrdiff_t>(count));
+  };
+  return {lenses.lenses, part(lenses.of_frame), part(lenses.assumed), part(lenses.repeats)};
 }
 
 LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas) {

@@ -93,11 +93,14 @@ struct SensorLens {
   bool contradicted = false;
 };
 
-/// The lenses of a capture.
+/// The lenses of all frames.
 struct LensSet {
   std::vector<SensorLens> lenses;
   std::vector<int> of_frame;        ///< index of each frame's lens
   std::vector<Intrinsics> assumed;  ///< of each frame, with its prior's distortion
+  /// Of each frame: an earlier one is of the same sensor. Its planes are measured once, as they are
+  /// the same with the same errors.
+  std::vector<char> repeats;
 
   const SensorLens& Of(std::size_t frame) const {
     return lenses[static_cast<std::size_t>(of_frame[frame])];
@@ -108,6 +111,9 @@ struct LensSet {
   }
 };
 
+/// Of `count` frames from the first of them on; with all lenses.
+LensSet OfFrames(const LensSet& lenses, std::size_t first, std::size_t count);
+
 /// Standard deviations of a lens of which nothing is known but that the images show no bend.
 Eigen::Vector3d SigmasWithoutBend();
 
@@ -115,7 +121,7 @@ Eigen::Vector3d SigmasWithoutBend();
 std::vector<LensPrior> TypicalLenses();
 
 /// Sensors of one known kind of which the capture says equally much share a lens, unless
-/// `per_sensor`; every other one has its own.
+/// `per_sensor`; every other one has its own. Frames with one name are of one sensor.
 LensSet AssumeLenses(const std::vector<SensorFrame>& frames, bool per_sensor);
 
 /// The lenses as the capture gives them, all known: what is not to be estimated.

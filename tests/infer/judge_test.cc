@@ -25,7 +25,7 @@ struct Stages {
     for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
     results.views = MakeSensorViews(rig.frames, 1);
     results.depths.resize(3);
-    results.refined.built = rig.structure;
+    results.refined.placements.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
     results.lenses = GivenLenses(rig.frames);
     results.refined.lenses.resize(3);
     results.suspect_lenses.resize(3);

@@ -114,6 +114,8 @@ inline RayTable RaysThroughLens(const Intrinsics& intrinsics) {
 struct Scene {
   bool floor = true;
   double wall = 0;  ///< walls at |x| = |z| = wall where positive
+  /// Where the structure stands in the room.
+  Pose room_from_structure = Pose::Identity();
 };
 
 struct SyntheticView {
@@ -127,6 +129,7 @@ inline SyntheticView Render(const Structure& structure, const Intrinsics& intrin
   const RayTable rays = RaysThroughLens(intrinsics);
   StructureView view = CastView(structure, rays, pose);
   const Eigen::Vector3d origin = pose.translation();
+  const Eigen::Vector3d in_room = scene.room_from_structure * origin;
   for (int v = 0; v < intrinsics.height; ++v) {
     for (int u = 0; u < intrinsics.width; ++u) {
       if (view.depth(u, v) > 0 || !rays.at(u, v).allFinite()) continue;
@@ -136,10 +139,10 @@ inline SyntheticView Render(const Structure& structure, const Intrinsics& intrin
       if (scene.floor && direction.y() < 0) {
         nearest = (structure.FloorHeight() - origin.y()) / direction.y();
       }
+      const Eigen::Vector3d to = scene.room_from_structure.linear() * direction;
       for (const int axis : {0, 2}) {
-        if (scene.wall <= 0 || direction[axis] == 0) continue;
-        const double t =
-            (std::copysign(scene.wall, direction[axis]) - origin[axis]) / direction[axis];
+        if (scene.wall <= 0 || to[axis] == 0) continue;
+        const double t = (std::copysign(scene.wall, to[axis]) - in_room[axis]) / to[axis];
         nearest = std::min(nearest, t);
       }
       if (nearest < 15) view.depth(u, v) = static_cast<float>(nearest);

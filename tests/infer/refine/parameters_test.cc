@@ -105,9 +105,8 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
   const JointProblem problem(rig.structure, sensors, options, lenses, 2);
-  State state =
-      NominalState(rig.structure, {sensors[0].start, sensors[1].start, sensors[2].start}, lenses,
-                   problem.frames, {Pose::Identity(), placement});
+  State state = NominalState(rig.structure, {sensors[0].start, sensors[1].start, sensors[2].start},
+                             lenses, problem.frames, {Pose::Identity(), placement});
   const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
   const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;

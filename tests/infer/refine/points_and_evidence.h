@@ -46,7 +46,9 @@ struct ParameterPoint {
   }
   refine_internal::SensorParameters Parameters() const {
     using Columns = refine_internal::SensorColumns;
-    return {x.data(), x.data() + Columns::kOffset, x.data() + Columns::kNuisance,
+    return {x.data(),
+            x.data() + Columns::kOffset,
+            x.data() + Columns::kNuisance,
             x.data() + Columns::kLens,
             {x.data() + Columns::kSize, x.data() + Columns::kBoxes}};
   }

@@ -312,9 +312,10 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_NEAR(result.size_scale, size, 2e-3);
   double farthest = 0;
   for (std::size_t b = 0; b < shift.size(); ++b) {
-    farthest = std::max(farthest, (result.placements[0].built.boxes()[b].structure_from_box.translation() -
-                                   rig.structure.boxes()[b].structure_from_box.translation())
-                                      .norm());
+    farthest =
+        std::max(farthest, (result.placements[0].built.boxes()[b].structure_from_box.translation() -
+                            rig.structure.boxes()[b].structure_from_box.translation())
+                               .norm());
   }
   EXPECT_LT(farthest, 3e-3);
   const auto worst = [&](const RefineResult& of) {
