@@ -7,10 +7,12 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/commands.h"
 #include "core/config.h"
+#include "core/error.h"
 #include "core/file_util.h"
 #include "core/structure_gltf.h"
 #include "core/torch_threads.h"
@@ -24,12 +26,17 @@ namespace volalign {
 namespace {
 
 struct Options {
-  std::string capture, model, output, config, structure, initial, estimate;
+  std::vector<std::string> captures;
+  std::string model, output, config, structure, initial, estimate;
   std::vector<std::string> assignments;
 };
 
 void AddOptions(CLI::App* app, Options* options) {
-  app->add_option("--capture", options->capture, "capture.json")->required();
+  app->add_option(
+         "--capture", options->captures,
+         "capture.json; several, of the same sensors, where the stack was moved between them: "
+         "poses are in the frame of the stack in the first")
+      ->required();
   app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
   app->add_option("-o,--output", options->output, "folder for poses, pictures and clouds")
       ->required();
@@ -41,7 +48,7 @@ void AddOptions(CLI::App* app, Options* options) {
       ->check(CLI::IsMember({"robust", "paper"}));
   app->add_option("--estimate", options->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
-                  "depth_gain, depth_offset; refine.estimate of the config");
+                  "depth_gain, depth_offset, lens; refine.estimate of the config");
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
@@ -56,19 +63,33 @@ CalibrateOptions Resolve(const Options& options) {
   return ReadConfig<CalibrateOptions>(source);
 }
 
-/// --structure, else the capture's; none: the model's own serves.
-std::optional<Structure> GivenStructure(const Options& options, const Capture& capture) {
+/// --structure, else the captures'; none: the model's own serves. Throws ConfigError where captures
+/// name different ones.
+std::optional<Structure> GivenStructure(const Options& options,
+                                        const std::vector<Capture>& captures) {
   if (!options.structure.empty()) return ReadStructure(options.structure);
-  if (capture.structure) return ReadStructure(*capture.structure);
-  return std::nullopt;
+  std::optional<Structure> structure;
+  for (const Capture& capture : captures) {
+    if (!capture.structure) continue;
+    Structure read = ReadStructure(*capture.structure);
+    if (structure && structure->Hash() != read.Hash()) {
+      throw ConfigError(fmt::format(
+          "{} has another structure than the captures before it; give the one with --structure",
+          capture.path.string()));
+    }
+    structure = std::move(read);
+  }
+  return structure;
 }
 
 int RunCalibrate(const Options& options) {
   const CalibrateOptions config = Resolve(options);
 
   const auto start = std::chrono::steady_clock::now();
-  const Capture capture = ReadCapture(options.capture);
-  std::optional<Structure> structure = GivenStructure(options, capture);
+  std::vector<Capture> captures;
+  for (const std::string& capture : options.captures) captures.push_back(ReadCapture(capture));
+  std::optional<Structure> structure = GivenStructure(options, captures);
+  const std::vector<Still> stills = StillsOf(std::move(captures));
   SetTorchThreads(config.threads);
   const std::unique_ptr<NetworkSegmenter> segmenter =
       LoadNetworkSegmenter(options.model, structure ? &*structure : nullptr);
@@ -76,12 +97,12 @@ int RunCalibrate(const Options& options) {
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   PrepareFolder(options.output);
-  CalibrationResult result = Calibrate(capture.sensors, *structure, *segmenter, config);
+  CalibrationResult result = Calibrate(stills, *structure, *segmenter, config);
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
   WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", WriteConfig(config));
-  WriteCalibration(options.output, result, capture.sensors, *structure,
-                   {options.capture, segmenter->file(), segmenter->sha256()});
+  WriteCalibration(options.output, result, stills, *structure,
+                   {options.captures, segmenter->file(), segmenter->sha256()});
   fmt::print("{}", FormatReport(result));
   fmt::print(
       "written: {}/extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",

@@ -160,6 +160,33 @@ std::string ReadCaptureText(const std::filesystem::path& path) {
 
 }  // namespace
 
+std::vector<Still> StillsOf(std::vector<Capture> captures) {
+  const auto name_all = [&](const auto& name_of) {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < captures.size(); ++i) names.push_back(name_of(i));
+    return names;
+  };
+  const auto serve = [](const std::vector<std::string>& names) {
+    return std::set<std::string>(names.begin(), names.end()).size() == names.size() &&
+           std::all_of(names.begin(), names.end(), IsFileName);
+  };
+  std::vector<std::string> names = {""};
+  if (captures.size() > 1) {
+    names = name_all([&](std::size_t i) { return captures[i].path.stem().string(); });
+    if (!serve(names)) {
+      names = name_all([&](std::size_t i) {
+        return std::filesystem::absolute(captures[i].path).parent_path().filename().string();
+      });
+    }
+    if (!serve(names))
+      names = name_all([](std::size_t i) { return fmt::format("still_{}", i + 1); });
+  }
+  std::vector<Still> stills;
+  for (std::size_t i = 0; i < captures.size(); ++i)
+    stills.push_back({names[i], std::move(captures[i].sensors)});
+  return stills;
+}
+
 bool IsFileName(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name != "overview" && name != "merged" &&
          name.find_first_of("/\\") == std::string::npos;

@@ -29,4 +29,9 @@ inline constexpr char kCaptureFormat[] = "volalign.capture/1";
 /// bad images, or sizes that differ from the intrinsics'.
 Capture ReadCapture(const std::filesystem::path& path);
 
+/// Captures of the same sensors as stills, each with a name that serves as the name of a folder:
+/// the file's without its ending or, where that is not unique, its folder's; failing that, still_1
+/// and so on. A single one has none.
+std::vector<Still> StillsOf(std::vector<Capture> captures);
+
 }  // namespace volalign

@@ -4,11 +4,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <system_error>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "core/error.h"
 #include "core/file_util.h"
@@ -30,37 +34,110 @@ struct SensorFiles {
   std::vector<AlignedPoint> cloud;
 };
 
-SensorFiles WriteSensor(const std::filesystem::path& folder, const SensorResult& sensor,
-                        const Structure& built, int turns) {
+/// Folders that a calibration's images and clouds are in.
+constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "pictures"};
+constexpr const char* kCloudFolder = "clouds";
+
+/// The sensors of one still, what they are seen against, and where their files go.
+struct StillFiles {
+  std::string name;  // folder in each of the folders; empty where there is only one still
+  const std::vector<SensorResult>* sensors;
+  const Structure* built;
+  Pose first_from_placement = Pose::Identity();
+
+  std::filesystem::path Path(const std::filesystem::path& folder, const std::string& kind,
+                             const std::string& file) const {
+    return name.empty() ? folder / kind / file : folder / kind / name / file;
+  }
+};
+
+SensorFiles WriteSensor(const std::filesystem::path& folder, const StillFiles& still,
+                        const SensorResult& sensor, int turns) {
   const std::string png = sensor.name + ".png";
-  WritePng(folder / "labels" / png, sensor.segmentation.labels);
-  WritePng(folder / "confidence" / png, ConfidenceImage(sensor.segmentation.confidence));
-  SensorFiles written{SensorPicture(sensor, built, turns), AlignedPoints(sensor, built)};
-  WritePng(folder / "pictures" / png, written.picture);
+  WritePng(still.Path(folder, "labels", png), sensor.segmentation.labels);
+  WritePng(still.Path(folder, "confidence", png), ConfidenceImage(sensor.segmentation.confidence));
+  SensorFiles written{SensorPicture(sensor, *still.built, turns),
+                      AlignedPoints(sensor, *still.built)};
+  WritePng(still.Path(folder, "pictures", png), written.picture);
+  for (AlignedPoint& point : written.cloud) {
+    point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
+  }
   if (sensor.structure_from_sensor) {
-    WritePly(folder / "clouds" / (sensor.name + ".ply"), written.cloud);
+    WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud);
   }
   return written;
 }
 
-/// The sensors of the run that `folder` has the results of. None where its extrinsics.json is none
-/// of volalign's, of whatever version.
-std::vector<std::string> EarlierSensors(const std::filesystem::path& folder) {
+void WriteStill(const std::filesystem::path& folder, const StillFiles& still) {
+  const std::vector<SensorResult>& sensors = *still.sensors;
+  const std::vector<int> turns = UprightTurnsOf(sensors);
+  std::vector<SensorFiles> written(sensors.size());
+  const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
+    written[i] = WriteSensor(folder, still, sensors[i], turns[i]);
+  });
+  std::vector<RgbImage> pictures;
+  std::vector<AlignedPoint> merged;
+  for (SensorFiles& files : written) {
+    pictures.push_back(std::move(files.picture));
+    merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
+  }
+  WritePng(still.Path(folder, "pictures", "overview.png"),
+           Montage(pictures, pictures.size() > 3 ? 2 : 1));
+  WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
+}
+
+std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure) {
+  const auto built = [&](const Structure& of) { return of.boxes().empty() ? &structure : &of; };
+  if (result.stills.empty()) return {{"", &result.sensors, built(result.built)}};
+  std::vector<StillFiles> stills;
+  for (const StillResult& still : result.stills) {
+    stills.push_back({still.name, &still.sensors, built(still.built), still.first_from_placement});
+  }
+  return stills;
+}
+
+/// Paths of a still's files below a calibration's folder, whether they were written or not.
+/// `clouds`: of the placed sensors alone.
+void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
+              const std::vector<std::string>& clouds, std::set<std::filesystem::path>* paths) {
+  const std::filesystem::path below = still;
+  for (const char* kind : kImageFolders) {
+    for (const std::string& name : sensors) paths->insert(kind / below / (name + ".png"));
+  }
+  for (const std::string& name : clouds) paths->insert(kCloudFolder / below / (name + ".ply"));
+  paths->insert("pictures" / below / "overview.png");
+  paths->insert(kCloudFolder / below / "merged.ply");
+}
+
+/// The files of the run that `folder` has the results of. None where its extrinsics.json is none of
+/// volalign's, of whatever version.
+std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "extrinsics.json";
-  std::vector<std::string> names;
-  if (!std::filesystem::exists(path)) return names;
+  std::set<std::filesystem::path> files;
+  if (!std::filesystem::exists(path)) return files;
   try {
     const nlohmann::json document = ParseStrictJson(ReadFile(path), path.string());
     const JsonObject root(document, path.string());
-    if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return names;
+    if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return files;
     // A name that leads elsewhere is none that volalign wrote.
+    std::vector<std::string> sensors;
     for (const std::string& name : root.Child("sensors").Keys()) {
-      if (IsFileName(name)) names.push_back(name);
+      if (IsFileName(name)) sensors.push_back(name);
     }
+    std::vector<std::string> stills;
+    if (root.Has("placements")) {
+      for (const JsonObject& placement : root.Children("placements")) {
+        if (placement.Has("name") && IsFileName(placement.Text("name")))
+          stills.push_back(placement.Text("name"));
+      }
+    }
+    if (stills.empty()) stills = {""};
+    for (const std::string& still : stills) AddPaths(still, sensors, sensors, &files);
   } catch (const Error&) {
-    names.clear();
+    files.clear();
   }
-  return names;
+  return files;
 }
 
 void RemoveFile(const std::filesystem::path& path) {
@@ -74,18 +151,18 @@ void RemoveFile(const std::filesystem::path& path) {
 
 /// Removes what an earlier run wrote and this one does not.
 void RemoveEarlierFiles(const std::filesystem::path& folder,
-                        const std::vector<SensorResult>& sensors) {
-  for (const std::string& name : EarlierSensors(folder)) {
-    const auto now = std::find_if(sensors.begin(), sensors.end(),
-                                  [&](const SensorResult& sensor) { return sensor.name == name; });
-    if (now == sensors.end()) {
-      for (const char* images : {"labels", "confidence", "pictures"}) {
-        RemoveFile(folder / images / (name + ".png"));
-      }
+                        const std::vector<StillFiles>& stills) {
+  std::set<std::filesystem::path> now;
+  for (const StillFiles& still : stills) {
+    std::vector<std::string> sensors, placed;
+    for (const SensorResult& sensor : *still.sensors) {
+      sensors.push_back(sensor.name);
+      if (sensor.structure_from_sensor) placed.push_back(sensor.name);
     }
-    if (now == sensors.end() || !now->structure_from_sensor) {
-      RemoveFile(folder / "clouds" / (name + ".ply"));
-    }
+    AddPaths(still.name, sensors, placed, &now);
+  }
+  for (const std::filesystem::path& path : EarlierFiles(folder)) {
+    if (now.count(path) == 0) RemoveFile(folder / path);
   }
 }
 
@@ -101,25 +178,12 @@ void PrepareFolder(const std::filesystem::path& folder) {
 }
 
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
-                      const std::vector<SensorFrame>& frames, const Structure& structure,
+                      const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source) {
-  const Structure& built = result.built.boxes().empty() ? structure : result.built;
-  const std::vector<int> turns = UprightTurnsOf(result.sensors);
-  std::vector<SensorFiles> written(result.sensors.size());
-  const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  ParallelFor(result.sensors.size(), threads, [&](std::size_t i) {
-    written[i] = WriteSensor(folder, result.sensors[i], built, turns[i]);
-  });
-  std::vector<RgbImage> pictures;
-  std::vector<AlignedPoint> merged;
-  for (SensorFiles& files : written) {
-    pictures.push_back(std::move(files.picture));
-    merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
-  }
-  WritePng(folder / "pictures" / "overview.png", Montage(pictures, pictures.size() > 3 ? 2 : 1));
-  WritePly(folder / "clouds" / "merged.ply", merged);
-  RemoveEarlierFiles(folder, result.sensors);
-  WriteExtrinsics(folder / "extrinsics.json", MakeExtrinsics(result, frames, structure, source));
+  const std::vector<StillFiles> files = StillsOf(result, structure);
+  for (const StillFiles& still : files) WriteStill(folder, still);
+  RemoveEarlierFiles(folder, files);
+  WriteExtrinsics(folder / "extrinsics.json", MakeExtrinsics(result, stills, structure, source));
 }
 
 }  // namespace volalign

@@ -17,11 +17,13 @@ void PrepareFolder(const std::filesystem::path& folder);
 
 /// Writes into `folder`: extrinsics.json (last, so that it names a complete folder),
 /// labels/NAME.png (ids), confidence/NAME.png (255 = certain), pictures/NAME.png and
-/// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. `frames` are
-/// those that `result` is of. Of the sensors that an earlier extrinsics.json in the folder lists,
-/// the files that this run does not write go; nothing else is removed. Throws IoError.
+/// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. Of several
+/// stills, each has folders of its own in these (labels/STILL/NAME.png), and clouds are in the
+/// structure frame of the first. `stills` are those that `result` is of. Of the sensors that an
+/// earlier extrinsics.json in the folder lists, the files that this run does not write go; nothing
+/// else is removed. Throws IoError.
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
-                      const std::vector<SensorFrame>& frames, const Structure& structure,
+                      const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source);
 
 }  // namespace volalign

@@ -54,6 +54,17 @@ void Describe(Archive& ar, Extrinsics::Size& size) {
 }
 
 template <class Archive>
+void Describe(Archive& ar, Extrinsics::Placement& placement) {
+  ar.Optional("name", placement.name);
+  ar.Optional("capture", placement.capture);
+  ar("first_from_placement", placement.first_from_placement);
+  ar.IfFinite("sigma_translation_m", placement.sigma_translation_m);
+  ar.IfFinite("sigma_rotation_deg", placement.sigma_rotation_deg);
+  ar("sensors", placement.sensors);
+  ar("boxes", placement.boxes);
+}
+
+template <class Archive>
 void Describe(Archive& ar, Extrinsics::StructureId& structure) {
   ar("name", structure.name);
   ar("sha256", structure.sha256);
@@ -70,7 +81,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.Constant("format", kExtrinsicsFormat);
   ar("tool", extrinsics.tool);
   ar.Constant("convention", kConvention);
-  ar.Optional("capture", extrinsics.capture);
+  ar.OneOrList("capture", extrinsics.captures);
   ar("structure", extrinsics.structure);
   ar.Optional("model", extrinsics.model);
   ar("verdict", extrinsics.verdict);
@@ -78,6 +89,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.ByName("sensors", extrinsics.sensors, &Extrinsics::Sensor::name);
   ar.Later("boxes", extrinsics.boxes);
   ar.Later("size", extrinsics.size);
+  ar.Later("placements", extrinsics.placements);
   ar("pairs", extrinsics.pairs);
   ar.Optional("metrics", extrinsics.metrics);
   ar("timings_s", extrinsics.timings_s);
@@ -109,25 +121,71 @@ Extrinsics::Box BoxOf(const RefinedBox& found, const Box& nominal, const Box& bu
   return box;
 }
 
+std::vector<Extrinsics::Box> BoxesOf(const std::vector<RefinedBox>& found, const Structure& nominal,
+                                     const Structure& built) {
+  std::vector<Extrinsics::Box> boxes;
+  for (std::size_t b = 0; b < found.size(); ++b)
+    boxes.push_back(BoxOf(found[b], nominal.boxes().at(b), built.boxes().at(b)));
+  return boxes;
+}
+
+/// Names of the sensors with a pose.
+std::vector<std::string> Placed(const std::vector<SensorResult>& sensors) {
+  std::vector<std::string> names;
+  for (const SensorResult& sensor : sensors) {
+    if (sensor.structure_from_sensor) names.push_back(sensor.name);
+  }
+  return names;
+}
+
+std::vector<Extrinsics::Placement> PlacementsOf(const CalibrationResult& result,
+                                                const Structure& structure,
+                                                const std::vector<std::string>& captures) {
+  const auto capture = [&](std::size_t s) { return s < captures.size() ? captures[s] : ""; };
+  std::vector<Extrinsics::Placement> placements;
+  if (result.stills.empty()) {
+    Extrinsics::Placement only;
+    only.capture = capture(0);
+    only.sensors = Placed(result.sensors);
+    only.boxes = BoxesOf(result.boxes, structure, result.built);
+    return {only};
+  }
+  for (std::size_t s = 0; s < result.stills.size(); ++s) {
+    const StillResult& still = result.stills[s];
+    placements.push_back({still.name, capture(s), still.first_from_placement,
+                          SigmaTranslation(still.covariance), SigmaRotationDeg(still.covariance),
+                          Placed(still.sensors), BoxesOf(still.boxes, structure, still.built)});
+  }
+  return placements;
+}
+
+/// The first frame of a sensor.
+const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::string& name) {
+  for (const Still& still : stills) {
+    for (const SensorFrame& frame : still.frames) {
+      if (frame.name == name) return frame;
+    }
+  }
+  throw Error(fmt::format("sensor \"{}\" is in no still of its result", name));
+}
+
 }  // namespace
 
-Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<SensorFrame>& frames,
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
                           const Structure& structure, const ExtrinsicsSource& source) {
   Extrinsics out;
   out.tool = "volalign " VOLALIGN_VERSION;
-  out.capture = source.capture;
+  out.captures = source.captures;
   out.structure = {structure.name(), structure.Hash()};
   if (!source.model_file.empty())
     out.model = Extrinsics::Model{source.model_file, source.model_sha256};
   out.assembly = result.assembly;
-  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
-    out.sensors.push_back(SensorOf(result.sensors[i], frames.at(i)));
+  for (const SensorResult& sensor : result.sensors) {
+    out.sensors.push_back(SensorOf(sensor, FrameOfSensor(stills, sensor.name)));
     out.verdict = std::max(out.verdict, out.sensors.back().status);
   }
-  for (std::size_t b = 0; b < result.boxes.size(); ++b) {
-    out.boxes.push_back(
-        BoxOf(result.boxes[b], structure.boxes().at(b), result.built.boxes().at(b)));
-  }
+  out.boxes = BoxesOf(result.boxes, structure, result.built);
+  out.placements = PlacementsOf(result, structure, source.captures);
   out.size = {result.size_estimated, result.size_scale, result.sigma_size_scale};
   out.pairs = result.pairs;
   out.metrics = result.metrics;

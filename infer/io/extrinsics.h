@@ -20,7 +20,7 @@ inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
 
 /// Where a calibration's input came from.
 struct ExtrinsicsSource {
-  std::string capture;
+  std::vector<std::string> captures;     ///< of each still
   std::string model_file, model_sha256;  ///< empty without a network
 };
 
@@ -50,6 +50,17 @@ struct Extrinsics {
     double scale = 1, sigma = 0;
   };
 
+  /// Where the stack stood in a still.
+  struct Placement {
+    std::string name;     ///< folder of its labels and pictures, of several stills
+    std::string capture;  ///< its file
+    Pose first_from_placement = Pose::Identity();
+    Eigen::Vector3d sigma_translation_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d sigma_rotation_deg = Eigen::Vector3d::Zero();
+    std::vector<std::string> sensors;  ///< that are placed in it
+    std::vector<Box> boxes;
+  };
+
   struct StructureId {
     std::string name, sha256;
   };
@@ -58,21 +69,22 @@ struct Extrinsics {
   };
 
   std::string tool;
-  std::string capture;
+  std::vector<std::string> captures;
   StructureId structure;
   std::optional<Model> model;
   SensorStatus verdict = SensorStatus::kOk;
   std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored
   std::vector<Sensor> sensors;
-  std::vector<Box> boxes;
+  std::vector<Box> boxes;  ///< as the first still shows them
   Size size;
+  std::vector<Placement> placements;  ///< of the stills
   std::vector<PairResult> pairs;
   std::optional<SetDistances> metrics;
   std::vector<std::pair<std::string, double>> timings_s;
 };
 
 /// A sensor with numbers that are not finite is demoted (DemoteIfNotFinite).
-Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<SensorFrame>& frames,
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
                           const Structure& structure, const ExtrinsicsSource& source);
 
 /// Writes atomically. Throws IoError, or Error for a sensor's own pose or intrinsics that are not

@@ -42,9 +42,7 @@ std::vector<AlignedPoint> AlignedPoints(const SensorResult& sensor, const Struct
       const Eigen::Vector3d p = *sensor.structure_from_sensor * view.Point(u, v);
       if (std::hypot(p.x(), p.z()) > max_radius) continue;
       AlignedPoint point;
-      point.x = static_cast<float>(p.x());
-      point.y = static_cast<float>(p.y());
-      point.z = static_cast<float>(p.z());
+      point.p = p.cast<float>();
       point.label = sensor.segmentation.labels(u, v);
       point.confidence = sensor.segmentation.confidence(u, v);
       const bool side = point.label > 0 && point.label < structure.num_classes();
@@ -70,9 +68,9 @@ void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>
   constexpr std::size_t kBytesAPoint = 24;
   bytes.reserve(bytes.size() + kBytesAPoint * points.size());
   for (const AlignedPoint& point : points) {
-    Append(&bytes, point.x);
-    Append(&bytes, point.y);
-    Append(&bytes, point.z);
+    Append(&bytes, point.p.x());
+    Append(&bytes, point.p.y());
+    Append(&bytes, point.p.z());
     Append(&bytes, point.colour.r);
     Append(&bytes, point.colour.g);
     Append(&bytes, point.colour.b);

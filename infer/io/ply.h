@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <vector>
@@ -12,8 +13,8 @@ namespace volalign {
 
 /// A point of an aligned cloud, structure frame.
 struct AlignedPoint {
-  float x = 0, y = 0, z = 0;  ///< m
-  Rgb colour;                 ///< of the label; grey for background
+  Eigen::Vector3f p = Eigen::Vector3f::Zero();  ///< m
+  Rgb colour;                                   ///< of the label; grey for background
   std::uint8_t label = 0;
   float confidence = 0;
   /// m: to the side that the label names, or, for background, to the structure.

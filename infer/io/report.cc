@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "infer/checks/verdict.h"
 #include "infer/refine/refine.h"
 
 namespace volalign {
@@ -120,20 +121,61 @@ std::string Reasons(const std::vector<SensorResult>& sensors) {
   return text;
 }
 
-std::string Boxes(const CalibrationResult& result) {
+/// `where`: "in NAME: " of one of several stills.
+std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& boxes,
+                    const Structure& built) {
   std::string text;
-  for (std::size_t b = 0; b < result.boxes.size(); ++b) {
-    const RefinedBox& box = result.boxes[b];
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const RefinedBox& box = boxes[b];
     if (!box.estimated) continue;
     text += fmt::format(
-        "box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
+        "{}box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
         "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
-        result.built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
+        where, built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
         1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
   }
+  return text;
+}
+
+std::string Boxes(const CalibrationResult& result) {
+  std::string text;
+  if (result.stills.empty()) text = BoxesIn("", result.boxes, result.built);
+  for (const StillResult& still : result.stills)
+    text += BoxesIn(fmt::format("in {}: ", still.name), still.boxes, still.built);
   if (result.size_estimated) {
     text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
                         100 * result.size_scale, 100 * result.sigma_size_scale);
+  }
+  return text;
+}
+
+/// Of several stills, where the stack stood in each, and which sensors say so.
+std::string Placements(const CalibrationResult& result) {
+  std::string text;
+  for (std::size_t s = 0; s < result.stills.size(); ++s) {
+    const StillResult& still = result.stills[s];
+    std::string placed, others;
+    for (const SensorResult& sensor : still.sensors) {
+      if (sensor.structure_from_sensor) placed += (placed.empty() ? "" : ", ") + sensor.name;
+      if (sensor.status == SensorStatus::kOk) continue;
+      others +=
+          fmt::format("; {} {} ({})", sensor.name, ToString(sensor.status), ToString(sensor.code));
+    }
+    const Pose& pose = still.first_from_placement;
+    std::string where = "the stack stands where poses are given";
+    if (s > 0 && placed.empty()) where = "no sensor tells where the stack stood";
+    if (s > 0 && !placed.empty()) {
+      where = fmt::format(
+          "the stack stood {:+.3f} m along x, {:+.3f} m along y, {:+.3f} m along z from there, "
+          "turned by "
+          "{:.2f} deg (sigma {:.1f} mm, {:.3f} deg)",
+          pose.translation().x(), pose.translation().y(), pose.translation().z(),
+          std::atan2(pose.linear()(0, 2), pose.linear()(0, 0)) * 180 / M_PI,
+          1000 * SigmaTranslation(still.covariance).maxCoeff(),
+          SigmaRotationDeg(still.covariance).maxCoeff());
+    }
+    text += fmt::format("in {}: {}; by {}{}\n", still.name, where, placed.empty() ? "none" : placed,
+                        others);
   }
   return text;
 }
@@ -165,8 +207,8 @@ std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s
 }  // namespace
 
 std::string FormatReport(const CalibrationResult& result) {
-  std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Boxes(result) +
-                     Lenses(result.sensors) + OverlapTable(result);
+  std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +
+                     Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
     text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
                         1000 * result.metrics->d2);

@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "core/error.h"
-#include "core/statistics.h"
 #include "infer/calibrate.h"
 #include "tests/infer/synthetic.h"
 
@@ -32,7 +32,8 @@ Pose Placement(double x, double z, double yaw_deg) {
 struct Studio {
   std::vector<Pose> sensors;     // in the structure where it stands first
   std::vector<Pose> placements;  // first_from_placement
-  double error = 0.003;          // m, of smooth depth errors, drawn anew in each still
+  std::uint64_t seed = 0;
+  double error = 0.003;  // m, of smooth depth errors, drawn anew in each still
   /// Whether a sensor's picture shows the stack in a still.
   std::function<bool(std::size_t sensor, std::size_t still)> sees = [](std::size_t, std::size_t) {
     return true;
@@ -46,8 +47,8 @@ struct Studio {
         Pose pose = placements[s].inverse() * sensors[i];
         if (!sees(i, s)) pose.linear() = pose.linear() * RotationExp(Eigen::Vector3d(2, 0, 0));
         rig.Add("S" + std::to_string(i), pose, {true, 4, placements[s]});
-        AddNoise(&rig.frames[i].depth, 0.001, 100 * s + i);
-        AddSmoothError(&rig.frames[i].depth, error, 25, 100 * s + i);
+        AddNoise(&rig.frames[i].depth, 0.001, seed + 100 * s + i);
+        AddSmoothError(&rig.frames[i].depth, error, 25, seed + 100 * s + i);
       }
       rigs.push_back(std::move(rig));
     }
@@ -74,30 +75,24 @@ CalibrationResult CalibrateStills(const std::vector<Rig>& rigs,
   return Calibrate(stills, rigs.front().structure, segmenter, options);
 }
 
-std::vector<double> ErrorsOf(const CalibrationResult& result) {
-  std::vector<double> errors;
+double MeanError(const CalibrationResult& result) {
+  double sum = 0;
   for (const SensorResult& sensor : result.sensors) {
     EXPECT_TRUE(sensor.error) << sensor.name << ": " << sensor.reason;
-    errors.push_back(sensor.error ? sensor.error->translation_m : 1);
+    sum += sensor.error ? sensor.error->translation_m : 1;
   }
-  return errors;
+  return sum / static_cast<double>(result.sensors.size());
 }
 
 TEST(CalibrateStills, SeveralPlacementsAreOneProblem) {
-  const Studio studio = FiveSensors();
+  Studio studio = FiveSensors();
+  studio.seed = 1000;
   const std::vector<Rig> rigs = studio.Rigs();
   const CalibrationResult one = CalibrateStills({rigs[0]}), all = CalibrateStills(rigs);
-  for (const CalibrationResult* of : {&one, &all}) {
-    std::printf("error mm:");
-    for (double e : ErrorsOf(*of)) std::printf(" %.2f", 1000 * e);
-    std::printf("  sigma mm:");
-    for (auto& s : of->sensors) std::printf(" %.2f", 1000 * s.sigma_translation_m().maxCoeff());
-    std::printf("\n");
-  }
   EXPECT_TRUE(one.stills.empty());
   ASSERT_EQ(all.stills.size(), 3u);
   ASSERT_EQ(all.sensors.size(), 5u);
-  EXPECT_LT(Median(ErrorsOf(all)), 0.7 * Median(ErrorsOf(one)));
+  EXPECT_LT(MeanError(all), 0.7 * MeanError(one)) << "errors are drawn anew in each still";
   for (std::size_t s = 0; s < 3; ++s) {
     const PoseError error = ComparePoses(all.stills[s].first_from_placement, studio.placements[s]);
     EXPECT_LT(error.translation_m, s == 0 ? 1e-12 : 0.003) << s;

@@ -48,8 +48,8 @@ class ExportTest : public ::testing::Test {
     result_ = new CalibrationResult(Calibrate(rig_->frames, rig_->structure, segmenter));
     result_->sensors[1].together = RingPose(76);
     folder_ = new TempFolder;
-    WriteCalibration(folder_->path(), *result_, rig_->frames, rig_->structure,
-                     {"capture.json", "model.pt", std::string(64, 'a')});
+    WriteCalibration(folder_->path(), *result_, {{"", rig_->frames}}, rig_->structure,
+                     {{"capture.json"}, "model.pt", std::string(64, 'a')});
   }
   static void TearDownTestSuite() {
     delete folder_;
@@ -68,7 +68,7 @@ TempFolder* ExportTest::folder_ = nullptr;
 TEST_F(ExportTest, ExtrinsicsReadBack) {
   const Extrinsics read = ReadExtrinsics(*folder_ / "extrinsics.json");
   EXPECT_EQ(read.verdict, SensorStatus::kFailed);
-  EXPECT_EQ(read.capture, "capture.json");
+  EXPECT_EQ(read.captures, std::vector<std::string>{"capture.json"});
   ASSERT_TRUE(read.model.has_value());
   EXPECT_EQ(read.model->file, "model.pt");
   EXPECT_EQ(read.model->sha256, std::string(64, 'a'));
@@ -107,6 +107,10 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
     EXPECT_EQ(sensor.refinement_accepted, from.refinement_accepted);
     EXPECT_EQ(sensor.points, from.points);
   }
+  ASSERT_EQ(read.placements.size(), 1u);
+  EXPECT_EQ(read.placements[0].capture, "capture.json");
+  EXPECT_TRUE(read.placements[0].first_from_placement.isApprox(Pose::Identity()));
+  EXPECT_EQ(read.placements[0].sensors, (std::vector<std::string>{"left", "right"}));
   ASSERT_EQ(read.pairs.size(), 1u);
   EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
   EXPECT_DOUBLE_EQ(read.metrics->d2, result_->metrics->d2);
@@ -135,7 +139,7 @@ TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
   result.size_scale = 0.99;
   result.sigma_size_scale = 0.002;
   WriteExtrinsics(*folder_ / "built.json",
-                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
   const Extrinsics read = ReadExtrinsics(*folder_ / "built.json");
   ASSERT_EQ(read.boxes.size(), rig_->structure.boxes().size());
   EXPECT_TRUE(read.boxes[1].estimated);
@@ -188,7 +192,7 @@ TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
   result.assembly->overlap = 0.98;
   result.assembly->described_overlap = 0.8;
   WriteExtrinsics(*folder_ / "altered.json",
-                  MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
   const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
   ASSERT_TRUE(read.assembly.has_value());
   EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kAssemblyTurned);
@@ -267,7 +271,7 @@ TEST_F(ExportTest, ANumberThatIsNotFiniteTakesNoPoseWithIt) {
   result.sigma_size_scale = std::nan("");
   const auto write = [&] {
     WriteExtrinsics(*folder_ / "nan.json",
-                    MakeExtrinsics(result, rig_->frames, rig_->structure, {}));
+                    MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
     std::map<std::string, Extrinsics::Sensor> sensors;
     for (const Extrinsics::Sensor& sensor : ReadExtrinsics(*folder_ / "nan.json").sensors) {
       sensors[sensor.name] = sensor;
@@ -383,7 +387,7 @@ std::set<std::string> Files(const std::filesystem::path& folder) {
 TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
   const TempFolder folder;
   const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
-    WriteCalibration(folder.path(), result, frames, rig_->structure, {});
+    WriteCalibration(folder.path(), result, {{"", frames}}, rig_->structure, {});
   };
   write(*result_, rig_->frames);
   // What others put there stays: files, and what is named like a file of a sensor but is none.
@@ -405,6 +409,86 @@ TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
                              "clouds/mine.ply"}));
 }
 
+std::vector<Eigen::Vector3d> CloudPoints(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path), end = "end_header\n";
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t at = bytes.find(end) + end.size(); at + 24 <= bytes.size(); at += 24) {
+    float xyz[3];
+    std::memcpy(xyz, bytes.data() + at, 12);
+    points.emplace_back(xyz[0], xyz[1], xyz[2]);
+  }
+  return points;
+}
+
+/// A second still, for which the stack was moved by a metre; blind sees nothing in either.
+CalibrationResult WithSecondStill(const CalibrationResult& result, const Pose& placement) {
+  CalibrationResult both = result;
+  for (const char* name : {"before", "after"}) {
+    StillResult still;
+    still.name = name;
+    still.sensors = result.sensors;
+    still.built = result.built;
+    still.boxes = result.boxes;
+    both.stills.push_back(std::move(still));
+  }
+  StillResult& after = both.stills[1];
+  after.first_from_placement = placement;
+  after.covariance = 1e-6 * Matrix6d::Identity();
+  for (SensorResult& sensor : after.sensors) {
+    if (sensor.structure_from_sensor)
+      *sensor.structure_from_sensor = placement.inverse() * *sensor.structure_from_sensor;
+  }
+  after.sensors[1].structure_from_sensor.reset();
+  after.sensors[1].status = SensorStatus::kFailed;
+  after.sensors[1].code = SensorCode::kDegenerateSides;
+  return both;
+}
+
+TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
+  Pose placement = Pose::Identity();
+  placement.linear() = RotationExp(Eigen::Vector3d(0, 0.5, 0));
+  placement.translation().x() = 1;
+  const CalibrationResult both = WithSecondStill(*result_, placement);
+  const TempFolder folder;
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
+  WriteCalibration(folder.path(), both, {{"before", rig_->frames}, {"after", rig_->frames}},
+                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""});
+  std::set<std::string> expected = {"extrinsics.json", "clouds/before/left.ply",
+                                    "clouds/before/right.ply", "clouds/after/left.ply"};
+  for (const std::string still : {"before/", "after/"}) {
+    for (const char* name : {"left", "right", "blind"}) {
+      for (const std::string kind : {"labels/", "confidence/", "pictures/"})
+        expected.insert(kind + still + name + ".png");
+    }
+    expected.insert("pictures/" + still + "overview.png");
+    expected.insert("clouds/" + still + "merged.ply");
+  }
+  EXPECT_EQ(Files(folder.path()), expected) << "and none of the run before";
+  // Both clouds of what stood still are in one place: the sensor's pose is one.
+  EXPECT_EQ(ReadFile(folder / "clouds/before/left.ply").size(),
+            ReadFile(folder / "clouds/after/left.ply").size());
+  const std::vector<Eigen::Vector3d> before = CloudPoints(folder / "clouds/before/left.ply"),
+                                     after = CloudPoints(folder / "clouds/after/left.ply");
+  ASSERT_GT(before.size(), 1000u);
+  for (std::size_t i = 0; i < before.size(); i += 97)
+    EXPECT_LT((before[i] - after[i]).norm(), 1e-5) << i;
+
+  const Extrinsics read = ReadExtrinsics(folder / "extrinsics.json");
+  EXPECT_EQ(read.captures, (std::vector<std::string>{"a/before.json", "b/after.json"}));
+  ASSERT_EQ(read.placements.size(), 2u);
+  EXPECT_EQ(read.placements[1].name, "after");
+  EXPECT_EQ(read.placements[1].capture, "b/after.json");
+  EXPECT_EQ(read.placements[1].sensors, std::vector<std::string>{"left"});
+  EXPECT_TRUE(read.placements[1].first_from_placement.isApprox(placement, 1e-12));
+  EXPECT_NEAR(read.placements[1].sigma_translation_m.x(), 1e-3, 1e-9);
+  const std::string report = FormatReport(both);
+  EXPECT_NE(report.find("in after: the stack stood +1.000 m along x"), std::string::npos) << report;
+  EXPECT_NE(report.find("by left; right failed (degenerate_sides)"), std::string::npos) << report;
+
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
+  EXPECT_EQ(Files(folder.path()).count("labels/after/left.png"), 0u);
+}
+
 // Nothing that volalign did not write may go, whatever an extrinsics.json says.
 TEST_F(ExportTest, NothingOfOthersIsRemoved) {
   const std::string good = ReadFile(*folder_ / "extrinsics.json");
@@ -419,7 +503,7 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
     WriteFileAtomically(folder / "mine.ply", "x");
     WriteFileAtomically(folder / "mine.png", "x");
     WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
-    WriteCalibration(folder / "out", *result_, rig_->frames, rig_->structure, {});
+    WriteCalibration(folder / "out", *result_, {{"", rig_->frames}}, rig_->structure, {});
     for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"}) {
       EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
     }
