@@ -38,15 +38,16 @@ RefineResult RefineTogether(const Structure& structure, const std::vector<Refine
 }
 
 /// Places the sensors in every still. Returns where the stack stood in each.
-std::vector<Pose> PlaceInStills(const Structure& structure, const PlacementOptions& options,
-                                std::vector<StillStages>* stages) {
+std::vector<Pose> PlaceInStills(const Structure& structure, const LensSet& all_lenses,
+                                const PlacementOptions& options, std::vector<StillStages>* stages) {
   std::vector<PlacedStill> placed;
   for (StillStages& still : *stages) {
+    const LensSet lenses = still.Lenses(all_lenses);
     still.placements =
         PlaceByNeighbours(still.seen, still.views, still.labelled,
                           PlaceSensors(still.seen, still.views, still.depths, still.labelled,
-                                       still.assembly, still.lenses, structure, options),
-                          still.lenses, structure, options);
+                                       still.assembly, lenses, structure, options),
+                          lenses, structure, options);
     placed.push_back({still.still->name, still.seen, still.labelled, &still.placements});
   }
   return JoinStills(placed);
@@ -98,24 +99,24 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   std::vector<RefineSensor> to_refine;
   RefineResult refined;
   for (int round = 1;; ++round) {
-    const std::vector<Pose> placements = PlaceInStills(structure, placement, &stages);
+    const std::vector<Pose> placements = PlaceInStills(structure, lenses, placement, &stages);
     clock.Lap("placement");
-    to_refine = FramesToRefine(stages, options.refine);
+    to_refine = FramesToRefine(stages, lenses, options.refine);
     refined = RefineTogether(structure, to_refine, lenses, placements, options.refine);
     clock.Lap("refinement");
     const double moved = TakeLenses(refined, &lenses);
     if (moved > 0) SeeThrough(lenses, threads, &stages);
     if (moved < kLinearPx || round == kMostLensRounds) break;
-    MeasureLenses(FindPlanes(stages, threads), threads, &lenses);
+    MeasureLenses(FindPlanes(stages, lenses, threads), threads, &lenses);
     for (StillStages& still : stages)
       UpdateInitialPoses(still.views, structure, options.initial, threads, &still.labelled);
   }
   const std::vector<std::optional<Finding>> suspect_lenses =
-      CheckLenses(FindPlanes(stages, threads), lenses, estimate_lens, options.verdict.lens);
+      CheckLenses(FindPlanes(stages, lenses, threads), lenses, estimate_lens, options.verdict.lens);
   clock.Lap("lenses");
   CalibrationResult result = CombineStills(
       stills,
-      JudgeStills(std::move(stages), structure, refined, suspect_lenses,
+      JudgeStills(std::move(stages), structure, refined, lenses, suspect_lenses,
                   {options.verdict, options.initial.evidence.min_confidence, threads}),
       to_refine, refined);
   clock.Lap("metrics");

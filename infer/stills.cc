@@ -204,7 +204,7 @@ std::vector<StillStages> BeginStages(const std::vector<Still>& stills) {
   std::vector<StillStages> stages;
   std::size_t first = 0;
   for (const Still& still : stills) {
-    stages.push_back({&still, first, {}, {}, {}, {}, {}, {}, {}});
+    stages.push_back({&still, first, {}, {}, {}, {}, {}, {}});
     first += still.frames.size();
   }
   return stages;
@@ -212,29 +212,30 @@ std::vector<StillStages> BeginStages(const std::vector<Still>& stills) {
 
 void SeeThrough(const LensSet& lenses, int threads, std::vector<StillStages>* stages) {
   for (StillStages& still : *stages) {
-    still.lenses = OfFrames(lenses, still.first, still.still->frames.size());
-    still.seen = SeenThrough(still.still->frames, still.lenses);
+    const std::vector<SensorFrame>& frames = still.still->frames;
+    still.seen = SeenThrough(frames, OfFrames(lenses, still.first, frames.size()));
     still.views = MakeSensorViews(still.seen, threads);
   }
 }
 
-std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, int threads) {
+std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, const LensSet& lenses,
+                                     int threads) {
   std::vector<SensorPlanes> planes;
   for (const StillStages& still : stages) {
-    for (SensorPlanes& of : FindPlanes(still.views, still.lenses, threads))
+    for (SensorPlanes& of : FindPlanes(still.views, still.Lenses(lenses), threads))
       planes.push_back(std::move(of));
   }
   return planes;
 }
 
 std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const RefineOptions& options) {
+                                         const LensSet& lenses, const RefineOptions& options) {
   std::vector<RefineSensor> frames;
   std::map<std::string, int> sensors;
   for (std::size_t s = 0; s < stages.size(); ++s) {
     const StillStages& still = stages[s];
-    std::vector<RefineSensor> placed =
-        SensorsToRefine(still.seen, still.labelled, still.placements, still.lenses, options);
+    std::vector<RefineSensor> placed = SensorsToRefine(still.seen, still.labelled, still.placements,
+                                                       still.Lenses(lenses), options);
     std::size_t next = 0;
     for (std::size_t i = 0; i < still.seen.size(); ++i) {
       const int sensor =
@@ -250,7 +251,8 @@ std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
 
 std::vector<CalibrationResult> JudgeStills(
     std::vector<StillStages> stages, const Structure& structure, const RefineResult& refined,
-    const std::vector<std::optional<Finding>>& suspect_lenses, const JudgeOptions& options) {
+    const LensSet& lenses, const std::vector<std::optional<Finding>>& suspect_lenses,
+    const JudgeOptions& options) {
   std::vector<CalibrationResult> judged;
   std::size_t first = 0;  // of the refined frames
   for (std::size_t s = 0; s < stages.size(); ++s) {
@@ -267,7 +269,7 @@ std::vector<CalibrationResult> JudgeStills(
                       std::move(still.placements),
                       std::move(still.assembly),
                       OfStill(refined, s, first, count),
-                      std::move(still.lenses),
+                      still.Lenses(lenses),
                       {suspects, suspects + static_cast<std::ptrdiff_t>(still.seen.size())}},
                      options));
     first += count;

@@ -22,13 +22,15 @@ namespace volalign {
 struct StillStages {
   const Still* still;             ///< as given
   std::size_t first = 0;          ///< index of its first frame among those of all stills
-  LensSet lenses;                 ///< of its frames
   std::vector<SensorFrame> seen;  ///< its frames, with the intrinsics of the lenses
   std::vector<SensorView> views;
   std::vector<DepthFinding> depths;
   std::vector<LabelledView> labelled;
   std::optional<AssemblyReport> assembly;
   std::vector<Placement> placements;
+
+  /// Of its frames, from those of all.
+  LensSet Lenses(const LensSet& lenses) const { return OfFrames(lenses, first, seen.size()); }
 };
 
 /// The frames of all stills, still by still: the order in which those of all are counted.
@@ -41,17 +43,19 @@ std::vector<StillStages> BeginStages(const std::vector<Still>& stills);
 void SeeThrough(const LensSet& lenses, int threads, std::vector<StillStages>* stages);
 
 /// Large planes of all frames, see FindPlanes.
-std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, int threads);
+std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, const LensSet& lenses,
+                                     int threads);
 
 /// All placed frames, still by still, as the joint refinement takes them. Sensors are counted in
 /// the order in which their names first occur.
 std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const RefineOptions& options);
+                                         const LensSet& lenses, const RefineOptions& options);
 
 /// Judges every still, its frames by the refinement of all. `suspect_lenses`: of all frames.
 std::vector<CalibrationResult> JudgeStills(
     std::vector<StillStages> stages, const Structure& structure, const RefineResult& refined,
-    const std::vector<std::optional<Finding>>& suspect_lenses, const JudgeOptions& options);
+    const LensSet& lenses, const std::vector<std::optional<Finding>>& suspect_lenses,
+    const JudgeOptions& options);
 
 /// The result of all stills, from those of each alone. The sensors come in the order in which their
 /// names first occur, each with its pose in the first still's structure, without images. A sensor
