@@ -54,4 +54,12 @@ Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double flo
   return structure_from_rig * LookAt(position, target, sensor.roll_deg * kPi / 180);
 }
 
+Pose FirstFromPlacement(const RigPlacement& placement) {
+  Pose first_from_placement(
+      Eigen::AngleAxisd(placement.yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
+  first_from_placement.translation() =
+      Eigen::Vector3d(0.01 * placement.x_cm, 0, 0.01 * placement.z_cm);
+  return first_from_placement;
+}
+
 }  // namespace volalign
