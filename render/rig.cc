@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -24,6 +26,7 @@ constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 // Between the draws of one still and the next; larger than any number of sensors.
 constexpr std::uint64_t kStillStride = std::uint64_t{1} << 32;
 
+constexpr double kPi = 3.14159265358979323846;
 constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
 
 Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsPoolEntry>& pool,
@@ -199,6 +202,36 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
     }
   }
   return stills;
+}
+
+std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m) {
+  constexpr int kAttempts = 200;
+  constexpr double kGap = 0.05;  // m, for boxes that will stand a little out of place
+  RequireInputFile("structure", rig.structure);
+  const Structure structure = ReadStructure(rig.structure);
+  std::vector<RigPlacement> placements;
+  for (int k = 0; k < count; ++k) {
+    RandomStream random(rig.seed, static_cast<std::uint64_t>(k), "placements");
+    RigPlacement placement;
+    const auto stands_in_tripod = [&](const RigSensor& sensor) {
+      return StandsInTripod({FirstFromPlacement(placement), structure},
+                            RigSensorPose(sensor, rig.structure_yaw_deg, structure.FloorHeight()),
+                            kGap);
+    };
+    bool free = false;
+    for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
+      const double rho = 100 * radius_m * std::sqrt(random.Uniform());
+      const double phi = random.Uniform(0, 2 * kPi);
+      placement = {rho * std::cos(phi), rho * std::sin(phi), random.Uniform(0, 360)};
+      free = std::none_of(rig.sensors.begin(), rig.sensors.end(), stands_in_tripod);
+    }
+    if (!free) {
+      throw ConfigError(fmt::format(
+          "the sensors leave the structure no other place within {} m of its first", radius_m));
+    }
+    placements.push_back(placement);
+  }
+  return placements;
 }
 
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {

@@ -44,6 +44,11 @@ struct RigCapture {
 /// placement in a tripod), IoError or DataError.
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer);
 
+/// `count` further placements for a rig, from its seed: uniform in a disc about the first, in any
+/// orientation, none in a sensor's tripod. The first ones do not depend on `count`. Throws
+/// ConfigError where there is no such place, and what reading the structure throws.
+std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m);
+
 /// RenderPlacements of a rig without placements: its one still. Throws std::invalid_argument for a
 /// rig that has placements, else as RenderPlacements.
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer);

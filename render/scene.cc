@@ -713,11 +713,12 @@ SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
   return moved;
 }
 
-bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor) {
+bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+                    double gap) {
   const std::vector<Footprint> boxes =
       BoxFootprints(elsewhere.structure, elsewhere.structure_from_elsewhere);
   return std::any_of(boxes.begin(), boxes.end(), [&](const Footprint& box) {
-    return !Apart(box, TripodFootprint(structure_from_sensor), 0);
+    return !Apart(box, TripodFootprint(structure_from_sensor), gap);
   });
 }
 

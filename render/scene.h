@@ -56,8 +56,9 @@ SceneMesh BuildScene(const SceneConfig& config, const Structure& structure,
 SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
                         const Pose& new_from_scene);
 
-/// Whether one of the boxes stands where a sensor's tripod does.
-bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor);
+/// Whether one of the boxes stands where a sensor's tripod does, or nearer than `gap` m to it.
+bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+                    double gap = 0);
 
 /// A depth sensor on a tripod that stands on the floor; `structure_from_sensor` is its pose.
 void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneMesh* mesh);

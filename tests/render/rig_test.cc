@@ -420,6 +420,36 @@ TEST_F(RigTest, ErrorsOfADevicePersistUnlessTheyAreRedrawn) {
   }
 }
 
+TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
+  Rig rig = Parse(kTwo);
+  double sum = 0, largest = 0, turn = 0;
+  for (rig.seed = 1; rig.seed <= 60; ++rig.seed) {
+    const std::vector<RigPlacement> five = DrawPlacements(rig, 5, 0.8);
+    const std::vector<RigPlacement> two = DrawPlacements(rig, 2, 0.8);
+    ASSERT_EQ(five.size(), 5u);
+    ASSERT_EQ(two.size(), 2u);
+    EXPECT_EQ(two[1].x_cm, five[1].x_cm);
+    EXPECT_EQ(two[1].yaw_deg, five[1].yaw_deg);
+    for (const RigPlacement& placement : five) {
+      const double rho = std::hypot(placement.x_cm, placement.z_cm);
+      sum += rho * rho;
+      largest = std::max(largest, rho);
+      turn += placement.yaw_deg;
+    }
+  }
+  EXPECT_LE(largest, 80);
+  EXPECT_GT(largest, 75);
+  EXPECT_NEAR(sum / 300, 80 * 80 / 2.0, 430);  // 4 sigma; uniform over the disc
+  EXPECT_NEAR(turn / 300, 180, 24);
+  // Between two sensors that leave little room, none stands in either.
+  rig.sensors[0].rho_cm = rig.sensors[1].rho_cm = 130;
+  rig.noise = "none";
+  rig.placements = DrawPlacements(rig, 5, 0.8);
+  EXPECT_NO_THROW(RenderPlacements(rig, renderer_));
+  rig.sensors[0].rho_cm = 10;
+  ExpectError<ConfigError>([&] { DrawPlacements(rig, 1, 0.05); }, {"0.05 m"});
+}
+
 TEST_F(RigTest, ShippedRigsAreValid) {
   EXPECT_EQ(ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml")).sensors.size(), 8u);
   const Rig studio = ReadRig(ConfigSource::FromFile("configs/rig_studio.yaml"));
