@@ -62,4 +62,14 @@ Pose FirstFromPlacement(const RigPlacement& placement) {
   return first_from_placement;
 }
 
+void TurnStructure(double deg, Rig* rig) {
+  rig->structure_yaw_deg = std::fmod(rig->structure_yaw_deg + deg, 360.0);
+  const double cosine = std::cos(deg * kPi / 180), sine = std::sin(deg * kPi / 180);
+  for (RigPlacement& placement : rig->placements) {
+    const double x = placement.x_cm, z = placement.z_cm;
+    placement.x_cm = cosine * x - sine * z;
+    placement.z_cm = sine * x + cosine * z;
+  }
+}
+
 }  // namespace volalign

@@ -127,4 +127,8 @@ Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double flo
 /// The structure's frame at a placement in that of its first place, for a level floor.
 Pose FirstFromPlacement(const RigPlacement& placement);
 
+/// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
+/// modulo 360, and the placements stay where they are among the sensors.
+void TurnStructure(double deg, Rig* rig);
+
 }  // namespace volalign

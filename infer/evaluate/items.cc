@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <set>
 #include <utility>
 
@@ -147,8 +146,7 @@ std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const Ri
           Rig rig = named.rig;
           rig.seed = seed;
           if (!series.keep_yaw) {
-            rig.structure_yaw_deg = std::fmod(
-                rig.structure_yaw_deg + kGoldenAngleDeg * static_cast<double>(seed), 360.0);
+            TurnStructure(kGoldenAngleDeg * static_cast<double>(seed), &rig);
           }
           SetPlacements(count, series.placement_radius_m, &rig);
           items.push_back(RigItem(named.name, rig, sensors, renderer));

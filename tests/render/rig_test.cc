@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -259,6 +260,25 @@ TEST_F(RigTest, PlacementsHaveTheirClosedForm) {
             1e-12);
   EXPECT_LT((first_from_placement * Eigen::Vector3d(1, 3, 0) - Eigen::Vector3d(1, 3, -0.5)).norm(),
             1e-12);
+}
+
+TEST_F(RigTest, ATurnedStructureStaysAtItsPlaces) {
+  const Rig rig = Parse(std::string(kTwo) + kPlacements);
+  Rig turned = rig;
+  constexpr double kTurn = 50;
+  TurnStructure(kTurn, &turned);
+  // Seen from the structure at each of its places, each sensor has moved by the opposite turn.
+  const Eigen::AngleAxisd back(-kTurn * M_PI / 180, Eigen::Vector3d::UnitY());
+  for (const RigSensor& sensor : rig.sensors) {
+    const Eigen::Vector3d before = RigSensorPose(sensor, rig.structure_yaw_deg, 0).translation();
+    const Eigen::Vector3d after = RigSensorPose(sensor, turned.structure_yaw_deg, 0).translation();
+    EXPECT_LT((after - back * before).norm(), 1e-12);
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Eigen::Vector3d was = FirstFromPlacement(rig.placements[k]).inverse() * before;
+      const Eigen::Vector3d is = FirstFromPlacement(turned.placements[k]).inverse() * after;
+      EXPECT_LT((is - back * was).norm(), 1e-12);
+    }
+  }
 }
 
 TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {

@@ -138,6 +138,7 @@ TEST_F(RigFiles, EveryNumberOfPlacementsInTurn) {
                               "  - {x_cm: 47, z_cm: 0}\n")
                        .string()};
   series_.seeds.clear();
+  series_.keep_yaw = true;
   EXPECT_EQ(RigItems(ReadRigs(series_), series_, nullptr).at(0).placements, 3);
   series_.placements = {2, 5};
   const std::vector<EvaluationItem> own = RigItems(ReadRigs(series_), series_, nullptr);
