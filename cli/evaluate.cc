@@ -46,6 +46,15 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--set", options->assignments, "KEY=VALUE over the calibration options")
       ->take_all();
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
+  app->add_option("--placements", options->rigs.placements,
+                  "numbers of placements of the structure, e.g. 1 2 4: each rig is calibrated with "
+                  "stills of so many, the first ones of the rig's own and then drawn ones; without "
+                  "it, with the rig's own")
+      ->check(CLI::Range(1, 6));
+  app->add_option("--placement-radius", options->rigs.placement_radius_m,
+                  "drawn placements lie within so many m of the first")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app->add_flag("--keep-yaw", options->rigs.keep_yaw,
                 "leave the structure as the rig turns it; else each seed turns it by the golden "
                 "angle more");

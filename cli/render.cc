@@ -71,9 +71,31 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
                   "EGL device; the first that works, or software, without it");
 }
 
+/// Each still as a capture of its own.
+void WritePlacements(const std::string& output, const std::vector<RigCapture>& stills) {
+  for (std::size_t k = 0; k < stills.size(); ++k) {
+    const std::string dir = fmt::format("{}/placement_{}", output, k + 1);
+    WriteCapture(dir, stills[k]);
+    const Eigen::Vector3d at = stills[k].first_from_placement.translation();
+    fmt::print("placement {}, structure at ({:+.3f}, {:+.3f}) m of the first: pixels on it in",
+               k + 1, at.x(), at.z());
+    for (const CapturedSensor& sensor : stills[k].sensors) {
+      fmt::print(" {} {}", sensor.name,
+                 std::count_if(sensor.labels.begin(), sensor.labels.end(),
+                               [](std::uint8_t label) { return label > 0; }));
+    }
+    fmt::print("\nwritten: {}/capture.json, contact_sheet.png\n", dir);
+  }
+}
+
 void RenderOneRig(const RenderOptions& options, const ConfigSource& source) {
   DepthRenderer renderer;
-  const RigCapture capture = RenderRig(ReadRig(source), renderer);
+  const std::vector<RigCapture> stills = RenderPlacements(ReadRig(source), renderer);
+  if (stills.size() > 1) {
+    WritePlacements(options.output, stills);
+    return;
+  }
+  const RigCapture& capture = stills.front();
   WriteCapture(options.output, capture);
   for (const CapturedSensor& sensor : capture.sensors) {
     const Eigen::Vector3d p = sensor.structure_from_sensor.translation();

@@ -54,4 +54,22 @@ Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double flo
   return structure_from_rig * LookAt(position, target, sensor.roll_deg * kPi / 180);
 }
 
+Pose FirstFromPlacement(const RigPlacement& placement) {
+  Pose first_from_placement(
+      Eigen::AngleAxisd(placement.yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
+  first_from_placement.translation() =
+      Eigen::Vector3d(0.01 * placement.x_cm, 0, 0.01 * placement.z_cm);
+  return first_from_placement;
+}
+
+void TurnStructure(double deg, Rig* rig) {
+  rig->structure_yaw_deg = std::fmod(rig->structure_yaw_deg + deg, 360.0);
+  const double cosine = std::cos(deg * kPi / 180), sine = std::sin(deg * kPi / 180);
+  for (RigPlacement& placement : rig->placements) {
+    const double x = placement.x_cm, z = placement.z_cm;
+    placement.x_cm = cosine * x - sine * z;
+    placement.z_cm = sine * x + cosine * z;
+  }
+}
+
 }  // namespace volalign

@@ -3,9 +3,11 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/config.h"
+#include "core/config_word.h"
 #include "core/pose.h"
 #include "core/scene_config.h"
 
@@ -37,6 +39,24 @@ struct RigSensor {
   }
 };
 
+/// A further place of the structure: where its frame then stands in the frame of its first place.
+struct RigPlacement {
+  double x_cm = 0;
+  double z_cm = 0;
+  double yaw_deg = 0;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
+    ar("z_cm", z_cm, "as x_cm");
+    ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
+  }
+};
+
+/// Of a sensor, between the stills of several placements: its device's errors (bias, warp and what
+/// else one device does alike in all frames) stay as they are, or each still draws its own.
+enum class DeviceErrorDraw { kPersistent, kRedrawn };
+
 /// The description of a simulated multi-sensor capture, rig.yaml; render/rig.h draws it.
 struct Rig {
   Rig() {
@@ -57,6 +77,8 @@ struct Rig {
   double lens_spread_percent = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
+  std::vector<RigPlacement> placements;  ///< after the first, which is the identity
+  DeviceErrorDraw device_errors = DeviceErrorDraw::kPersistent;
   SceneConfig scene;
   AssemblyConfig assembly;
 
@@ -80,6 +102,16 @@ struct Rig {
        Between(0, 5));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
+    ar("placements", placements,
+       "further places of the structure, one still each: sensors and room stay, the structure is "
+       "built again there, out of place by draws of its own, of the same size");
+    DescribeWord(
+        ar, "device_errors", device_errors,
+        std::array<std::pair<const char*, DeviceErrorDraw>, 2>{
+            {{"persistent", DeviceErrorDraw::kPersistent}, {"redrawn", DeviceErrorDraw::kRedrawn}}},
+        "with placements: persistent (bias, warp and what else one device does alike in "
+        "all frames stay from still to still) or redrawn (each still has its own: errors "
+        "average out as those of real devices do not)");
     ar("scene", scene, "the room's content");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
   }
@@ -91,5 +123,12 @@ Rig ReadRig(const ConfigSource& source);
 
 /// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
+
+/// The structure's frame at a placement in that of its first place, for a level floor.
+Pose FirstFromPlacement(const RigPlacement& placement);
+
+/// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
+/// modulo 360, and the placements stay where they are among the sensors.
+void TurnStructure(double deg, Rig* rig);
 
 }  // namespace volalign

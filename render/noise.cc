@@ -65,13 +65,17 @@ void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
 }
 
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
-                     std::uint64_t index) {
+                     std::uint64_t index, DeviceErrors* device) {
   RandomStream random(seed, index, "noise");
+  DeviceErrors drawn;
+  if (!device) device = &drawn;
   if (config.model == "none") return {input.view.depth, input.view.labels};
   if (config.model == "paper") return PaperNoise(config, input, random);
-  if (const auto model = TofModelOf(input.sensor)) return TofNoise(*model, input, random);
+  if (const auto model = TofModelOf(input.sensor)) {
+    return TofNoise(*model, input, random, &device->tof);
+  }
   if (const auto model = StereoModelOf(input.sensor, input.intrinsics)) {
-    return StereoNoise(*model, input, random);
+    return StereoNoise(*model, input, random, &device->stereo);
   }
   throw ConfigError(
       fmt::format("noise.model = sensor: no model for sensor {}, but for {}; use paper or none",

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "core/camera.h"
@@ -28,6 +29,28 @@ struct NoisyView {
   LabelImage labels;  ///< 0 where the depth is 0 or does not come from one surface
 };
 
+/// What a time-of-flight device does alike in all of its frames.
+struct TofDevice {
+  float bias = 0;                                                         ///< m
+  float white = 0, warp_rms = 0, multipath = 0, fill = 0, threshold = 0;  ///< strengths
+  Image<float> warp;                                                      ///< unit normal field
+  double mask_centre_u = 0;  ///< px at 320x288, where it has a mask
+};
+
+/// What a stereo or structured-light device does alike in all of its frames.
+struct StereoDevice {
+  Image<float> outline_u, outline_v;       ///< unit normal fields, by which the foreground grows
+  double local_sigma = 0, warp_sigma = 0;  ///< px
+  Image<float> warp;                       ///< unit normal field
+};
+
+/// The errors of one device, which stay the same from frame to frame. Empty until a frame has drawn
+/// them. All frames of a device have the same size.
+struct DeviceErrors {
+  std::optional<TofDevice> tof;
+  std::optional<StereoDevice> stereo;
+};
+
 /// Pool names that have a sensor model: time of flight the first two, disparity the others.
 inline constexpr char kSensorModels[] =
     "azure_kinect*, kinect_v2*, realsense_d415*, realsense_d435*, realsense_d455* and kinect_v1*";
@@ -35,8 +58,10 @@ inline constexpr char kSensorModels[] =
 /// Whether a sensor model exists for a pool name.
 bool HasSensorModel(const std::string& sensor);
 
-/// Random stage "noise". Throws ConfigError for model "sensor" and a sensor without one.
+/// Random stage "noise". `device`: where it has errors, they take the place of those that the frame
+/// would draw; where it is empty, it receives the ones that the frame has drawn. Throws ConfigError
+/// for model "sensor" and a sensor without one.
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
-                     std::uint64_t index);
+                     std::uint64_t index, DeviceErrors* device = nullptr);
 
 }  // namespace volalign

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "core/random.h"
 #include "render/noise.h"
 
@@ -20,7 +22,10 @@ struct TofModel {
   bool hexagon = false;  ///< Azure Kinect's illumination mask, valid region |u - u0| <= 175.2 - k
                          ///< |v - v0| at 320x288
 };
-NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random);
+/// `device` is used where it stands, and else drawn. It is the first frame's numbers that a device
+/// keeps, so that a single frame is the same whether its device has others or not.
+NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
+                   std::optional<TofDevice>* device);
 
 /// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d. The
 /// defaults are a D415's.
@@ -31,6 +36,8 @@ struct StereoModel {
   double warp_sigma[2] = {0.08, 0.19};     ///< px rms
   double largest_disparity = 126;          ///< px; nearer surfaces are not matched
 };
-NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random);
+/// `device` as in TofNoise.
+NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random,
+                      std::optional<StereoDevice>* device);
 
 }  // namespace volalign

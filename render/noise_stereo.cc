@@ -43,12 +43,16 @@ struct MatchedView {
 };
 
 /// What the matcher sees: foreground grown by about a pixel, wavily. Labels follow the surface
-/// whose depth is taken.
-MatchedView Fatten(const RenderedView& view, double scale, RandomStream& random) {
+/// whose depth is taken. Draws the device's outlines where `known` is false.
+MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStream& random,
+                   StereoDevice* device) {
   const int width = view.depth.width(), height = view.depth.height();
   MatchedView out{{DepthImage(width, height), LabelImage(width, height)}, Image16(width, height)};
-  const Image<float> du = SmoothField(width, height, kFattenCorrelation * scale, random);
-  const Image<float> dv = SmoothField(width, height, kFattenCorrelation * scale, random);
+  if (!known) {
+    device->outline_u = SmoothField(width, height, kFattenCorrelation * scale, random);
+    device->outline_v = SmoothField(width, height, kFattenCorrelation * scale, random);
+  }
+  const Image<float>&du = device->outline_u, &dv = device->outline_v;
   const PixelRandom pixel(random);
   std::size_t i = 0;
   for (int v = 0; v < height; ++v) {
@@ -98,19 +102,23 @@ void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
 }
 
 /// Error of the disparity at the model's native resolution, px: local noise and a smooth warp.
+/// Draws the device's part where `known` is false.
 Image<float> DisparityError(const StereoModel& model, int width, int height, double scale,
-                            RandomStream& random) {
-  const double local_sigma = random.Uniform(model.local_sigma[0], model.local_sigma[1]);
-  const double warp_sigma = random.Uniform(model.warp_sigma[0], model.warp_sigma[1]);
-  const Image<float> warp = SmoothField(
-      width, height, scale * random.Uniform(kWarpCorrelation[0], kWarpCorrelation[1]), random);
+                            bool known, RandomStream& random, StereoDevice* device) {
+  if (!known) {
+    device->local_sigma = random.Uniform(model.local_sigma[0], model.local_sigma[1]);
+    device->warp_sigma = random.Uniform(model.warp_sigma[0], model.warp_sigma[1]);
+    device->warp = SmoothField(
+        width, height, scale * random.Uniform(kWarpCorrelation[0], kWarpCorrelation[1]), random);
+  }
+  const Image<float>& warp = device->warp;
   const PixelRandom pixel(random);
   Image<float> error(width, height);
   for (std::size_t i = 0; i < error.size(); ++i) error[i] = pixel.Normal(i);
   SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
   for (std::size_t i = 0; i < error.size(); ++i) {
-    error[i] =
-        static_cast<float>(local_sigma) * error[i] + static_cast<float>(warp_sigma) * warp[i];
+    error[i] = static_cast<float>(device->local_sigma) * error[i] +
+               static_cast<float>(device->warp_sigma) * warp[i];
   }
   return error;
 }
@@ -210,13 +218,17 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
 
 }  // namespace
 
-NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random) {
+NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random,
+                      std::optional<StereoDevice>* device) {
+  const bool known = device->has_value();
+  if (!known) device->emplace();
   const int width = input.view.depth.width(), height = input.view.depth.height();
   const double scale = width / kReferenceWidth;
-  MatchedView matched = Fatten(input.view, scale, random);
+  MatchedView matched = Fatten(input.view, scale, known, random, &**device);
   Image<std::uint8_t> keep(width, height, 1);
   SpoilEdges(scale, random, &matched, &keep);
-  const Image<float> disparity_error = DisparityError(model, width, height, scale, random);
+  const Image<float> disparity_error =
+      DisparityError(model, width, height, scale, known, random, &**device);
   const MatchConfidence confidence(width, height, scale, random);
   Match(model, input, scale, confidence, disparity_error, &matched, &keep);
   RoundKept(keep, &matched.view);

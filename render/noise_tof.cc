@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "render/noise_fields.h"
@@ -139,8 +140,7 @@ float SeamDistance(const std::vector<SeamBox>& boxes, std::uint64_t seam_boxes,
   return nearest;
 }
 
-void ClearOutsideHexagon(int width, int height, RandomStream& random, Image<std::uint8_t>* keep) {
-  const double centre_u = Draw(kHexagonCentreU, random);
+void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
   const double su = kReferenceWidth / width, sv = kReferenceHeight / height;
   for (int v = 0; v < height; ++v) {
     const double dv = (v + 0.5) * sv - 0.5 - kHexagonCentreV;
@@ -210,24 +210,25 @@ void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::u
 
 /// What one frame has of each effect.
 struct FrameNoise {
-  float bias, white, warp_rms, multipath, fill, threshold;
-  Image<float> warp, patches;  // unit normal fields
+  TofDevice device;
+  Image<float> patches;  // a unit normal field
   float patch_limit;
   Image<float> grain;  // of the white noise, unit variance
 };
 
 FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& random) {
   FrameNoise frame;
-  frame.bias = static_cast<float>(Draw(kBias, random));
-  frame.white = static_cast<float>(Draw(kWhiteGain, random));
-  frame.warp_rms = static_cast<float>(Draw(kWarpRms, random));
-  frame.multipath = static_cast<float>(Draw(kMultipath, random));
-  frame.fill = static_cast<float>(Draw(kFill, random));
-  frame.threshold = static_cast<float>(
+  TofDevice& device = frame.device;
+  device.bias = static_cast<float>(Draw(kBias, random));
+  device.white = static_cast<float>(Draw(kWhiteGain, random));
+  device.warp_rms = static_cast<float>(Draw(kWarpRms, random));
+  device.multipath = static_cast<float>(Draw(kMultipath, random));
+  device.fill = static_cast<float>(Draw(kFill, random));
+  device.threshold = static_cast<float>(
       std::exp(random.Uniform(std::log(kAmplitudeThreshold[0]), std::log(kAmplitudeThreshold[1]))));
   const double warp_correlation =
       scale * kShortestWarp * std::exp(random.Uniform(0, std::log(kWarpRatio)));
-  frame.warp = SmoothField(width, height, warp_correlation, random);
+  device.warp = SmoothField(width, height, warp_correlation, random);
   frame.patches = SmoothField(width, height, scale * Draw(kPatchCorrelation, random), random);
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
@@ -241,6 +242,7 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
 void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* depth,
                   Image<std::uint8_t>* keep) {
   const RenderedView& view = input.view;
+  const TofDevice& device = frame.device;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<FaceInfo> infos = FaceInfos(input, boxes);
   const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
@@ -261,14 +263,14 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
       const float cosine = std::max(face.height / range, 0.01F);
       const float inverse = 1 / std::max(cosine, kLeastNoiseCosine);
       const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
-      float error = frame.bias + frame.warp_rms * frame.warp[i] +
-                    frame.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * frame.grain[i];
+      float error = device.bias + device.warp_rms * device.warp[i] +
+                    device.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * frame.grain[i];
       if (face.meets_floor || face.seam_boxes != 0) {
         const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(x, y, 1));
         float seam = SeamDistance(boxes, face.seam_boxes, p);
         if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error += frame.multipath * (1 - seam / kMultipathReach) -
-                 frame.fill * std::max(1 - seam / kFillReach, 0.0F);
+        error += device.multipath * (1 - seam / kMultipathReach) -
+                 device.fill * std::max(1 - seam / kFillReach, 0.0F);
       }
       (*depth)[i] = z + error;
 
@@ -276,7 +278,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
       const float limit =
           face.is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit;
       const float wave = 1 + kPatchWave * frame.patches[i];
-      if (amplitude < frame.threshold * wave * wave * wave * wave || frame.patches[i] > limit ||
+      if (amplitude < device.threshold * wave * wave * wave * wave || frame.patches[i] > limit ||
           z > kFarthest) {
         (*keep)[i] = 0;
       }
@@ -300,17 +302,23 @@ void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep
 
 }  // namespace
 
-NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random) {
+NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
+                   std::optional<TofDevice>* device) {
   const int width = input.view.depth.width(), height = input.view.depth.height();
   const double scale = width / kReferenceWidth;
   NoisyView out{DepthImage(width, height), input.view.labels};
   Image<std::uint8_t> keep(width, height, 1);
-  const FrameNoise frame = DrawFrameNoise(width, height, scale, random);
+  FrameNoise frame = DrawFrameNoise(width, height, scale, random);
+  if (*device) frame.device = std::move(**device);
   MeasureDepth(input, frame, &out.depth, &keep);
   SpoilEdges(input.view, scale, random, &out, &keep);
   DropMixedPixels(random, out.depth, &keep);
   ClearSpeckles(scale, random, &keep);
-  if (model.hexagon) ClearOutsideHexagon(width, height, random, &keep);
+  if (model.hexagon) {
+    if (!*device) frame.device.mask_centre_u = Draw(kHexagonCentreU, random);
+    ClearOutsideHexagon(width, height, frame.device.mask_centre_u, &keep);
+  }
+  *device = std::move(frame.device);
   RoundKept(keep, &out);
   return out;
 }

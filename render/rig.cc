@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -20,6 +23,10 @@ namespace {
 // Rigs draw from indices of their own, so that no rig repeats a training sample's room.
 constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 
+// Between the draws of one still and the next; larger than any number of sensors.
+constexpr std::uint64_t kStillStride = std::uint64_t{1} << 32;
+
+constexpr double kPi = 3.14159265358979323846;
 constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
 
 Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsPoolEntry>& pool,
@@ -68,23 +75,58 @@ Intrinsics Deviating(Intrinsics intrinsics, double spread, std::uint64_t seed,
   return intrinsics;
 }
 
-}  // namespace
+/// The structure as built at one placement.
+struct BuiltPlacement {
+  AssembledStructure built;
+  Pose first_from_placement = Pose::Identity();
+};
 
-RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
-  RigCapture capture;
-  RequireInputFile("structure", rig.structure);
-  RequireInputFile("intrinsics", rig.intrinsics);
-  capture.structure = ReadStructure(rig.structure);
-  capture.structure_present = rig.structure_present;
-  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);
-  AssembledStructure built = Assemble(capture.structure, rig.assembly, rig.seed, kRigIndex);
-  const double floor = capture.structure.FloorHeight();
+/// The first placement and the further ones, each built up anew from boxes of one size.
+std::vector<BuiltPlacement> BuildPlacements(const Rig& rig, const Structure& nominal) {
+  std::vector<BuiltPlacement> all;
+  all.push_back({Assemble(nominal, rig.assembly, rig.seed, kRigIndex), Pose::Identity()});
+  const AssembledStructure first = all[0].built;
+  for (std::size_t k = 0; k < rig.placements.size(); ++k) {
+    AssembledStructure built = Assemble(nominal, rig.assembly, rig.seed,
+                                        kRigIndex + (k + 1) * kStillStride, first.size_scale);
+    // Placements lie on the room's floor, which may be tilted against the structure.
+    const Pose first_from_placement = first.structure_from_room *
+                                      FirstFromPlacement(rig.placements[k]) *
+                                      built.structure_from_room.inverse();
+    all.push_back({std::move(built), first_from_placement});
+  }
+  return all;
+}
 
+/// What all stills of a rig have in common; poses in the frame of the first placement.
+struct RigScene {
+  std::vector<Pose> first_from_sensors;
+  SceneMesh mesh;  ///< with the structure at its first place, without tripods
+  double floor = 0;
+};
+
+RigScene BuildRigScene(const Rig& rig, const Structure& nominal,
+                       const std::vector<BuiltPlacement>& placements) {
+  RigScene out;
+  out.floor = nominal.FloorHeight();
   SceneOptions options;
-  options.structure_from_room = built.structure_from_room;
+  options.structure_from_room = placements[0].built.structure_from_room;
   options.structure_present = rig.structure_present;
   for (const RigSensor& sensor : rig.sensors) {
-    options.structure_from_sensors.push_back(RigSensorPose(sensor, rig.structure_yaw_deg, floor));
+    out.first_from_sensors.push_back(RigSensorPose(sensor, rig.structure_yaw_deg, out.floor));
+  }
+  options.structure_from_sensors = out.first_from_sensors;
+  for (std::size_t k = 1; k < placements.size(); ++k) {
+    options.elsewhere.push_back(
+        {placements[k].first_from_placement, placements[k].built.structure});
+    for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
+      if (!StandsInTripod(options.elsewhere.back(), out.first_from_sensors[i])) continue;
+      throw ConfigError(
+          fmt::format("placements[{}] = {{x_cm: {}, z_cm: {}, yaw_deg: {}}} stands where sensor {} "
+                      "and its tripod do; move one of them",
+                      k - 1, rig.placements[k - 1].x_cm, rig.placements[k - 1].z_cm,
+                      rig.placements[k - 1].yaw_deg, rig.sensors[i].name));
+    }
   }
   SceneConfig scene = rig.scene;
   options.room_probability = rig.room ? 1 : 0;
@@ -93,40 +135,110 @@ RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
     scene.clutter_count = {0, 0};
     scene.tripod_count = {0, 0};
   }
-  const SceneMesh shared = BuildScene(scene, built.structure, options, rig.seed, kRigIndex);
+  out.mesh = BuildScene(scene, placements[0].built.structure, options, rig.seed, kRigIndex);
+  return out;
+}
+
+/// A sensor with everything but its images.
+CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<IntrinsicsPoolEntry>& pool) {
+  const std::uint64_t index = kRigIndex + i;
+  CapturedSensor sensor;
+  sensor.name = rig.sensors[i].name;
+  sensor.sensor = rig.sensors[i].sensor;
+  sensor.stated_intrinsics = DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
+  sensor.intrinsics =
+      Deviating(sensor.stated_intrinsics, 0.01 * rig.lens_spread_percent, rig.seed, index);
+  if (!rig.state_lens) sensor.stated_intrinsics.distortion.clear();
+  return sensor;
+}
+
+}  // namespace
+
+std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer) {
+  RequireInputFile("structure", rig.structure);
+  RequireInputFile("intrinsics", rig.intrinsics);
+  const Structure nominal = ReadStructure(rig.structure);
+  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);
+  const std::vector<BuiltPlacement> placements = BuildPlacements(rig, nominal);
+  const RigScene scene = BuildRigScene(rig, nominal, placements);
+  std::vector<RigCapture> stills;
+  for (const BuiltPlacement& placement : placements) {
+    RigCapture still;
+    still.structure = nominal;
+    still.structure_present = rig.structure_present;
+    still.first_from_placement = placement.first_from_placement;
+    still.box_offsets = placement.built.box_offsets;
+    still.size_scale = placement.built.size_scale;
+    stills.push_back(std::move(still));
+  }
 
   NoiseConfig noise;
   noise.model = rig.noise;
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
-    const std::uint64_t index = kRigIndex + i;
-    CapturedSensor sensor;
-    sensor.name = rig.sensors[i].name;
-    sensor.sensor = rig.sensors[i].sensor;
-    sensor.structure_from_sensor = options.structure_from_sensors[i];
-    sensor.stated_intrinsics =
-        DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
-    sensor.intrinsics =
-        Deviating(sensor.stated_intrinsics, 0.01 * rig.lens_spread_percent, rig.seed, index);
-    if (!rig.state_lens) sensor.stated_intrinsics.distortion.clear();
-    SceneMesh mesh = shared;
+    const CapturedSensor device = Device(rig, i, pool);
+    DeviceErrors errors;
+    SceneMesh around = scene.mesh;
     for (std::size_t other = 0; rig.room && rig.tripods && other < rig.sensors.size(); ++other) {
-      if (other != i) AppendTripod(options.structure_from_sensors[other], floor, &mesh);
+      if (other != i) AppendTripod(scene.first_from_sensors[other], scene.floor, &around);
     }
-    RenderedView view;
-    renderer.Render(mesh, sensor.intrinsics, sensor.structure_from_sensor, &view);
-    NoisyView noisy = ApplyNoise(noise,
-                                 {view, mesh, built.structure, sensor.intrinsics,
-                                  sensor.structure_from_sensor, sensor.sensor},
-                                 rig.seed, index);
-    sensor.depth = std::move(noisy.depth);
-    sensor.labels = std::move(noisy.labels);
-    sensor.depth_clean = std::move(view.depth);
-    sensor.labels_clean = std::move(view.labels);
-    capture.sensors.push_back(std::move(sensor));
+    for (std::size_t k = 0; k < stills.size(); ++k) {
+      const Structure& built = placements[k].built.structure;
+      const Pose placement_from_first = placements[k].first_from_placement.inverse();
+      const SceneMesh mesh = k == 0 ? around : MoveStructure(around, built, placement_from_first);
+      CapturedSensor sensor = device;
+      sensor.structure_from_sensor = placement_from_first * scene.first_from_sensors[i];
+      RenderedView view;
+      renderer.Render(mesh, sensor.intrinsics, sensor.structure_from_sensor, &view);
+      if (rig.device_errors == DeviceErrorDraw::kRedrawn) errors = {};
+      NoisyView noisy = ApplyNoise(
+          noise,
+          {view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor},
+          rig.seed, kRigIndex + k * kStillStride + i, &errors);
+      sensor.depth = std::move(noisy.depth);
+      sensor.labels = std::move(noisy.labels);
+      sensor.depth_clean = std::move(view.depth);
+      sensor.labels_clean = std::move(view.labels);
+      stills[k].sensors.push_back(std::move(sensor));
+    }
   }
-  capture.box_offsets = std::move(built.box_offsets);
-  capture.size_scale = built.size_scale;
-  return capture;
+  return stills;
+}
+
+std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m) {
+  constexpr int kAttempts = 200;
+  constexpr double kGap = 0.05;  // m, for boxes that will stand a little out of place
+  RequireInputFile("structure", rig.structure);
+  const Structure structure = ReadStructure(rig.structure);
+  std::vector<RigPlacement> placements;
+  for (int k = 0; k < count; ++k) {
+    RandomStream random(rig.seed, static_cast<std::uint64_t>(k), "placements");
+    RigPlacement placement;
+    const auto stands_in_tripod = [&](const RigSensor& sensor) {
+      return StandsInTripod({FirstFromPlacement(placement), structure},
+                            RigSensorPose(sensor, rig.structure_yaw_deg, structure.FloorHeight()),
+                            kGap);
+    };
+    bool free = false;
+    for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
+      const double rho = 100 * radius_m * std::sqrt(random.Uniform());
+      const double phi = random.Uniform(0, 2 * kPi);
+      placement = {rho * std::cos(phi), rho * std::sin(phi), random.Uniform(0, 360)};
+      free = std::none_of(rig.sensors.begin(), rig.sensors.end(), stands_in_tripod);
+    }
+    if (!free) {
+      throw ConfigError(fmt::format(
+          "the sensors leave the structure no other place within {} m of its first", radius_m));
+    }
+    placements.push_back(placement);
+  }
+  return placements;
+}
+
+RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
+  if (!rig.placements.empty()) {
+    throw std::invalid_argument("RenderRig: a rig with placements has several stills");
+  }
+  return std::move(RenderPlacements(rig, renderer).front());
 }
 
 }  // namespace volalign

@@ -19,24 +19,38 @@ struct CapturedSensor {
   std::string sensor;            ///< pool name
   Intrinsics intrinsics;         ///< true: the frame is drawn with them
   Intrinsics stated_intrinsics;  ///< what the capture says (Rig::state_lens, lens_spread_percent)
-  Pose structure_from_sensor = Pose::Identity();  ///< ground truth, nominal structure
+  Pose structure_from_sensor = Pose::Identity();  ///< ground truth, nominal structure of the still
   DepthImage depth;                               ///< m, with noise; 0 for no measurement
   LabelImage labels;                              ///< 0 where noise took the depth away
   DepthImage depth_clean;
   LabelImage labels_clean;
 };
 
+/// One still of a rig.
 struct RigCapture {
   Structure structure;  ///< nominal
   bool structure_present = true;
+  /// Where the nominal structure's frame stands in that of the first placement.
+  Pose first_from_placement = Pose::Identity();
   std::vector<Pose> box_offsets;  ///< of the boxes as they were built (Structure::Displaced)
   double size_scale = 1;
   std::vector<CapturedSensor> sensors;
 };
 
-/// All sensors see the same room and the same structure; each has noise of its own. A pure function
-/// of the rig. Throws ConfigError (a sensor that the pool lacks, an image size of another aspect
-/// ratio), IoError or DataError.
+/// One still of the first placement, and one of each further: the same sensors, with the errors of
+/// their devices (Rig::device_errors), and the same room; pixel noise, gaps and holes are drawn
+/// anew. All sensors see the same structure; each has noise of its own. A pure function of the
+/// rig. Throws ConfigError (a sensor that the pool lacks, an image size of another aspect ratio, a
+/// placement in a tripod), IoError or DataError.
+std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer);
+
+/// `count` further placements for a rig, from its seed: uniform in a disc about the first, in any
+/// orientation, none in a sensor's tripod. The first ones do not depend on `count`. Throws
+/// ConfigError where there is no such place, and what reading the structure throws.
+std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m);
+
+/// RenderPlacements of a rig without placements: its one still. Throws std::invalid_argument for a
+/// rig that has placements, else as RenderPlacements.
 RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer);
 
 }  // namespace volalign

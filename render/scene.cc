@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kSensorClearance = 0.45;   // m, half side of the square that stays free
+constexpr double kWallClearance = 0.45;     // m, from the structure elsewhere: beyond all fixtures
 constexpr double kCorridorHalfWidth = 0.5;  // m, of a sensor's free view of the structure
 constexpr int kAttempts = 12;               // placements tried before an object is left out
 
@@ -52,6 +53,31 @@ bool Apart(const Footprint& a, const Footprint& b, double gap) {
   return false;
 }
 
+std::vector<Footprint> BoxFootprints(const Structure& structure, const Pose& scene_from_structure) {
+  std::vector<Footprint> footprints;
+  for (const Box& box : structure.boxes()) {
+    footprints.push_back(FootprintOf(scene_from_structure * box.structure_from_box,
+                                     0.5 * box.size.x(), 0.5 * box.size.z()));
+  }
+  return footprints;
+}
+
+/// Where nothing else stands than the sensor and its tripod.
+Footprint TripodFootprint(const Pose& structure_from_sensor) {
+  const Eigen::Vector3d& at = structure_from_sensor.translation();
+  return {Eigen::Vector2d(at.x(), at.z()), Eigen::Vector2d::UnitX(),
+          Eigen::Vector2d(kSensorClearance, kSensorClearance)};
+}
+
+/// The faces of a turned and shifted object.
+void Move(const Pose& moved_from_face, SceneFace* face) {
+  for (Eigen::Vector3f& corner : face->corners) {
+    corner = (moved_from_face * corner.cast<double>()).cast<float>();
+  }
+  face->normal = moved_from_face.linear() * face->normal;
+  face->offset += face->normal.dot(moved_from_face.translation());
+}
+
 /// Four walls, common yaw. Distances along +x', +z', -x', -z' of the turned axes.
 struct Room {
   bool present = false;
@@ -84,18 +110,26 @@ class SceneBuilder {
         index_(index),
         floor_(structure.FloorHeight()) {
     if (options.structure_present) {
-      for (const Box& box : structure.boxes()) {
-        boxes_.push_back(
-            FootprintOf(box.structure_from_box, 0.5 * box.size.x(), 0.5 * box.size.z()));
+      boxes_ = BoxFootprints(structure, Pose::Identity());
+      for (const StructureElsewhere& place : options.elsewhere) {
+        for (const Footprint& box :
+             BoxFootprints(place.structure, place.structure_from_elsewhere)) {
+          boxes_elsewhere_.push_back(box);
+          boxes_.push_back(box);
+        }
       }
     }
     for (const Pose& sensor : options.structure_from_sensors) {
       const Eigen::Vector2d at(sensor.translation().x(), sensor.translation().z());
-      keep_out_.push_back(
-          {at, Eigen::Vector2d::UnitX(), Eigen::Vector2d(kSensorClearance, kSensorClearance)});
-      if (options.structure_present) {
-        corridors_.push_back(
-            {0.5 * at, at.normalized(), Eigen::Vector2d(0.5 * at.norm(), kCorridorHalfWidth)});
+      keep_out_.push_back(TripodFootprint(sensor));
+      if (!options.structure_present) continue;
+      corridors_.push_back(
+          {0.5 * at, at.normalized(), Eigen::Vector2d(0.5 * at.norm(), kCorridorHalfWidth)});
+      for (const StructureElsewhere& place : options.elsewhere) {
+        const Eigen::Vector3d& there = place.structure_from_elsewhere.translation();
+        const Eigen::Vector2d to = Eigen::Vector2d(there.x(), there.z()), way = at - to;
+        corridors_.push_back({0.5 * (at + to), way.normalized(),
+                              Eigen::Vector2d(0.5 * way.norm(), kCorridorHalfWidth)});
       }
     }
   }
@@ -116,12 +150,7 @@ class SceneBuilder {
     const Pose& turn = options_.structure_from_room;
     if (turn.isApprox(Pose::Identity(), 0)) return;
     for (SceneFace& face : mesh_.faces) {
-      if (mesh_.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
-      for (Eigen::Vector3f& corner : face.corners) {
-        corner = (turn * corner.cast<double>()).cast<float>();
-      }
-      face.normal = turn.linear() * face.normal;
-      face.offset += face.normal.dot(turn.translation());
+      if (!mesh_.objects[static_cast<std::size_t>(face.object)].is_structure) Move(turn, &face);
     }
   }
 
@@ -167,6 +196,10 @@ class SceneBuilder {
       for (const Pose& sensor : options_.structure_from_sensors) {
         const Eigen::Vector2d at(sensor.translation().x(), sensor.translation().z());
         d = std::max(d, at.dot(room.Direction(wall)) + kSensorClearance);
+      }
+      for (const Footprint& box : boxes_elsewhere_) {
+        const Eigen::Vector2d n = room.Direction(wall);
+        d = std::max(d, box.centre.dot(n) + Reach(box, n) + kWallClearance);
       }
     }
     room.has_ceiling = random.Chance(config_.ceiling_probability);
@@ -619,16 +652,20 @@ class SceneBuilder {
   double floor_;
   Room room_;
   SceneMesh mesh_;
-  std::vector<Footprint> boxes_, keep_out_, corridors_, placed_;
+  std::vector<Footprint> boxes_;            // wherever the structure stands
+  std::vector<Footprint> boxes_elsewhere_;  // those of them that are not drawn
+  std::vector<Footprint> keep_out_, corridors_, placed_;
 };
 
 }  // namespace
 
 AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& config,
-                            std::uint64_t seed, std::uint64_t index) {
+                            std::uint64_t seed, std::uint64_t index,
+                            std::optional<double> size_scale) {
   RandomStream random(seed, index, "assembly");
   AssembledStructure out;
   out.size_scale = 1 + 0.01 * config.size_scale_percent * random.Normal();
+  if (size_scale) out.size_scale = *size_scale;
   const double floor = nominal.FloorHeight();
   for (const Box& box : nominal.boxes()) {
     const Eigen::Vector3d centre = box.structure_from_box.translation();
@@ -651,6 +688,38 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
                                          .toRotationMatrix();
   out.structure_from_room.translation() = pivot - out.structure_from_room.linear() * pivot;
   return out;
+}
+
+SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
+                        const Pose& new_from_scene) {
+  SceneMesh moved;
+  const auto is_structure = [](const SceneObject& object) { return object.is_structure; };
+  if (std::any_of(scene.objects.begin(), scene.objects.end(), is_structure)) {
+    moved.AppendStructure(structure);
+  }
+  std::vector<int> new_object(scene.objects.size(), -1);
+  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
+    if (scene.objects[i].is_structure) continue;
+    moved.BeginObject(scene.objects[i]);
+    new_object[i] = static_cast<int>(moved.objects.size()) - 1;
+  }
+  for (SceneFace face : scene.faces) {
+    const int object = new_object[static_cast<std::size_t>(face.object)];
+    if (object < 0) continue;
+    face.object = static_cast<std::int16_t>(object);
+    Move(new_from_scene, &face);
+    moved.faces.push_back(face);
+  }
+  return moved;
+}
+
+bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+                    double gap) {
+  const std::vector<Footprint> boxes =
+      BoxFootprints(elsewhere.structure, elsewhere.structure_from_elsewhere);
+  return std::any_of(boxes.begin(), boxes.end(), [&](const Footprint& box) {
+    return !Apart(box, TripodFootprint(structure_from_sensor), gap);
+  });
 }
 
 void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneMesh* mesh) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/pose.h"
@@ -20,9 +21,17 @@ struct AssembledStructure {
 };
 
 /// Draws the placement and size errors and the floor's tilt of `config` (random stages "assembly"
-/// and "floor"). Boxes stay on the floor and on one another.
+/// and "floor"). Boxes stay on the floor and on one another. `size_scale`: that of boxes which have
+/// been drawn before and are built up again.
 AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& config,
-                            std::uint64_t seed, std::uint64_t index);
+                            std::uint64_t seed, std::uint64_t index,
+                            std::optional<double> size_scale = std::nullopt);
+
+/// The structure where it stands at another time.
+struct StructureElsewhere {
+  Pose structure_from_elsewhere = Pose::Identity();  ///< of its nominal frame there
+  Structure structure;
+};
 
 struct SceneOptions {
   bool structure_present = true;
@@ -31,6 +40,8 @@ struct SceneOptions {
   /// Sensors that nothing may stand near to, and whose view of the structure stays free but for
   /// occluders, which go before the first one.
   std::vector<Pose> structure_from_sensors;
+  /// Not drawn, but its places and the sensors' views of them stay free as the structure's own.
+  std::vector<StructureElsewhere> elsewhere;
 };
 
 /// A mesh of the structure in a procedural room: floor at its lowest point, four walls, perhaps a
@@ -39,6 +50,15 @@ struct SceneOptions {
 /// "tripods", "distractors", "occluder").
 SceneMesh BuildScene(const SceneConfig& config, const Structure& structure,
                      const SceneOptions& options, std::uint64_t seed, std::uint64_t index);
+
+/// The same scene when the structure has moved: `scene` in the structure's new frame, with
+/// `structure` in place of its own (no structure where it has none).
+SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
+                        const Pose& new_from_scene);
+
+/// Whether one of the boxes stands where a sensor's tripod does, or nearer than `gap` m to it.
+bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+                    double gap = 0);
 
 /// A depth sensor on a tripod that stands on the floor; `structure_from_sensor` is its pose.
 void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneMesh* mesh);

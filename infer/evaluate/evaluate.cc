@@ -102,8 +102,10 @@ std::string Placed(const EvaluationItem& item, const std::vector<EvaluatedCase>&
                                   [](const EvaluatedSensor& sensor) { return sensor.placed(); }),
                     one.results.size());
   }
-  return fmt::format("{}{}{}{}: placed by {}", item.rig, item.sensors.empty() ? "" : " ",
-                     item.sensors, item.seed ? fmt::format(" seed {}", *item.seed) : "", placed);
+  return fmt::format("{}{}{}{}{}: placed by {}", item.rig, item.sensors.empty() ? "" : " ",
+                     item.sensors, item.seed ? fmt::format(" seed {}", *item.seed) : "",
+                     item.placements > 1 ? fmt::format(" with {} placements", item.placements) : "",
+                     placed);
 }
 
 }  // namespace
@@ -130,6 +132,7 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
         fresh[k].rig = item.rig;
         fresh[k].sensors = item.sensors;
         fresh[k].seed = item.seed;
+        fresh[k].placements = item.placements;
         results.Add(i, missing[k], std::move(fresh[k]));
       }
       ++made;

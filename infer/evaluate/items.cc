@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <set>
 #include <utility>
 
@@ -41,6 +40,18 @@ std::string RigName(const std::string& path) {
   return stem.rfind("rig_", 0) == 0 ? stem.substr(4) : stem;
 }
 
+/// Drops placements from the rig, or draws more, until the structure has `count` places.
+void SetPlacements(int count, double radius_m, Rig* rig) {
+  const auto further = static_cast<std::size_t>(count - 1);
+  const std::size_t own = std::min(rig->placements.size(), further);
+  rig->placements.resize(own);
+  if (own == further) return;
+  for (const RigPlacement& placement :
+       DrawPlacements(*rig, static_cast<int>(further - own), radius_m)) {
+    rig->placements.push_back(placement);
+  }
+}
+
 }  // namespace
 
 EvaluationStill StillOf(const RigCapture& capture) {
@@ -62,12 +73,22 @@ EvaluationStill StillOf(const RigCapture& capture) {
   return still;
 }
 
+EvaluationStill StillOf(const std::vector<RigCapture>& placements) {
+  EvaluationStill still = StillOf(placements.front());
+  for (std::size_t k = 1; k < placements.size(); ++k) {
+    EvaluationStill other = StillOf(placements[k]);
+    still.further.push_back({std::move(other.frames), std::move(other.labels)});
+  }
+  return still;
+}
+
 EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sensors,
                        DepthRenderer* renderer) {
   EvaluationItem item;
   item.rig = name;
   item.sensors = sensors.empty() ? kAsTheRig : sensors;
   item.seed = rig.seed;
+  item.placements = static_cast<int>(rig.placements.size()) + 1;
   if (!sensors.empty()) {
     for (RigSensor& sensor : rig.sensors) {
       sensor.sensor = sensors;
@@ -76,7 +97,7 @@ EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sens
   }
   item.identity =
       WriteConfig(rig) + ReadStructure(rig.structure).Hash() + Sha256(ReadFile(rig.intrinsics));
-  item.load = [rig, renderer] { return StillOf(RenderRig(rig, *renderer)); };
+  item.load = [rig, renderer] { return StillOf(RenderPlacements(rig, *renderer)); };
   return item;
 }
 
@@ -118,15 +139,18 @@ std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const Ri
   std::vector<EvaluationItem> items;
   for (const NamedRig& named : rigs) {
     const std::vector<std::uint64_t> own_seed{named.rig.seed};
+    const std::vector<int> own_placements{static_cast<int>(named.rig.placements.size()) + 1};
     for (const std::string& sensors : series.sensors.empty() ? own_sensors : series.sensors) {
-      for (const std::uint64_t seed : series.seeds.empty() ? own_seed : series.seeds) {
-        Rig rig = named.rig;
-        rig.seed = seed;
-        if (!series.keep_yaw) {
-          rig.structure_yaw_deg =
-              std::fmod(rig.structure_yaw_deg + kGoldenAngleDeg * static_cast<double>(seed), 360.0);
+      for (const int count : series.placements.empty() ? own_placements : series.placements) {
+        for (const std::uint64_t seed : series.seeds.empty() ? own_seed : series.seeds) {
+          Rig rig = named.rig;
+          rig.seed = seed;
+          if (!series.keep_yaw) {
+            TurnStructure(kGoldenAngleDeg * static_cast<double>(seed), &rig);
+          }
+          SetPlacements(count, series.placement_radius_m, &rig);
+          items.push_back(RigItem(named.name, rig, sensors, renderer));
         }
-        items.push_back(RigItem(named.name, rig, sensors, renderer));
       }
     }
   }

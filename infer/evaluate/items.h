@@ -17,7 +17,13 @@ namespace volalign {
 
 class DepthRenderer;
 
-/// One still of a rig, with what is known about it.
+/// The same sensors while the structure stands elsewhere. Frames in the order of the first still.
+struct FurtherStill {
+  std::vector<SensorFrame> frames;
+  std::vector<LabelImage> labels;
+};
+
+/// One still of a rig, or the first of several, with what is known about it.
 struct EvaluationStill {
   Structure structure;              ///< nominal
   std::vector<SensorFrame> frames;  ///< with ground truth where there is one
@@ -25,6 +31,7 @@ struct EvaluationStill {
   /// Best rigid fit of the boxes' corners as they stand onto the nominal ones: no capture can tell
   /// the nominal frame from the one in which the boxes' displacements average out.
   Pose nominal_from_built = Pose::Identity();
+  std::vector<FurtherStill> further;  ///< of the other placements
 };
 
 /// A still that is made when its turn comes.
@@ -32,12 +39,16 @@ struct EvaluationItem {
   std::string rig;      ///< name of the rig, or the capture's path
   std::string sensors;  ///< pool name that all sensors were set to; "as the rig"; "" for a capture
   std::optional<std::uint64_t> seed;
+  int placements = 1;
   std::string identity;  ///< everything that the still depends on
   std::function<EvaluationStill()> load;
 };
 
 /// The still of a rendered rig.
 EvaluationStill StillOf(const RigCapture& capture);
+
+/// The stills of a rig's placements; not empty.
+EvaluationStill StillOf(const std::vector<RigCapture>& placements);
 
 /// A rig to render. `sensors`, where not empty, takes the place of every sensor's own model (at the
 /// pool's own image size). The renderer must outlive the item. Throws IoError when the structure or
@@ -58,6 +69,10 @@ struct RigSeries {
   /// false: each seed turns the structure by a golden angle more, so that no two face the sensors
   /// alike.
   bool keep_yaw = false;
+  /// Numbers of placements, each of which every rig has in turn: the first ones of its own, then
+  /// drawn ones (DrawPlacements). Empty: the rig's own.
+  std::vector<int> placements;
+  double placement_radius_m = 0.8;
 };
 
 /// A rig of a series, named after its file: "configs/rig_ring8.yaml" is "ring8".
@@ -69,7 +84,8 @@ struct NamedRig {
 /// Throws IoError or ConfigError, also for two rigs of one name.
 std::vector<NamedRig> ReadRigs(const RigSeries& series);
 
-/// Every rig x kind of sensors x seed, in this order. Throws as RigItem.
+/// Every rig x kind of sensors x number of placements x seed, in this order. Throws as RigItem and
+/// DrawPlacements.
 std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const RigSeries& series,
                                      DepthRenderer* renderer);
 

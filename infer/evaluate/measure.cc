@@ -1,8 +1,10 @@
 #include "infer/evaluate/measure.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 
+#include "core/error.h"
 #include "infer/calibrate.h"
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/sides_fix_pose.h"
@@ -85,15 +87,25 @@ EvaluatedSensor::Errors ErrorsOf(const SensorResult& sensor, const Pose& truth) 
   return errors;
 }
 
-/// `labels`, where there are some: what the sensor truly sees.
-EvaluatedSensor Measure(const SensorResult& result, const SensorFrame& frame,
-                        const LabelImage* labels, const EvaluationStill& still,
+/// Whether the sensor with index i truly sees enough in one still; none where that is not known.
+std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i,
+                                   const InitialPoseOptions& options) {
+  if (i >= still.labels.size()) return std::nullopt;
+  return SeesAPose(still.structure, still.labels[i], options) ||
+         std::any_of(still.further.begin(), still.further.end(), [&](const FurtherStill& other) {
+           return SeesAPose(still.structure, other.labels.at(i), options);
+         });
+}
+
+/// `i`: of the sensor's frame.
+EvaluatedSensor Measure(const SensorResult& result, std::size_t i, const EvaluationStill& still,
                         const InitialPoseOptions& options) {
+  const SensorFrame& frame = still.frames[i];
   EvaluatedSensor sensor;
   sensor.name = result.name;
   sensor.status = result.status;
   sensor.code = result.code;
-  if (labels) sensor.sides_fix_pose = SeesAPose(still.structure, *labels, options);
+  sensor.sides_fix_pose = SidesFixPoseOf(still, i, options);
   if (!result.structure_from_sensor) return sensor;
   sensor.sides = static_cast<int>(result.sides.size());
   sensor.initial_rms_to_structure_m = result.initial_rms_to_structure_m;
@@ -119,6 +131,9 @@ Vector6d LeftDifference(const Pose& from, const Pose& to) {
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
                                          const std::vector<EvaluationVariant>& variants,
                                          Segmenter& segmenter) {
+  if (!still.further.empty()) {
+    throw DataError("several placements cannot be calibrated together yet");
+  }
   SharedSegmenter shared(&segmenter);
   std::vector<EvaluatedCase> cases;
   for (const EvaluationVariant& variant : variants) {
@@ -128,9 +143,7 @@ std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
     one.variant = variant.name;
     one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};
     for (std::size_t i = 0; i < calibration.sensors.size(); ++i) {
-      one.results.push_back(Measure(calibration.sensors[i], still.frames[i],
-                                    i < still.labels.size() ? &still.labels[i] : nullptr, still,
-                                    variant.options.initial));
+      one.results.push_back(Measure(calibration.sensors[i], i, still, variant.options.initial));
     }
     cases.push_back(std::move(one));
   }

@@ -20,8 +20,8 @@ struct EvaluatedSensor {
   SensorStatus status = SensorStatus::kFailed;
   SensorCode code = SensorCode::kNone;
   int sides = 0;
-  /// Whether the sides that it truly sees, each with evidence.min_pixels, fix six degrees of
-  /// freedom (SidesFixPose).
+  /// Whether the sides that it truly sees in one still, each with evidence.min_pixels, fix six
+  /// degrees of freedom (SidesFixPose).
   std::optional<bool> sides_fix_pose;
   double initial_rms_to_structure_m = 0, rms_to_structure_m = 0, inlier_share = 0;
 
@@ -39,19 +39,21 @@ struct EvaluatedSensor {
   bool placed() const { return status != SensorStatus::kFailed; }
 };
 
-/// One still under one variant.
+/// One still, or those of several placements together, under one variant.
 struct EvaluatedCase {
   std::string fingerprint;  ///< of the item, the variant and the program
   std::string rig, sensors, variant;
   std::optional<std::uint64_t> seed;
   std::vector<EvaluatedSensor> results;
   std::map<std::string, double> timings_s;
+  int placements = 1;
 };
 
 /// [translation; rotation vector] with PerturbLeft(delta, from) = to.
 Vector6d LeftDifference(const Pose& from, const Pose& to);
 
-/// Calibrates a still under each variant; the network sees each frame once.
+/// Calibrates a still, or all placements together, under each variant; the network sees each frame
+/// once. Poses are compared in the frame of the first still.
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
                                          const std::vector<EvaluationVariant>& variants,
                                          Segmenter& segmenter);

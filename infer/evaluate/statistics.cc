@@ -1,9 +1,9 @@
 #include "infer/evaluate/statistics.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "core/metrics.h"
@@ -23,13 +23,14 @@ ErrorStatistics StatisticsOf(const std::vector<double>& values) {
   return {summary.median, summary.p95, *std::max_element(values.begin(), values.end())};
 }
 
+/// Rig, sensors, number of placements, variant.
+using Key = std::tuple<std::string, std::string, int, std::string>;
+
 /// Gathers sensors into a summary.
 class Tally {
  public:
-  Tally(std::string rig, std::string sensors, std::string variant) {
-    summary_.rig = std::move(rig);
-    summary_.sensors = std::move(sensors);
-    summary_.variant = std::move(variant);
+  explicit Tally(const Key& key) {
+    std::tie(summary_.rig, summary_.sensors, summary_.placements, summary_.variant) = key;
   }
 
   void Add(const EvaluatedSensor& sensor) {
@@ -92,42 +93,46 @@ bool HasTruth(const EvaluatedCase& one) {
   });
 }
 
-/// Names in order of appearance.
-class Names {
+/// Values in order of appearance.
+template <class T>
+class Seen {
  public:
-  void Note(const std::string& name) {
-    if (std::find(names_.begin(), names_.end(), name) == names_.end()) names_.push_back(name);
+  void Note(const T& value) {
+    if (std::find(values_.begin(), values_.end(), value) == values_.end()) values_.push_back(value);
   }
-  const std::vector<std::string>& list() const { return names_; }
+  const std::vector<T>& list() const { return values_; }
 
  private:
-  std::vector<std::string> names_;
+  std::vector<T> values_;
 };
-
-using Key = std::array<std::string, 3>;  // rig, sensors, variant
 
 /// The rows of a summary, in order.
 std::vector<Key> SummaryRows(const std::vector<const EvaluatedCase*>& cases) {
-  Names rigs, models, variants;
+  Seen<std::string> rigs, models;
+  Seen<std::pair<int, std::string>> settings;  // number of placements, variant
   for (const EvaluatedCase* one : cases) {
     rigs.Note(one->rig);
     models.Note(one->sensors);
-    variants.Note(one->variant);
+    settings.Note({one->placements, one->variant});
   }
   std::vector<Key> rows;
   for (const std::string& rig : rigs.list()) {
     for (const std::string& model : models.list()) {
-      for (const std::string& variant : variants.list()) rows.push_back({rig, model, variant});
+      for (const auto& [count, variant] : settings.list()) {
+        rows.emplace_back(rig, model, count, variant);
+      }
     }
   }
   if (rigs.list().size() > 1) {
     for (const std::string& model : models.list()) {
-      for (const std::string& variant : variants.list()) rows.push_back({kAllRigs, model, variant});
+      for (const auto& [count, variant] : settings.list()) {
+        rows.emplace_back(kAllRigs, model, count, variant);
+      }
     }
   }
   if (models.list().size() > 1) {
-    for (const std::string& variant : variants.list()) {
-      rows.push_back({kAllRigs, kAllSensors, variant});
+    for (const auto& [count, variant] : settings.list()) {
+      rows.emplace_back(kAllRigs, kAllSensors, count, variant);
     }
   }
   return rows;
@@ -151,11 +156,11 @@ std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& 
   }
   const std::vector<Key> rows = SummaryRows(with_truth);
   std::map<Key, Tally> tallies;
-  for (const Key& key : rows) tallies.emplace(key, Tally(key[0], key[1], key[2]));
+  for (const Key& key : rows) tallies.emplace(key, Tally(key));
   for (const EvaluatedCase* one : with_truth) {
-    for (const Key& key :
-         {Key{one->rig, one->sensors, one->variant}, Key{kAllRigs, one->sensors, one->variant},
-          Key{kAllRigs, kAllSensors, one->variant}}) {
+    for (const Key& key : {Key{one->rig, one->sensors, one->placements, one->variant},
+                           Key{kAllRigs, one->sensors, one->placements, one->variant},
+                           Key{kAllRigs, kAllSensors, one->placements, one->variant}}) {
       const auto tally = tallies.find(key);
       if (tally == tallies.end()) continue;
       for (const EvaluatedSensor& sensor : one->results) tally->second.Add(sensor);

@@ -16,10 +16,12 @@ struct ErrorStatistics {
   double median = 0, p95 = 0, max = 0;
 };
 
-/// Sensors of one rig (or "all"), one choice of sensors and one variant. Statistics are over the
-/// placed sensors with a ground truth.
+/// Sensors of one rig (or "all"), one choice of sensors, one number of placements and one variant.
+/// Statistics are over the placed sensors with a ground truth.
 struct EvaluationSummary {
-  std::string rig, sensors, variant;
+  std::string rig, sensors;
+  int placements = 1;
+  std::string variant;
   int count = 0, placed = 0, weak = 0;
   int fixable = 0;  ///< sensors whose true sides fix a pose
   int lost = 0;     ///< of those: failed
@@ -31,8 +33,8 @@ struct EvaluationSummary {
   double cover68 = 0, cover95 = 0, built_cover68 = 0, built_cover95 = 0;
 };
 
-/// Every rig x sensors x variant in order of appearance, then pooled over rigs, then over all.
-/// Cases of captures without any ground truth are left out.
+/// Every rig x sensors x number of placements x variant in order of appearance, then pooled over
+/// rigs, then over all. Cases of captures without any ground truth are left out.
 std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& cases);
 
 }  // namespace volalign

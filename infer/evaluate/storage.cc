@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/json_archive.h"
@@ -34,6 +36,15 @@ void Describe(Archive& ar, EvaluatedSensor& sensor) {
   ar.Optional("error_as_built", sensor.built);
 }
 
+/// Present where there are several.
+template <class Archive>
+void DescribePlacements(Archive& ar, int& placements) {
+  std::optional<int> several;
+  if (placements > 1) several = placements;
+  ar.Optional("placements", several);
+  placements = several.value_or(1);
+}
+
 template <class Archive>
 void Describe(Archive& ar, EvaluatedCase& one) {
   ar("fingerprint", one.fingerprint);
@@ -43,6 +54,7 @@ void Describe(Archive& ar, EvaluatedCase& one) {
   ar("variant", one.variant);
   ar("sensors", one.results);
   ar("timings_s", one.timings_s);
+  DescribePlacements(ar, one.placements);
 }
 
 template <class Archive>
@@ -57,6 +69,7 @@ void Describe(Archive& ar, EvaluationSummary& summary) {
   ar("rig", summary.rig);
   ar("sensor_model", summary.sensors);
   ar("variant", summary.variant);
+  DescribePlacements(ar, summary.placements);
   ar("sensors", summary.count);
   ar("placed", summary.placed);
   ar("weak", summary.weak);

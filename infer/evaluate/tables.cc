@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "infer/evaluate/statistics.h"
 
 namespace volalign {
@@ -17,18 +19,39 @@ std::string Percent(double share, int count) {
   return count == 0 ? "-" : fmt::format("{:.0f} %", 100 * share);
 }
 
+/// Heads and first cells of a summary's rows. Placements have a column where a row has several.
+class SummaryRow {
+ public:
+  explicit SummaryRow(const std::vector<EvaluationSummary>& summaries)
+      : several_(std::any_of(summaries.begin(), summaries.end(),
+                             [](const EvaluationSummary& s) { return s.placements > 1; })) {}
+
+  std::string Head() const {
+    return several_ ? "| rig | sensors | placements | variant |" : "| rig | sensors | variant |";
+  }
+  std::string Rule() const { return several_ ? "|---|---|---|---|" : "|---|---|---|"; }
+  std::string Cells(const EvaluationSummary& s) const {
+    if (!several_) return fmt::format("| {} | {} | {} |", s.rig, s.sensors, s.variant);
+    return fmt::format("| {} | {} | {} | {} |", s.rig, s.sensors, s.placements, s.variant);
+  }
+
+ private:
+  bool several_;
+};
+
 std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
+  const SummaryRow row(summaries);
   std::string text =
       "Errors of placed sensors, median / 95 % / largest. As built: in the frame in which the "
       "boxes' "
-      "own displacements average out.\n\n"
-      "| rig | sensors | variant | initial, mm | deg | refined, mm | deg | as built, mm | deg |\n"
-      "|---|---|---|---|---|---|---|---|---|\n";
+      "own displacements average out.\n\n" +
+      row.Head() + " initial, mm | deg | refined, mm | deg | as built, mm | deg |\n" + row.Rule() +
+      "---|---|---|---|---|---|\n";
   for (const EvaluationSummary& s : summaries) {
-    text += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", s.rig, s.sensors,
-                        s.variant, Cell(s.initial_mm, s.measured, 1),
-                        Cell(s.initial_deg, s.measured, 2), Cell(s.refined_mm, s.measured, 1),
-                        Cell(s.refined_deg, s.measured, 2), Cell(s.built_refined_mm, s.measured, 1),
+    text += fmt::format("{} {} | {} | {} | {} | {} | {} |\n", row.Cells(s),
+                        Cell(s.initial_mm, s.measured, 1), Cell(s.initial_deg, s.measured, 2),
+                        Cell(s.refined_mm, s.measured, 1), Cell(s.refined_deg, s.measured, 2),
+                        Cell(s.built_refined_mm, s.measured, 1),
                         Cell(s.built_refined_deg, s.measured, 2));
   }
   text +=
@@ -36,13 +59,14 @@ std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
       "deg "
       "off. Intervals: share of the pose components (three of translation, three of rotation) "
       "within "
-      "the covariance's 68 % and 95 % intervals.\n\n"
-      "| rig | sensors | variant | placed | weak | lost | wrong | 68 % | 95 % | 68 %, as built | "
-      "95 %, as built |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
+      "the covariance's 68 % and 95 % intervals.\n\n" +
+      row.Head() +
+      " placed | weak | lost | wrong | 68 % | 95 % | 68 %, as built | 95 %, as built |\n" +
+      row.Rule() + "---|---|---|---|---|---|---|---|\n";
   for (const EvaluationSummary& s : summaries) {
-    text += fmt::format("| {} | {} | {} | {} of {} | {} | {} of {} | {} | {} | {} | {} | {} |\n",
-                        s.rig, s.sensors, s.variant, s.placed, s.count, s.weak, s.lost, s.fixable,
-                        s.wrong, Percent(s.cover68, s.measured), Percent(s.cover95, s.measured),
+    text += fmt::format("{} {} of {} | {} | {} of {} | {} | {} | {} | {} | {} |\n", row.Cells(s),
+                        s.placed, s.count, s.weak, s.lost, s.fixable, s.wrong,
+                        Percent(s.cover68, s.measured), Percent(s.cover95, s.measured),
                         Percent(s.built_cover68, s.measured), Percent(s.built_cover95, s.measured));
   }
   return text;
@@ -55,9 +79,10 @@ std::string Culprits(const std::vector<EvaluatedCase>& cases) {
     for (const EvaluatedSensor& sensor : one.results) {
       const bool lost = IsLost(sensor), wrong = IsWrong(sensor);
       if (!lost && !wrong) continue;
-      text +=
-          fmt::format("- {} {}{}, {}, sensor {}: ", one.rig, one.sensors,
-                      one.seed ? fmt::format(" seed {}", *one.seed) : "", one.variant, sensor.name);
+      text += fmt::format("- {} {}{}{}, {}, sensor {}: ", one.rig, one.sensors,
+                          one.seed ? fmt::format(" seed {}", *one.seed) : "",
+                          one.placements > 1 ? fmt::format(", {} placements", one.placements) : "",
+                          one.variant, sensor.name);
       text += lost ? fmt::format("lost ({})\n", ToString(sensor.code))
                    : fmt::format("{}, but {:.0f} mm and {:.1f} deg off\n", ToString(sensor.status),
                                  1000 * sensor.nominal->refined.translation_m,

@@ -97,6 +97,25 @@ class Program : public testing::Test {
   fs::path folder_;
 };
 
+TEST_F(Program, RendersACaptureOfEachPlacement) {
+  WriteFileAtomically(Path("rig.yaml"),
+                      "room: false\nnoise: none\nsensors: [{name: A, phi_deg: 0, rho_cm: 200}]\n"
+                      "placements: [{x_cm: 50, z_cm: 0, yaw_deg: 90}]\n");
+  const Outcome run = Volalign("render --rig " + Path("rig.yaml") + " -o " + Path("capture"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_FALSE(fs::exists(Path("capture/capture.json")));
+  for (const char* name : {"placement_1", "placement_2"}) {
+    EXPECT_NE(run.output.find(Path("capture/") + name + "/capture.json"), std::string::npos);
+  }
+  // The sensor stands 1.5 m before the second place, on the side of the structure's own +z.
+  const nlohmann::json truth = ReadJson(Path("capture/placement_2/capture.json"))["ground_truth"];
+  EXPECT_NEAR(truth["A"][0][3].get<double>(), 0, 1e-9);
+  EXPECT_NEAR(truth["A"][2][3].get<double>(), 1.5, 1e-9);
+  const nlohmann::json first = ReadJson(Path("capture/placement_1/capture.json"))["ground_truth"];
+  EXPECT_NEAR(first["A"][0][3].get<double>(), 2, 1e-9);
+  EXPECT_EQ(truth["A"][1][3], first["A"][1][3]);
+}
+
 TEST_F(Program, SaysWhatItCanDo) {
   const Outcome help = Volalign("--help");
   EXPECT_EQ(help.status, 0);

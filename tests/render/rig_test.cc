@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
 #include "core/error.h"
 #include "core/file_util.h"
@@ -226,9 +228,260 @@ TEST_F(RigTest, SameSeedSameBytes) {
   }
 }
 
-TEST_F(RigTest, ShippedRigIsValid) {
-  const Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-  EXPECT_EQ(rig.sensors.size(), 8u);
+TEST_F(RigTest, AStillIsAsItWasRecorded) {
+  // Whatever draws more or other random numbers changes these by much more.
+  const RigCapture capture = RenderRig(Parse(kTwo), renderer_);
+  const double recorded[2][2] = {{31182, 2.14984},
+                                 {68237, 3.30298}};  // pixels with depth, their mean depth in m
+  for (std::size_t i = 0; i < 2; ++i) {
+    double sum = 0, valid = 0;
+    for (const float z : capture.sensors[i].depth) {
+      sum += z;
+      valid += z > 0;
+    }
+    EXPECT_NEAR(valid, recorded[i][0], 15);
+    EXPECT_NEAR(sum / valid, recorded[i][1], 1e-3);
+  }
+}
+
+const char* const kPlacements =
+    "placements:\n"
+    "  - {x_cm: 0, z_cm: 0, yaw_deg: 0}\n"
+    "  - {x_cm: 60, z_cm: -40, yaw_deg: 110}\n";
+
+TEST_F(RigTest, PlacementsHaveTheirClosedForm) {
+  RigPlacement placement;
+  placement.x_cm = 100;
+  placement.z_cm = 50;
+  placement.yaw_deg = 90;
+  const Pose first_from_placement = FirstFromPlacement(placement);
+  // The structure's +z turns to +x of the first frame, its +x to -z.
+  EXPECT_LT((first_from_placement * Eigen::Vector3d(0, 0, 1) - Eigen::Vector3d(2, 0, 0.5)).norm(),
+            1e-12);
+  EXPECT_LT((first_from_placement * Eigen::Vector3d(1, 3, 0) - Eigen::Vector3d(1, 3, -0.5)).norm(),
+            1e-12);
+}
+
+TEST_F(RigTest, ATurnedStructureStaysAtItsPlaces) {
+  const Rig rig = Parse(std::string(kTwo) + kPlacements);
+  Rig turned = rig;
+  constexpr double kTurn = 50;
+  TurnStructure(kTurn, &turned);
+  // Seen from the structure at each of its places, each sensor has moved by the opposite turn.
+  const Eigen::AngleAxisd back(-kTurn * M_PI / 180, Eigen::Vector3d::UnitY());
+  for (const RigSensor& sensor : rig.sensors) {
+    const Eigen::Vector3d before = RigSensorPose(sensor, rig.structure_yaw_deg, 0).translation();
+    const Eigen::Vector3d after = RigSensorPose(sensor, turned.structure_yaw_deg, 0).translation();
+    EXPECT_LT((after - back * before).norm(), 1e-12);
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Eigen::Vector3d was = FirstFromPlacement(rig.placements[k]).inverse() * before;
+      const Eigen::Vector3d is = FirstFromPlacement(turned.placements[k]).inverse() * after;
+      EXPECT_LT((is - back * was).norm(), 1e-12);
+    }
+  }
+}
+
+TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
+  const std::string content =
+      "noise: none\nassembly: {position_mm: 4, yaw_deg: 1, size_scale_percent: 1, "
+      "floor_tilt_deg: 0.4}\n";
+  const std::vector<RigCapture> stills =
+      RenderPlacements(Parse(content + kTwo + kPlacements), renderer_);
+  ASSERT_EQ(stills.size(), 3u);
+  for (const RigCapture& still : stills) {
+    EXPECT_EQ(still.size_scale, stills[0].size_scale);
+    for (std::size_t b = 0; b < still.box_offsets.size(); ++b) {
+      const double change =
+          (still.box_offsets[b].matrix() - stills[0].box_offsets[b].matrix()).norm();
+      EXPECT_EQ(&still == &stills[0], change < 1e-4);
+    }
+    const Structure built = still.structure.Displaced(still.box_offsets, still.size_scale);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const CapturedSensor &sensor = still.sensors[i], &first = stills[0].sensors[i];
+      EXPECT_TRUE(sensor.intrinsics == first.intrinsics);
+      EXPECT_LT(((still.first_from_placement * sensor.structure_from_sensor).matrix() -
+                 first.structure_from_sensor.matrix())
+                    .norm(),
+                1e-12);
+      // The structure, as cast from the pose in its own frame, stands where the picture has it.
+      const StructureView truth =
+          CastView(built, ComputeRays(sensor.intrinsics), sensor.structure_from_sensor);
+      long compared = 0, equal = 0, structure = 0, room = 0, same_room = 0;
+      for (int v = 0; v < sensor.depth.height(); ++v) {
+        for (int u = 0; u < sensor.depth.width(); ++u) {
+          if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+          // Occluders and tripods may stand before the structure, not the other way round.
+          if (truth.labels(u, v) != 0 && sensor.labels(u, v) == 0) continue;
+          ++compared;
+          structure += truth.labels(u, v) != 0;
+          equal +=
+              truth.labels(u, v) == sensor.labels(u, v) &&
+              (truth.labels(u, v) == 0 || std::abs(truth.depth(u, v) - sensor.depth(u, v)) < 1e-4F);
+          if (truth.labels(u, v) != 0 || first.labels(u, v) != 0) continue;
+          ++room;
+          same_room += std::abs(sensor.depth(u, v) - first.depth(u, v)) < 1e-3F;
+        }
+      }
+      EXPECT_GT(structure, 3000);
+      EXPECT_GT(static_cast<double>(equal) / compared, 0.9995);
+      EXPECT_GT(room, 20000);
+      EXPECT_GT(static_cast<double>(same_room) / room, 0.99);
+    }
+  }
+  const Pose level = FirstFromPlacement(Parse(std::string(kTwo) + kPlacements).placements[1]);
+  const PoseError tilt = ComparePoses(stills[2].first_from_placement, level);
+  EXPECT_LT(tilt.rotation_deg, 3);
+  EXPECT_LT(tilt.translation_m, 0.05);
+  EXPECT_GT(tilt.rotation_deg, 0.05);  // the floor's
+}
+
+TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
+  const std::string alone = std::string("room: false\n") + kTwo;
+  const RigCapture one = RenderRig(Parse(alone), renderer_);
+  for (const char* errors : {"", "device_errors: redrawn\n"}) {
+    const RigCapture first = RenderPlacements(Parse(alone + kPlacements + errors), renderer_)[0];
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_TRUE(one.sensors[i].depth == first.sensors[i].depth);
+      EXPECT_TRUE(one.sensors[i].labels == first.sensors[i].labels);
+      EXPECT_TRUE(one.sensors[i].structure_from_sensor.matrix() ==
+                  first.sensors[i].structure_from_sensor.matrix());
+    }
+  }
+  ExpectError<std::invalid_argument>([&] { RenderRig(Parse(alone + kPlacements), renderer_); });
+}
+
+/// Mean errors of blocks of pixels on what two stills see alike: of depth, or of 1 / z.
+struct CommonErrors {
+  std::vector<double> first, second;
+
+  CommonErrors(const CapturedSensor& a, const CapturedSensor& b, bool inverse) {
+    constexpr int kBlock = 8, kLeast = 40;
+    const auto error = [inverse](const CapturedSensor& s, int u, int v) {
+      const double z = s.depth(u, v), true_z = s.depth_clean(u, v);
+      return inverse ? 1 / z - 1 / true_z : z - true_z;
+    };
+    for (int v = 0; v + kBlock <= a.depth.height(); v += kBlock) {
+      for (int u = 0; u + kBlock <= a.depth.width(); u += kBlock) {
+        double sum_a = 0, sum_b = 0;
+        int common = 0;
+        for (int k = 0; k < kBlock * kBlock; ++k) {
+          const int x = u + k % kBlock, y = v + k / kBlock;
+          if (a.depth(x, y) == 0 || b.depth(x, y) == 0 ||
+              IsEdge(a.labels_clean, a.depth_clean, x, y) ||
+              std::abs(b.depth_clean(x, y) - a.depth_clean(x, y)) > 1e-3F) {
+            continue;
+          }
+          ++common;
+          sum_a += error(a, x, y);
+          sum_b += error(b, x, y);
+        }
+        if (common < kLeast) continue;
+        first.push_back(sum_a / common);
+        second.push_back(sum_b / common);
+      }
+    }
+  }
+  double Correlation() const {
+    const auto n = static_cast<double>(first.size());
+    double a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      a += first[i];
+      b += second[i];
+      aa += first[i] * first[i];
+      bb += second[i] * second[i];
+      ab += first[i] * second[i];
+    }
+    return (ab - a * b / n) / std::sqrt((aa - a * a / n) * (bb - b * b / n));
+  }
+  /// Difference of the mean errors.
+  double Shift() const {
+    double sum = 0;
+    for (std::size_t i = 0; i < first.size(); ++i) sum += second[i] - first[i];
+    return sum / static_cast<double>(first.size());
+  }
+};
+
+TEST_F(RigTest, ErrorsOfADevicePersistUnlessTheyAreRedrawn) {
+  // Both look at a wall, away from the structure, whose corners have errors that move with it.
+  const std::string content =
+      std::string(
+          "scene: {clutter_count: [0, 0], wall_distance_m: [2.5, 3]}\nseed: 7\nsensors:\n"
+          "  - {name: A, sensor: realsense_d415, phi_deg: 180, rho_cm: 120, "
+          "look_at_cm: [-600, 30, 20]}\n"
+          "  - {name: B, sensor: azure_kinect_nfov_binned, phi_deg: 100, rho_cm: 120, "
+          "look_at_cm: [-20, 30, 600]}\n") +
+      kPlacements;
+  const std::vector<RigCapture> kept = RenderPlacements(Parse(content), renderer_);
+  const std::vector<RigCapture> redrawn =
+      RenderPlacements(Parse(content + "device_errors: redrawn\n"), renderer_);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const bool stereo = i == 0;
+    for (std::size_t k = 1; k < 3; ++k) {
+      const CommonErrors same(kept[0].sensors[i], kept[k].sensors[i], stereo);
+      const CommonErrors other(redrawn[0].sensors[i], redrawn[k].sensors[i], stereo);
+      EXPECT_GT(same.first.size(), 100u);
+      EXPECT_GT(same.Correlation(), 0.9) << i << " " << k;
+      EXPECT_LT(std::abs(other.Correlation()), 0.4) << i << " " << k;
+      if (!stereo) {
+        EXPECT_LT(std::abs(same.Shift()), 2e-4);
+        EXPECT_GT(std::abs(other.Shift()), 5e-4);
+      }
+      // What does not belong to the device is drawn anew, even where the structure has not moved.
+      const DepthImage &a = kept[0].sensors[i].depth, &b = kept[k].sensors[i].depth;
+      long both = 0, equal = 0, lost = 0;
+      for (std::size_t p = 0; p < a.size(); ++p) {
+        both += a[p] > 0 && b[p] > 0;
+        equal += a[p] > 0 && a[p] == b[p];
+        lost += a[p] > 0 && b[p] == 0;
+      }
+      EXPECT_LT(equal, 0.8 * static_cast<double>(both));  // of whole millimetres
+      EXPECT_GT(lost, 300);
+    }
+  }
+}
+
+TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
+  Rig rig = Parse(kTwo);
+  double sum = 0, largest = 0, turn = 0;
+  for (rig.seed = 1; rig.seed <= 60; ++rig.seed) {
+    const std::vector<RigPlacement> five = DrawPlacements(rig, 5, 0.8);
+    const std::vector<RigPlacement> two = DrawPlacements(rig, 2, 0.8);
+    ASSERT_EQ(five.size(), 5u);
+    ASSERT_EQ(two.size(), 2u);
+    EXPECT_EQ(two[1].x_cm, five[1].x_cm);
+    EXPECT_EQ(two[1].yaw_deg, five[1].yaw_deg);
+    for (const RigPlacement& placement : five) {
+      const double rho = std::hypot(placement.x_cm, placement.z_cm);
+      sum += rho * rho;
+      largest = std::max(largest, rho);
+      turn += placement.yaw_deg;
+    }
+  }
+  EXPECT_LE(largest, 80);
+  EXPECT_GT(largest, 75);
+  EXPECT_NEAR(sum / 300, 80 * 80 / 2.0, 430);  // 4 sigma; uniform over the disc
+  EXPECT_NEAR(turn / 300, 180, 24);
+  // Between two sensors that leave little room, none stands in either.
+  rig.sensors[0].rho_cm = rig.sensors[1].rho_cm = 130;
+  rig.noise = "none";
+  rig.placements = DrawPlacements(rig, 5, 0.8);
+  EXPECT_NO_THROW(RenderPlacements(rig, renderer_));
+  rig.sensors[0].rho_cm = 10;
+  ExpectError<ConfigError>([&] { DrawPlacements(rig, 1, 0.05); }, {"0.05 m"});
+}
+
+TEST_F(RigTest, ShippedRigsAreValid) {
+  EXPECT_EQ(ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml")).sensors.size(), 8u);
+  const Rig studio = ReadRig(ConfigSource::FromFile("configs/rig_studio.yaml"));
+  EXPECT_EQ(studio.placements.size(), 3u);
+  // As its comment says: at the last placement S5 sees no structure, and S3 all of it.
+  const RigCapture last = RenderPlacements(studio, renderer_).back();
+  const auto pixels = [&](std::size_t i) {
+    const LabelImage& labels = last.sensors[i].labels_clean;
+    return std::count_if(labels.begin(), labels.end(), [](std::uint8_t l) { return l > 0; });
+  };
+  EXPECT_EQ(pixels(4), 0);
+  EXPECT_GT(pixels(2), 2500);
 }
 
 TEST_F(RigTest, ErrorsNameTheSensor) {
@@ -245,6 +498,14 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
       [&] { RenderRig(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },
       {"structure = none.yaml", std::filesystem::current_path().string(), "--set structure=FILE"});
   EXPECT_THROW(RenderRig(Parse("sensors: [{name: A, sensor: lidar}]\n"), renderer_), ConfigError);
+  ExpectError<ConfigError>(
+      [&] {
+        RenderPlacements(Parse("sensors: [{name: A}]\nplacements: [{x_cm: 9}, {x_cm: 170}]\n"),
+                         renderer_);
+      },
+      {"placements[1]", "x_cm: 170", "sensor A"});
+  EXPECT_NE(ErrorOf("sensors: [{name: A}]\ndevice_errors: same\n").find("persistent"),
+            std::string::npos);
 }
 
 TEST_F(RigTest, UprightTurnsFollowTheMounting) {

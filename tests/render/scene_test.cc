@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "core/random.h"
 #include "core/structure_gltf.h"
@@ -94,6 +96,101 @@ TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {
     }
   }
   EXPECT_GT(corners, 50'000);
+}
+
+/// The number of points on the scene's objects that lie inside boxes which are not drawn.
+long PointsInside(const SceneMesh& mesh, const StructureElsewhere& place) {
+  constexpr int kSteps = 12;
+  constexpr double kSkin = 1e-3;  // m, boxes stand on the floor
+  const Pose elsewhere_from_structure = place.structure_from_elsewhere.inverse();
+  long inside = 0;
+  for (const SceneFace& face : mesh.faces) {
+    if (mesh.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
+    for (int i = 0; i <= kSteps * kSteps; ++i) {
+      const float s = static_cast<float>(i % kSteps) / (kSteps - 1);
+      const float t = static_cast<float>(i / kSteps) / (kSteps - 1);
+      const Eigen::Vector3f p = (1 - t) * ((1 - s) * face.corners[0] + s * face.corners[1]) +
+                                t * ((1 - s) * face.corners[3] + s * face.corners[2]);
+      const Eigen::Vector3d there = elsewhere_from_structure * p.cast<double>();
+      for (const Box& box : place.structure.boxes()) {
+        const Eigen::Vector3d d = (box.structure_from_box.inverse() * there).cwiseAbs();
+        inside += ((d - 0.5 * box.size).array() < -kSkin).all();
+      }
+    }
+  }
+  return inside;
+}
+
+TEST_F(SceneTest, NothingStandsWhereTheStructureWillStand) {
+  SceneConfig config;
+  config.distractor_probability = 1;
+  config.clutter_count = {10, 20};
+  config.tripod_count = {0, 4};
+  long without = 0;
+  for (std::uint64_t i = 0; i < 30; ++i) {
+    RandomStream random(5, i, "pose");
+    SceneOptions options;
+    options.structure_from_sensors = {SamplePose(PoseConfig(), random)};
+    const AssembledStructure built = Assemble(structure_, {3, 1, 1, 0}, 6, i);
+    const auto place = [&](double radius) {
+      const double angle = random.Uniform(0, 6.28);
+      Pose pose(Eigen::AngleAxisd(random.Uniform(0, 6.28), Eigen::Vector3d::UnitY()));
+      pose.translation() = Eigen::Vector3d(radius * std::cos(angle), 0, radius * std::sin(angle));
+      return StructureElsewhere{pose, built.structure};
+    };
+    const std::vector<StructureElsewhere> places{place(0.9), place(3.5)};  // the second by the wall
+    for (const StructureElsewhere& one : places) {
+      without += PointsInside(BuildScene(config, structure_, options, 5, i), one);
+    }
+    options.elsewhere = places;
+    const SceneMesh mesh = BuildScene(config, structure_, options, 5, i);
+    for (const StructureElsewhere& one : places) {
+      EXPECT_EQ(PointsInside(mesh, one), 0) << i;
+      for (const SceneFace& face : mesh.faces) {
+        // Walls, which face inwards, have the whole structure before them.
+        const bool wall = std::abs(face.normal.y()) < 0.5 &&
+                          std::abs(face.corners[0].y() - face.corners[2].y()) > 2.3F;
+        if (!wall || mesh.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
+        if ((face.corners[0] - face.corners[1]).norm() < 3) continue;
+        for (const Box& box : one.structure.boxes()) {
+          const Eigen::Vector3d p =
+              one.structure_from_elsewhere * box.structure_from_box.translation();
+          EXPECT_GT(face.normal.dot(p) - face.offset, 0.2) << i;
+        }
+      }
+    }
+  }
+  EXPECT_GT(without, 100);  // else this test shows nothing
+}
+
+TEST_F(SceneTest, MovedStructureLeavesTheRoomWhereItIs) {
+  SceneConfig config;
+  config.clutter_count = {5, 5};
+  SceneOptions options;
+  options.structure_from_sensors = {LookAt({2, 0.3, 0}, {0, 0, 0}, 0)};
+  const SceneMesh scene = BuildScene(config, structure_, options, 5, 1);
+  Pose first_from_new(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitY()));
+  first_from_new.translation() = Eigen::Vector3d(0.5, 0, -0.3);
+  const Structure built = Assemble(structure_, {3, 1, 0, 0}, 5, 2).structure;
+  SceneMesh alone;
+  alone.AppendStructure(built);
+  const SceneMesh moved = MoveStructure(scene, built, first_from_new.inverse());
+  ASSERT_EQ(moved.faces.size(), scene.faces.size());
+  ASSERT_EQ(moved.objects.size(), scene.objects.size());
+  for (std::size_t i = 0; i < scene.faces.size(); ++i) {
+    const SceneFace &before = scene.faces[i], &after = moved.faces[i];
+    if (scene.objects[static_cast<std::size_t>(before.object)].is_structure) {
+      EXPECT_EQ(after.corners, alone.faces.at(i).corners);
+      continue;
+    }
+    EXPECT_EQ(moved.objects[static_cast<std::size_t>(after.object)].reflectivity,
+              scene.objects[static_cast<std::size_t>(before.object)].reflectivity);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3d back = first_from_new * after.corners[k].cast<double>();
+      EXPECT_LT((back - before.corners[k].cast<double>()).norm(), 2e-6);
+      EXPECT_NEAR(after.normal.dot(after.corners[k].cast<double>()), after.offset, 2e-6);
+    }
+  }
 }
 
 TEST_F(SceneTest, SwitchingOneKindOffLeavesTheOthers) {

@@ -123,6 +123,15 @@ TEST_F(EvaluateFiles, ReadsBackWhatItWrote) {
   EXPECT_EQ(FormatEvaluation(read), FormatEvaluation(cases));
 }
 
+TEST_F(EvaluateFiles, ReadsBackHowManyPlacements) {
+  std::vector<EvaluatedCase> cases = Run(Items(1));
+  cases[1].placements = 4;
+  WriteEvaluation(run_.output, cases, "m", "s");
+  const std::vector<EvaluatedCase> read = ReadEvaluation(run_.output);
+  EXPECT_EQ(read.at(0).placements, 1);
+  EXPECT_EQ(read.at(1).placements, 4);
+}
+
 TEST_F(EvaluateFiles, RejectsAnotherStructure) {
   const Structure one = Structure::FromBoxes(
       "one", {Box::FromMinMax("box", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});

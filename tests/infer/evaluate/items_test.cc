@@ -29,6 +29,27 @@ TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
   EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
 }
 
+TEST(Items, StillsOfPlacementsKeepTheFrameOfTheFirst) {
+  Vector6d motion;
+  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  std::vector<RigCapture> stills(2);
+  for (RigCapture& still : stills) {
+    still.structure = PaperStructure();
+    still.box_offsets.assign(still.structure.boxes().size(), Pose::Identity());
+    still.sensors.resize(1);
+    still.sensors[0].labels = LabelImage(2, 2);
+  }
+  stills[1].box_offsets.assign(stills[0].box_offsets.size(), PerturbLeft(motion, Pose::Identity()));
+  stills[1].sensors[0].structure_from_sensor.translation().x() = 3;
+  stills[1].sensors[0].labels(1, 1) = 4;
+  const EvaluationStill still = StillOf(stills);
+  EXPECT_LT((still.nominal_from_built.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-9);
+  EXPECT_EQ(still.frames.at(0).ground_truth->translation().x(), 0);
+  ASSERT_EQ(still.further.size(), 1u);
+  EXPECT_EQ(still.further[0].frames.at(0).ground_truth->translation().x(), 3);
+  EXPECT_EQ(still.further[0].labels.at(0)(1, 1), 4);
+}
+
 TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
   RigCapture capture;
   capture.structure = PaperStructure();
@@ -91,6 +112,40 @@ TEST_F(RigFiles, EachSeedTurnsTheStructureByAGoldenAngle) {
   EXPECT_NEAR(Yaw(), std::fmod(10 + 4 * golden, 360), 1e-6);
   series_.keep_yaw = true;
   EXPECT_EQ(Yaw(), 10);
+}
+
+TEST_F(RigFiles, EveryNumberOfPlacementsInTurn) {
+  series_.files.resize(1);
+  series_.placements = {1, 3};
+  series_.seeds = {7, 8};
+  std::vector<int> numbers;
+  std::vector<std::string> identities;
+  for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+    numbers.push_back(item.placements);
+    identities.push_back(item.identity);
+  }
+  EXPECT_EQ(numbers, (std::vector<int>{1, 1, 3, 3}));
+  // One placement is the rig as it was.
+  series_.placements.clear();
+  const std::vector<EvaluationItem> plain = RigItems(ReadRigs(series_), series_, nullptr);
+  EXPECT_EQ(plain.at(0).identity, identities[0]);
+  EXPECT_EQ(plain.at(1).identity, identities[1]);
+  EXPECT_NE(identities[2], identities[3]);
+  // A rig's own placements come first; what it has too many of is left out.
+  series_.files = {folder_
+                       .Write("rig_own.yaml",
+                              "sensors: [{name: A}]\nplacements:\n  - {x_cm: 31, z_cm: 0}\n"
+                              "  - {x_cm: 47, z_cm: 0}\n")
+                       .string()};
+  series_.seeds.clear();
+  series_.keep_yaw = true;
+  EXPECT_EQ(RigItems(ReadRigs(series_), series_, nullptr).at(0).placements, 3);
+  series_.placements = {2, 5};
+  const std::vector<EvaluationItem> own = RigItems(ReadRigs(series_), series_, nullptr);
+  EXPECT_NE(own.at(0).identity.find("x_cm: 31"), std::string::npos);
+  EXPECT_EQ(own.at(0).identity.find("x_cm: 47"), std::string::npos);
+  EXPECT_NE(own.at(1).identity.find("x_cm: 47"), std::string::npos);
+  EXPECT_EQ(own.at(1).placements, 5);
 }
 
 TEST_F(RigFiles, BadRigsAreErrors) {

@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
 #include "core/random.h"
+#include "infer/evaluate/tables.h"
 
 namespace volalign {
 namespace {
@@ -42,6 +44,35 @@ TEST(Statistics, SummariesAreTheDefinitions) {
   EXPECT_EQ(all[2].weak, 1);
   EXPECT_EQ(all[5].count, 24);
   EXPECT_EQ(all[5].wrong, 3);
+}
+
+TEST(Statistics, PlacementsHaveRowsOfTheirOwn) {
+  EvaluatedCase one{"", "ring", "kinect", "a", 1, {Measured(9, 4, 0.1)}, {}};
+  EvaluatedCase four = one;
+  four.placements = 4;
+  four.results[0] = Measured(9, 2, 0.1);
+  EXPECT_EQ(FormatEvaluation({one}).find("| placements |"), std::string::npos);
+  const std::vector<EvaluationSummary> all = SummariseCases({one, four});
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].placements, 1);
+  EXPECT_NEAR(all[0].refined_mm.median, 4, 1e-9);
+  EXPECT_EQ(all[1].placements, 4);
+  EXPECT_NEAR(all[1].refined_mm.median, 2, 1e-9);
+  const std::string text = FormatEvaluation({one, four});
+  EXPECT_NE(text.find("| rig | sensors | placements | variant | initial"), std::string::npos);
+  EXPECT_NE(text.find("| ring | kinect | 4 | a | 9.0"), std::string::npos) << text;
+  EXPECT_NE(text.find("| ring | kinect | 4 | a | 1 of 1 |"), std::string::npos) << text;
+  // A row and its head have as many columns.
+  for (const char* head : {"| rig | sensors | placements | variant | initial",
+                           "| rig | sensors | placements | variant | placed"}) {
+    const std::size_t begin = text.find(head);
+    std::vector<long> columns;
+    for (std::size_t line = begin; columns.size() < 4; line = text.find('\n', line) + 1) {
+      columns.push_back(std::count(text.begin() + static_cast<long>(line),
+                                   text.begin() + static_cast<long>(text.find('\n', line)), '|'));
+    }
+    EXPECT_EQ(columns, std::vector<long>(4, columns[0])) << head;
+  }
 }
 
 TEST(Statistics, IntervalsOfNormalErrorsCoverWhatTheySay) {
