@@ -17,6 +17,7 @@ Pose BuildModel::Offset(const double* build, int box) const {
 
 Structure BuildModel::Built(const double* build) const {
   std::vector<Pose> offsets;
+  offsets.reserve(structure_->boxes().size());
   for (int b = 0; b < static_cast<int>(structure_->boxes().size()); ++b)
     offsets.push_back(Offset(build, b));
   return structure_->Displaced(offsets, 1 + build[0]);

@@ -37,10 +37,12 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const S
                        int label, const std::vector<const SidePoint*>& points) {
   const Side& side = built.SideOfLabel(label);
   std::vector<double> distances;
+  distances.reserve(points.size());
   for (const SidePoint* point : points)
     distances.push_back(side.normal.dot(sensor.InStructure(point->p) - side.centre));
   const double middle = Median(distances);
   std::vector<double> deviations;
+  deviations.reserve(distances.size());
   for (const double d : distances) deviations.push_back(std::abs(d - middle));
   const double spread = kMadToSigma * Median(deviations) + kLeastSpread;
   FaceObservation face;

@@ -16,6 +16,7 @@ std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
 
 std::vector<int> LensesOf(const std::vector<RefineSensor>& sensors, std::size_t given) {
   std::vector<int> lens_of;
+  lens_of.reserve(sensors.size());
   for (const RefineSensor& sensor : sensors)
     lens_of.push_back(sensor.lens < 0 ? static_cast<int>(given) : sensor.lens);
   return lens_of;
