@@ -156,6 +156,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
                         const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
                         const Gates& gates, SensorEvidence* evidence) {
   std::vector<SensorState> places;
+  places.reserve(poses.size());
   for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
