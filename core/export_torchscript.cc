@@ -75,7 +75,7 @@ class ScriptWriter {
   std::string Unit(const std::string& name, const std::string& x) const {
     const auto parameters = net_->named_children()[name]->named_parameters(false);
     const std::int64_t padding = parameters["weight"].size(2) / 2;
-    const std::string conv = fmt::format(
+    std::string conv = fmt::format(
         "torch.conv2d({0}, self.{1}_weight, {2}, [1, 1], [{3}, {3}])", x, name,
         parameters.contains("bias") ? "self." + name + "_bias" : std::string("None"), padding);
     if (!parameters.contains("norm_weight")) return conv;

@@ -349,7 +349,8 @@ OrderedJson ToJson(T& value, const std::string& place) {
     return MatrixToJson(value, place);
   } else if constexpr (IsDictionary<T>::value) {
     OrderedJson json = OrderedJson::object();
-    for (auto& [key, item] : value) json[key] = ToJson(item, place + ": " + key);
+    for (auto& [key, item] : value)
+      json[key] = ToJson(item, std::string(place).append(": ").append(key));
     return json;
   } else if constexpr (IsVector<T>::value) {
     OrderedJson json = OrderedJson::array();

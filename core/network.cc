@@ -134,7 +134,7 @@ ConvUnitImpl::ConvUnitImpl(int in, int out, int kernel, Normalization normalizat
 at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
   const std::int64_t padding = weight.size(2) / 2;
   const at::Tensor b = bias.defined() ? bias.to(dtype) : at::Tensor();
-  const at::Tensor y = at::conv2d(x.to(dtype), weight.to(dtype), b, /*stride=*/1, padding);
+  at::Tensor y = at::conv2d(x.to(dtype), weight.to(dtype), b, /*stride=*/1, padding);
   switch (normalization_) {
     case Normalization::kNone:
       return y;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -31,7 +32,8 @@ T Quantile(std::vector<T> values, double q) {
 template <class T>
 T NearestQuantile(std::vector<T> values, double q) {
   if (values.empty()) return T();
-  const auto rank = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5);
+  const auto rank =
+      static_cast<std::size_t>(std::lround(q * static_cast<double>(values.size() - 1)));
   return RankedElement(std::move(values), rank);
 }
 

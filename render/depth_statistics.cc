@@ -407,6 +407,7 @@ double DepthStatistics::LocalResidual(std::size_t distance, std::size_t incidenc
   const std::vector<Window>& windows = windows_[distance][incidence];
   if (windows.size() < kLeastWindows) return -1;
   std::vector<double> values;
+  values.reserve(windows.size());
   for (const Window& w : windows) values.push_back(w.rms_mm);
   return QuantileOrNone(std::move(values), 0.25);
 }

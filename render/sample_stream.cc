@@ -48,6 +48,7 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
 
 std::vector<Sample> SampleStream::Next() {
   std::vector<Sample> batch;
+  batch.reserve(static_cast<std::size_t>(batch_size_));
   for (int i = 0; i < batch_size_; ++i) batch.push_back(samples_->Take());
   return batch;
 }

@@ -37,6 +37,7 @@ CoarseView MakeCoarse(const AssemblySensor& sensor) {
 std::vector<CoarseView> MostLabelled(const std::vector<AssemblySensor>& sensors,
                                      std::size_t max_sensors) {
   std::vector<CoarseView> views;
+  views.reserve(sensors.size());
   for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor));
   std::stable_sort(views.begin(), views.end(), [](const CoarseView& a, const CoarseView& b) {
     return a.labelled > b.labelled;

@@ -222,6 +222,7 @@ struct Refined {
 Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& start,
                    const Structure& structure, const PlacementOptions& options) {
   std::vector<RefineSensor> sensors;
+  sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
   sensors.push_back({&lost.points, start, start, start, true, lost.lens});
   RefineOptions together = options.refine;

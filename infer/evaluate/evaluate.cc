@@ -125,6 +125,7 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
     const std::vector<std::size_t> missing = results.Missing(i);
     if (!missing.empty()) {
       std::vector<EvaluationVariant> asked;
+      asked.reserve(missing.size());
       for (const std::size_t j : missing) asked.push_back(variants[j]);
       std::vector<EvaluatedCase> fresh =
           EvaluateStill(LoadStill(item, structure), asked, segmenter);

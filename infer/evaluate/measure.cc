@@ -37,6 +37,7 @@ class SharedSegmenter : public Segmenter {
       }
     }
     std::vector<SegmentationResult> results;
+    results.reserve(answer.size());
     for (const std::size_t i : answer) results.push_back(known_[i].result);
     return results;
   }
@@ -79,8 +80,8 @@ bool SeesAPose(const Structure& structure, const LabelImage& labels,
   return SidesFixPose(structure, seen, KeypointKind::kExposed);
 }
 
-EvaluatedSensor::Errors ErrorsOf(const SensorResult& sensor, const Pose& truth) {
-  EvaluatedSensor::Errors errors;
+EvaluatedErrors ErrorsOf(const SensorResult& sensor, const Pose& truth) {
+  EvaluatedErrors errors;
   errors.initial = ComparePoses(sensor.initial, truth);
   errors.refined = ComparePoses(*sensor.structure_from_sensor, truth);
   errors.delta = LeftDifference(*sensor.structure_from_sensor, truth);

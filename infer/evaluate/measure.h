@@ -13,6 +13,14 @@
 
 namespace volalign {
 
+/// Estimated against true poses.
+struct EvaluatedErrors {
+  PoseError initial, refined;
+  /// [translation; rotation vector], m and rad, that takes the refined pose to the true one
+  /// (PerturbLeft), which the covariance is of.
+  Vector6d delta = Vector6d::Zero();
+};
+
 /// One sensor's outcome. Errors and intervals stand where there is a ground truth and the sensor
 /// was placed.
 struct EvaluatedSensor {
@@ -25,15 +33,8 @@ struct EvaluatedSensor {
   std::optional<bool> sides_fix_pose;
   double initial_rms_to_structure_m = 0, rms_to_structure_m = 0, inlier_share = 0;
 
-  /// Estimated against true poses. `built`: against those in the frame in which the boxes'
-  /// displacements average out.
-  struct Errors {
-    PoseError initial, refined;
-    /// [translation; rotation vector], m and rad, that takes the refined pose to the true one
-    /// (PerturbLeft), which the covariance is of.
-    Vector6d delta = Vector6d::Zero();
-  };
-  std::optional<Errors> nominal, built;
+  /// `built`: against the true pose in the frame in which the boxes' displacements average out.
+  std::optional<EvaluatedErrors> nominal, built;
   Vector6d sigma = Vector6d::Zero();  ///< square roots of the covariance's diagonal, m and rad
 
   bool placed() const { return status != SensorStatus::kFailed; }

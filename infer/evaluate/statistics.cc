@@ -70,7 +70,7 @@ class Tally {
     std::vector<double> initial_mm, initial_deg, refined_mm, refined_deg;
     int in68 = 0, in95 = 0;
 
-    void Add(const EvaluatedSensor::Errors& errors, const Vector6d& sigma) {
+    void Add(const EvaluatedErrors& errors, const Vector6d& sigma) {
       initial_mm.push_back(1000 * errors.initial.translation_m);
       initial_deg.push_back(errors.initial.rotation_deg);
       refined_mm.push_back(1000 * errors.refined.translation_m);

@@ -14,7 +14,7 @@ namespace volalign {
 // The file's keys.
 
 template <class Archive>
-void Describe(Archive& ar, EvaluatedSensor::Errors& errors) {
+void Describe(Archive& ar, EvaluatedErrors& errors) {
   ar("initial", errors.initial);
   ar("refined", errors.refined);
   ar("delta", errors.delta);

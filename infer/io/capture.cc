@@ -49,7 +49,7 @@ Image16 MedianOfFrames(const std::vector<Image16>& frames) {
 }
 
 std::string ParseName(const JsonObject& object) {
-  const std::string name = object.Text("name");
+  std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
         fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
@@ -75,7 +75,7 @@ std::string ParseKind(const JsonObject& object) {
 
 std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   if (object.Get("depth").is_string()) return {object.Text("depth")};
-  const std::vector<std::string> files = object.Texts("depth");
+  std::vector<std::string> files = object.Texts("depth");
   if (files.empty()) {
     throw DataError(
         fmt::format("{}: depth is an empty list; name at least one depth file", object.where()));

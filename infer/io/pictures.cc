@@ -62,6 +62,7 @@ std::vector<int> UprightTurnsOf(const std::vector<SensorResult>& sensors) {
     most = count;
   }
   std::vector<int> turns;
+  turns.reserve(sensors.size());
   for (const SensorResult& sensor : sensors) {
     turns.push_back(sensor.structure_from_sensor ? UprightTurns(*sensor.structure_from_sensor)
                                                  : usual);

@@ -28,7 +28,7 @@ std::string OverlapTable(const CalibrationResult& result) {
   if (result.pairs.empty()) return "";
   double worst = 0;
   for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
-  const std::string summary =
+  std::string summary =
       fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
                   result.pairs.size() == 1 ? "" : "s", 1000 * worst);
   std::vector<std::string> names;

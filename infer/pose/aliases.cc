@@ -187,6 +187,7 @@ class Fits {
 std::vector<StructureAlias> FindAliases(const Structure& structure) {
   const std::vector<Box>& boxes = structure.boxes();
   std::vector<Corners> corners;
+  corners.reserve(boxes.size());
   for (const Box& box : boxes) corners.push_back(CornersOf(box));
   PointGrid side_centres(kSamePlace);
   for (std::size_t i = 0; i < structure.sides().size(); ++i)

@@ -190,6 +190,7 @@ std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
     return {pose};
   }
   std::vector<PoseTrial> poses;
+  poses.reserve(trials.size());
   for (const Trial* t : trials) poses.push_back({&t->segmentation, &t->initial});
   return FindCompetitors(*from.view, context.structure, context.aliases, poses,
                          from.quarter_turns != kAutoTurns, context.initial, options.choice);

@@ -94,6 +94,7 @@ std::vector<SideEvidence> LargestPatches(std::vector<SideEvidence> patches) {
 std::vector<PatchKeypoint> SideKeypoints(const std::vector<SideEvidence>& patches,
                                          const Structure& structure, KeypointKind kind) {
   std::vector<PatchKeypoint> keypoints;
+  keypoints.reserve(patches.size());
   for (const SideEvidence& patch : patches)
     keypoints.push_back({structure.Keypoint(patch.label, kind), false});
   return keypoints;
@@ -177,6 +178,7 @@ std::vector<Pose> FindCandidates(const std::vector<SideEvidence>& patches,
                    [](const Candidate& a, const Candidate& b) { return a.area > b.area; });
   if (candidates.size() > kMostCandidates) candidates.resize(kMostCandidates);
   std::vector<Pose> poses;
+  poses.reserve(candidates.size());
   for (const Candidate& candidate : candidates) poses.push_back(candidate.pose);
   return poses;
 }

@@ -19,6 +19,7 @@ Pose BuildModel::Offset(const BuildParameters& build, int box) const {
 
 Structure BuildModel::Built(const BuildParameters& build) const {
   std::vector<Pose> offsets;
+  offsets.reserve(structure_->boxes().size());
   for (int b = 0; b < static_cast<int>(structure_->boxes().size()); ++b)
     offsets.push_back(Offset(build, b));
   return structure_->Displaced(offsets, 1 + *build.size);

@@ -97,6 +97,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
   const std::size_t cells =
       CountCells(matches, std::max(evidence[a].noise.warp_length, evidence[b].noise.warp_length));
   std::vector<double> sizes;
+  sizes.reserve(matches.size());
   for (const WeightedMatch& match : matches)
     sizes.push_back(std::abs(match.residual) / match.sigma);
   const double excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
@@ -255,6 +256,7 @@ void UpdateLineTolerance(const JointProblem& problem, const State& state, const 
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<SensorEvidence>& evidence) {
   std::vector<double> multipath;
+  multipath.reserve(evidence.size());
   for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
   return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
 }

@@ -33,9 +33,8 @@ double MinimiseOverLog(double low, double high, int steps, const F& f, double* b
   }
   double shift = 0;
   if (least > 0 && least + 1 < steps) {
-    const double a = values[static_cast<std::size_t>(least - 1)],
-                 b = values[static_cast<std::size_t>(least)],
-                 c = values[static_cast<std::size_t>(least + 1)];
+    const auto middle = static_cast<std::size_t>(least);
+    const double a = values[middle - 1], b = values[middle], c = values[middle + 1];
     const double bend = a - 2 * b + c;
     if (std::isfinite(bend) && bend > 0) shift = std::clamp(0.5 * (a - c) / bend, -0.5, 0.5);
   }

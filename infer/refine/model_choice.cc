@@ -134,6 +134,7 @@ PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout&
 Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterLayout& layout) {
   const std::vector<PriorScales> all = AllScales();
   std::vector<double> evidence;
+  evidence.reserve(all.size());
   for (const PriorScales& scales : all)
     evidence.push_back(FitModel(cost, layout.Scales(scales), false).log_evidence);
   const double most = *std::max_element(evidence.begin(), evidence.end());

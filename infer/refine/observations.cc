@@ -37,10 +37,12 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const S
                        int label, const std::vector<const SidePoint*>& points) {
   const Side& side = built.SideOfLabel(label);
   std::vector<double> distances;
+  distances.reserve(points.size());
   for (const SidePoint* point : points)
     distances.push_back(side.normal.dot(sensor.InStructure(point->p) - side.centre));
   const double middle = Median(distances);
   std::vector<double> deviations;
+  deviations.reserve(distances.size());
   for (const double d : distances) deviations.push_back(std::abs(d - middle));
   const double spread = kMadToSigma * Median(deviations) + kLeastSpread;
   FaceObservation face;
@@ -155,6 +157,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
                         const Gates& gates, SensorEvidence* evidence) {
   const Structure& built = state.Built(sensor);
   std::vector<SensorState> places;
+  places.reserve(poses.size());
   for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {

@@ -18,6 +18,7 @@ std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
 /// `known_lens`: index of the one that is known. Sensors are numbered as they first occur.
 std::vector<FrameOf> FramesOf(const std::vector<RefineSensor>& sensors, std::size_t known_lens) {
   std::vector<FrameOf> frames;
+  frames.reserve(sensors.size());
   std::map<int, int> numbers;
   int count = 0;
   for (const RefineSensor& sensor : sensors) {

@@ -59,6 +59,7 @@ class TorchSegmenter : public NetworkSegmenter {
 std::vector<SegmentationResult> TorchSegmenter::Forward(const std::vector<const Prepared*>& batch) {
   const int width = batch.front()->turned.width(), height = batch.front()->turned.height();
   std::vector<at::Tensor> depths;
+  depths.reserve(batch.size());
   for (const Prepared* item : batch) {
     depths.push_back(at::from_blob(const_cast<float*>(item->turned.data()), {1, 1, height, width},
                                    at::TensorOptions(at::kFloat)));

@@ -43,7 +43,7 @@ class CheckpointTest : public testing::Test {
     try {
       LoadCheckpoint(path);
     } catch (const E& e) {
-      const std::string message = e.what();
+      std::string message = e.what();
       EXPECT_EQ(message.find('\n'), std::string::npos) << message;
       EXPECT_NE(message.find(path.filename().string()), std::string::npos) << message;
       return message;

@@ -14,6 +14,7 @@ namespace {
 std::vector<Eigen::Vector3d> RandomPoints(std::uint64_t seed, int count) {
   RandomStream random(seed, 0, "points");
   std::vector<Eigen::Vector3d> points;
+  points.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i)
     points.emplace_back(random.Normal(), random.Normal(), random.Normal());
   return points;

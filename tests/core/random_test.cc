@@ -27,6 +27,7 @@ std::vector<std::uint32_t> Draw(std::uint64_t seed, std::uint64_t index, const s
                                 int n) {
   RandomStream stream(seed, index, stage);
   std::vector<std::uint32_t> words;
+  words.reserve(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) words.push_back(stream.NextU32());
   return words;
 }

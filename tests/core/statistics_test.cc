@@ -15,6 +15,7 @@ TEST(Quantile, IsAnElementOfTheSortedValues) {
   RandomStream random(1, 0, "values");
   for (const int n : {1, 2, 3, 10, 101}) {
     std::vector<double> values;
+    values.reserve(static_cast<std::size_t>(n));
     for (int i = 0; i < n; ++i) values.push_back(random.Normal());
     std::vector<double> sorted = values;
     std::sort(sorted.begin(), sorted.end());

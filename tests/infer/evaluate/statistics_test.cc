@@ -17,8 +17,8 @@ EvaluatedSensor Measured(double initial_mm, double refined_mm, double deg) {
   sensor.name = "S";
   sensor.status = SensorStatus::kOk;
   sensor.sides_fix_pose = true;
-  sensor.nominal = EvaluatedSensor::Errors{
-      {initial_mm / 1000, 2 * deg}, {refined_mm / 1000, deg}, Vector6d::Zero()};
+  sensor.nominal =
+      EvaluatedErrors{{initial_mm / 1000, 2 * deg}, {refined_mm / 1000, deg}, Vector6d::Zero()};
   return sensor;
 }
 

@@ -5,10 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <utility>
 #include <vector>
 
+#include "infer/pose/aliases.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -111,6 +113,28 @@ TEST(LabelViews, GivenTurnsCostOnePass) {
   EXPECT_EQ(labelled[0].quarter_turns, 1);
   EXPECT_EQ(labelled[1].quarter_turns, 3);
   EXPECT_EQ(labelled[2].quarter_turns, 0);
+}
+
+TEST(LabelViews, APictureThatTheNetworkTakesForAStructureUpsideDownIsTurnedRound) {
+  // In the orientation 3 the network names the sides that the stack would show after half a turn
+  // about its horizontal diagonal; only the floor tells that it does not hang from the ceiling.
+  Frames frames({3});
+  const std::vector<StructureAlias> aliases = FindAliases(frames.structure);
+  const auto over = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
+  ASSERT_NE(over, aliases.end());
+  ASSERT_EQ(over->boxes, 4);
+  LabelImage& seen = frames.segmenter.answers[&frames.views[0].depth].second;
+  for (std::uint8_t& label : seen) label = over->label_after[label];
+  const LabelledView labelled = frames.Label({kAutoTurns}).at(0);
+  EXPECT_EQ(labelled.quarter_turns, 1);
+  EXPECT_EQ(labelled.other_pose, "");
+  const PoseError error = ComparePoses(labelled.initial.structure_from_sensor, RingPose(40));
+  EXPECT_LT(error.translation_m, 0.02);
+  EXPECT_LT(error.rotation_deg, 1);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i] > 0) ASSERT_EQ(labelled.segmentation.labels[i], frames.labels[0][i]);
+  }
 }
 
 TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -174,6 +176,74 @@ TEST(HeldOutObservations, WhatFitsDoesNotAcceptPoses) {
   const auto all = observations(two);
   EXPECT_GT(all.second, 5u);
   EXPECT_EQ(observations(without), std::make_pair(all.first, std::size_t{0}));
+}
+
+TEST(HeldOutObservations, AreWeighedByTheNoiseThatWasFound) {
+  const TwoSensors two;
+  const JointProblem problem(two.rig.structure, two.sensors, two.options);
+  const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
+  const State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
+  const auto covariance = [&](double warp) {
+    std::vector<SensorEvidence> evidence(2);
+    for (SensorEvidence& of : evidence) of.noise.warp = warp;
+    const Eigen::MatrixXd root =
+        GatherHeldOut(problem, {free, state, evidence, {0, 0}})[0].face_root;
+    return Eigen::MatrixXd(root * root.transpose());
+  };
+  // Twice the smooth error is four times its covariance.
+  const Eigen::MatrixXd none = covariance(1e-9), some = covariance(0.004),
+                        twice = covariance(0.008);
+  ASSERT_GT((some - none).trace(), 1e-6);
+  EXPECT_TRUE((twice - none).isApprox(4 * (some - none), 1e-6));
+}
+
+/// Points of a plane at this depth, that face the sensor or are square to it, on a grid of 1 cm
+/// about (x, 0).
+void AddPlane(double x, double z, const Eigen::Vector3d& normal, BlockUse use,
+              std::vector<CloudPoint>* cloud) {
+  for (int i = -2; i <= 2; ++i) {
+    for (int j = -2; j <= 2; ++j) {
+      CloudPoint point;
+      point.p = {x + 0.01 * i, 0.01 * j, z};
+      point.normal = normal;
+      point.use = use;
+      cloud->push_back(point);
+    }
+  }
+}
+
+TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
+  const Structure structure = PaperStructure();
+  const Eigen::Vector3d facing(0, 0, -1), square(1, 0, 0);
+  std::vector<CloudPoint> own, others;
+  // A surface that both see, the neighbour 10 mm farther; one at which the neighbour's points are
+  // of another surface; one that it does not see; and one that is for the fit.
+  AddPlane(-0.5, 2, facing, BlockUse::kAccept, &own);
+  AddPlane(-0.5, 2.01, facing, BlockUse::kFit, &others);
+  AddPlane(0, 2, facing, BlockUse::kAccept, &own);
+  AddPlane(0, 2.002, square, BlockUse::kFit, &others);
+  AddPlane(0.5, 2, facing, BlockUse::kAccept, &own);
+  AddPlane(0.5, 2.2, facing, BlockUse::kFit, &others);
+  AddPlane(1, 2, facing, BlockUse::kFit, &own);
+  AddPlane(1, 2.03, facing, BlockUse::kFit, &others);
+  const SensorPoints own_points({}, {}, own), other_points({}, {}, others);
+  const Pose pose = RingPose(40);
+  std::vector<RefineSensor> sensors;
+  for (const SensorPoints* of : {&own_points, &other_points})
+    sensors.push_back({of, pose, pose, pose, false});
+  const RefineOptions options;
+  const JointProblem problem(structure, sensors, options);
+  const State state = NominalState(structure, {pose, pose});
+  const auto fit = [&](double nearer, BlockUse use) {
+    return FitToNeighbours(problem, state, 0, pose * Eigen::Translation3d(0, 0, nearer), use);
+  };
+  // Cauchy's function of distances in units of 10 mm.
+  EXPECT_EQ(fit(0, BlockUse::kAccept).observations, 25);
+  EXPECT_NEAR(fit(0, BlockUse::kAccept).misfit, std::log(2.0), 1e-9);
+  EXPECT_NEAR(fit(0.005, BlockUse::kAccept).misfit, std::log(1.25), 1e-9);
+  EXPECT_NEAR(fit(0.01, BlockUse::kAccept).misfit, 0, 1e-9);
+  EXPECT_EQ(fit(0, BlockUse::kFit).observations, 25);
+  EXPECT_NEAR(fit(0, BlockUse::kFit).misfit, std::log(10.0), 1e-9);
 }
 
 }  // namespace

@@ -121,5 +121,51 @@ TEST(MostProbableScales, FollowWhatStrays) {
       << "whatever is held";
 }
 
+/// What is believed of a parameter of prior N(0, 1), measured as y with a standard deviation of
+/// 0.1, where it is not known whether its prior is 0, 0.3 or 1 wide: the mean square of its
+/// distance from `from`.
+double SpreadOverWidths(double y, double from) {
+  double weights = 0, sum = 0;
+  for (const double width : {0.0, 0.3, 1.0}) {
+    const double variance = width * width + 0.01;  // of y
+    const double weight = std::exp(-0.5 * y * y / variance) / std::sqrt(variance);
+    const double mean = width * width / variance * y;
+    const double left = width * width * 0.01 / variance;
+    sum += weight * (left + (mean - from) * (mean - from));
+    weights += weight;
+  }
+  return sum / weights;
+}
+
+TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
+  Measured measured;
+  const Eigen::Index size = measured.layout.Size(), offset = measured.layout.Offset(0);
+  const double size_sigma = measured.cost.prior_sigmas[size];
+  // The solution is where the widest prior has it, 1 in 101 nearer to zero than the measurement.
+  const double measured_at = 0.2525, solution = measured_at * 100 / 101;
+  measured.cost.values[size] = solution * size_sigma;
+  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout);
+  const double expected = SpreadOverWidths(measured_at, solution);
+  ASSERT_GT(expected, 1.5 * SpreadOverWidths(0, 0)) << "there is something to be counted";
+  // Models of little weight are left out.
+  EXPECT_NEAR(covariance(size, size) / (size_sigma * size_sigma), expected, 0.03 * expected);
+  // What the models agree on is as each of them has it.
+  const Eigen::Index pose = measured.layout.Pose(1);
+  EXPECT_NEAR(covariance(pose, pose), 1 / measured.cost.normal.information(pose, pose), 1e-12);
+  EXPECT_LT(covariance(offset, offset), measured.cost.prior_sigmas[offset] / 10);
+}
+
+TEST(CovarianceOverModels, SilhouettesOfAllSensorsMayBeShiftedAlike) {
+  const Measured measured;
+  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout);
+  const Eigen::Index a = measured.layout.Nuisance(0, kEdgeShift);
+  const Eigen::Index b = measured.layout.Nuisance(1, kEdgeShift);
+  // A common shift of 0.3 px of standard deviation, taken for its own by each sensor but for the
+  // hundredth part that its prior holds back.
+  const double common = 0.3 * 100 / 101, sigma = measured.cost.prior_sigmas[a];
+  EXPECT_NEAR(covariance(a, b), common * common, 1e-9);
+  EXPECT_NEAR(covariance(a, a), common * common + sigma * sigma / 101, 1e-9);
+}
+
 }  // namespace
 }  // namespace volalign::refine_internal

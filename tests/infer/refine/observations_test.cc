@@ -83,6 +83,25 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }
 
+TEST(WidenOutliers, CountsWhatExceedsTheLimit) {
+  // The limit is 2.5 mm where everything else agrees to less than a millimetre.
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = testing_infer::RingPose(35);
+  const SensorEvidence exact = testing_infer::Observe(structure, pose, 14);
+  const auto widened = [&](double off) {
+    SensorEvidence evidence = exact;
+    FaceObservation& odd = evidence.faces[20];
+    odd.p += off * pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
+    WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), Priors(),
+                  &evidence);
+    return evidence.faces[20].variance - exact.faces[20].variance;
+  };
+  EXPECT_EQ(widened(0.0024), 0);
+  EXPECT_NEAR(widened(0.004), 4 * (0.004 * 0.004 - 0.0025 * 0.0025), 6e-6);
+  EXPECT_NEAR(widened(0.01), 4 * (0.01 * 0.01 - 0.0025 * 0.0025), 3e-5);
+}
+
 TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);

@@ -1,0 +1,125 @@
+#include "infer/checks/lens_check.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Kinect;
+using testing_infer::RayThroughLens;
+
+Intrinsics WithDistortion(double k1, double k2) {
+  Intrinsics intrinsics = Kinect();
+  intrinsics.distortion = {k1, k2, 0, 0, 0};
+  return intrinsics;
+}
+
+constexpr double kK1 = -0.08, kK2 = 0.02;
+
+/// Two walls, 45 deg to the left and to the right, 2 m away, that a sensor with the lens `truth`
+/// looks at and that its view has seen through `used`.
+SensorPlanes Walls(const Intrinsics& truth, const Intrinsics& used) {
+  SensorPlanes sensor{used, {}};
+  for (const double side : {-1.0, 1.0}) {
+    const Eigen::Vector3d normal = Eigen::Vector3d(side, 0, -1).normalized();
+    LargePlane wall;
+    for (int v = 8; v < truth.height; v += 16) {
+      for (int u = 8; u < truth.width; u += 16) {
+        if (side * (u - truth.cx) > 0) continue;
+        const Eigen::Vector3d ray = RayThroughLens(truth, u, v).homogeneous();
+        const double z = -2 / normal.dot(ray);
+        wall.patches.push_back({z * RayThroughLens(used, u, v).homogeneous(), 1e-8});
+      }
+    }
+    sensor.planes.push_back(wall);
+  }
+  return sensor;
+}
+
+/// One frame's lens, of which the capture gives the pinhole, as well known as `sigma` says.
+LensSet Assumed(const LensChange& change, double sigma) {
+  LensSet lenses;
+  lenses.lenses.resize(1);
+  lenses.lenses[0].prior_sigmas = {0.01, sigma, sigma};
+  lenses.lenses[0].change = change;
+  lenses.of_frame = {0};
+  lenses.assumed = {Kinect()};
+  return lenses;
+}
+
+std::optional<Finding> Check(const SensorPlanes& planes, const LensSet& lenses,
+                             const LensCheckOptions& options = {}) {
+  return CheckLenses({planes}, lenses, true, options).at(0);
+}
+
+TEST(CheckLenses, WallsThatLookBentMakeALensSuspect) {
+  const SensorPlanes bent = Walls(WithDistortion(kK1, kK2), Kinect());
+  const LensSet lenses = Assumed(LensChange::Zero(), 0.001);
+  const std::optional<Finding> finding = Check(bent, lenses);
+  ASSERT_TRUE(finding.has_value());
+  EXPECT_EQ(finding->code, SensorCode::kLensSuspect);
+  EXPECT_NE(finding->hint.find("leave the distortion out"), std::string::npos) << finding->hint;
+  const std::optional<Finding> fixed = CheckLenses({bent}, lenses, false, {}).at(0);
+  ASSERT_TRUE(fixed.has_value());
+  EXPECT_NE(fixed->hint.find("--estimate auto"), std::string::npos) << fixed->hint;
+  EXPECT_FALSE(Check(Walls(Kinect(), Kinect()), lenses).has_value());
+}
+
+TEST(CheckLenses, TheBendIsWhatIsLeftOverThePlaneThatFitsBest) {
+  // A plane through all patches, z = a x + b y + c, by least squares; distances across it.
+  const SensorPlanes bent = Walls(WithDistortion(kK1, kK2), Kinect());
+  double largest = 0;
+  for (const LargePlane& wall : bent.planes) {
+    const auto n = static_cast<Eigen::Index>(wall.patches.size());
+    Eigen::MatrixXd a(n, 3);
+    Eigen::VectorXd z(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Eigen::Vector3d& p = wall.patches[static_cast<std::size_t>(i)].p;
+      a.row(i) << p.x(), p.y(), 1;
+      z[i] = p.z();
+    }
+    const Eigen::Vector3d plane = (a.transpose() * a).inverse() * a.transpose() * z;
+    const double across = std::sqrt(1 + plane.head<2>().squaredNorm());
+    largest = std::max(largest, (z - a * plane).cwiseAbs().maxCoeff() / across);
+  }
+  // Straight from the change that would take it away, linear at the pinhole.
+  EXPECT_NEAR(LargestBend(bent, {0, kK1, kK2}), largest, 0.2 * largest);
+  const LensSet lenses = Assumed(LensChange::Zero(), 0.001);
+  LensCheckOptions options;
+  options.min_bend_m = 0.7 * largest;
+  EXPECT_TRUE(Check(bent, lenses, options).has_value());
+  options.min_bend_m = 1.3 * largest;
+  EXPECT_FALSE(Check(bent, lenses, options).has_value());
+}
+
+TEST(CheckLenses, ALensThatHasBeenChangedAccordinglyIsTheRightOne) {
+  const LensSet changed = Assumed({0, kK1, kK2}, 0.001);
+  const Intrinsics truth = WithDistortion(kK1, kK2);
+  EXPECT_FALSE(Check(Walls(truth, changed.Effective(0)), changed).has_value());
+  // What is bent through that lens is its fault.
+  EXPECT_TRUE(Check(Walls(Kinect(), changed.Effective(0)), changed).has_value());
+}
+
+TEST(CheckLenses, ALensThatMayBeSoIsNotSuspect) {
+  const SensorPlanes bent = Walls(WithDistortion(kK1, kK2), Kinect());
+  EXPECT_FALSE(Check(bent, Assumed(LensChange::Zero(), 0.1)).has_value());
+}
+
+TEST(CheckLenses, AFocalLengthFarFromTheOneGiven) {
+  const SensorPlanes flat = Walls(Kinect(), Kinect());
+  const std::optional<Finding> finding = Check(flat, Assumed({-0.05, 0, 0}, 0.1));
+  ASSERT_TRUE(finding.has_value());
+  EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
+  EXPECT_NE(finding->reason.find("-4.9 %"), std::string::npos) << finding->reason;
+  EXPECT_NE(finding->reason.find("fx = 239.9"), std::string::npos) << finding->reason;
+  EXPECT_FALSE(Check(flat, Assumed({0.039, 0, 0}, 0.1)).has_value());
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,121 @@
+#include "infer/refine/disagreement.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/QR>
+#include <cmath>
+#include <vector>
+
+#include "infer/refine/residuals.h"
+#include "tests/infer/refine/points_and_evidence.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+using testing_infer::Observe;
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+constexpr double kSigma = 0.002;  // m, of each observation
+constexpr int kBox = 2;           // the one that stands elsewhere
+
+/// One sensor that has seen, from where it is thought to be, the stack with a box out of its place.
+struct OneBoxElsewhere {
+  Structure structure = PaperStructure();
+  SensorPoints points{{}, {}, {}};
+  Pose pose = RingPose(35);
+  std::vector<RefineSensor> sensors{{&points, pose, pose, pose, true}};
+  RefineOptions options;
+  JointProblem problem;
+  std::vector<double> displaced;  // the build as it is
+  Solution solution;
+
+  OneBoxElsewhere() : problem(structure, sensors, options) {
+    solution.state = NominalState(structure, {pose});
+    solution.kept_initial = {0};
+    displaced = solution.state.build;
+    displaced[static_cast<std::size_t>(BuildModel::X(kBox))] = 0.006;
+    displaced[static_cast<std::size_t>(BuildModel::Z(kBox))] = -0.004;
+    SensorEvidence evidence = Observe(problem.model.Built(displaced.data()), pose, 12);
+    const auto n = static_cast<Eigen::Index>(evidence.faces.size());
+    evidence.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
+    evidence.edge_root = Eigen::MatrixXd(0, 0);
+    solution.evidence = {evidence};
+  }
+  Disagreement Measure(const char* estimate) const {
+    return MeasureDisagreement(problem, solution,
+                               AskedFor(ParseEstimate(estimate), problem.priors, 1, 4), 0);
+  }
+};
+
+constexpr char kWithoutLens[] = "boxes,size,depth_gain,depth_offset";
+
+TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
+  const OneBoxElsewhere scene;
+  const SensorEvidence& evidence = scene.solution.evidence[0];
+  const ParameterLayout& layout = scene.problem.layout;
+  const Eigen::VectorXd sigmas =
+      layout.PriorSigmas(scene.problem.priors, {evidence.noise.multipath});
+  // Residuals and priors in standard deviations, of steps in the pose's tangent space and in the
+  // other parameters, but for the lens.
+  const auto errors = [&](const Eigen::VectorXd& step) {
+    State state = scene.solution.state;
+    const Vector6d turn = step.head<6>();
+    state.poses[0] = PoseBlock(PerturbLeft(turn, scene.pose));
+    state.offsets[0] += step[layout.Offset(0)];
+    for (int k = 0; k < kNuisances; ++k)
+      state.nuisances[0][static_cast<std::size_t>(k)] += step[layout.Nuisance(0, k)];
+    for (std::size_t k = 0; k < state.build.size(); ++k)
+      state.build[k] += step[layout.Build() + static_cast<Eigen::Index>(k)];
+    Eigen::VectorXd r;
+    Residuals(scene.problem.model, evidence, state.Parameters(0), &r, nullptr);
+    Eigen::VectorXd all(r.size() + layout.size());
+    all << r / kSigma, (layout.Values(state)).cwiseQuotient(sigmas.unaryExpr([](double sigma) {
+      return std::max(sigma, 1e-9);
+    }));
+    return all;
+  };
+  constexpr double kStep = 1e-5;
+  const Eigen::VectorXd at = errors(Eigen::VectorXd::Zero(layout.size()));
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(at.size(), layout.size());
+  for (Eigen::Index k = 0; k < layout.size(); ++k) {
+    if (k >= layout.Lens(0) && k < layout.Build()) continue;
+    const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(layout.size(), k);
+    jacobian.col(k) = (errors(step) - errors(-step)) / (2 * kStep);
+  }
+  const Eigen::VectorXd best = -jacobian.completeOrthogonalDecomposition().solve(at);
+  const Eigen::VectorXd left = at + jacobian * best;
+  const auto rms = [&](const Eigen::VectorXd& of) {
+    const auto n = static_cast<Eigen::Index>(evidence.faces.size());
+    return kSigma * std::sqrt(of.head(n).squaredNorm() / static_cast<double>(n));
+  };
+  const Disagreement disagreement = scene.Measure(kWithoutLens);
+  const double gain = (at.squaredNorm() - left.squaredNorm()) / 2;
+  ASSERT_GT(gain, 40);
+  EXPECT_NEAR(disagreement.cost, gain, 0.01 * gain);
+  EXPECT_NEAR(disagreement.rms_together, rms(at), 1e-6);
+  EXPECT_NEAR(disagreement.rms_alone, rms(left), 0.02 * rms(left));
+  EXPECT_TRUE(Disagrees(disagreement));
+}
+
+TEST(MeasureDisagreement, WhatIsNotAskedForIsAsItIsInTheSolution) {
+  OneBoxElsewhere scene;
+  scene.solution.state.build = scene.displaced;
+  scene.solution.state.built = scene.problem.model.Built(scene.displaced.data());
+  // The boxes stand where the sensor saw them: where they are not to be moved, it has nothing to
+  // gain, and the priors of their places are none of its business.
+  const Disagreement held = scene.Measure("depth_gain,depth_offset");
+  EXPECT_NEAR(held.cost, 0, 1e-3);
+  EXPECT_NEAR(held.rms_alone, held.rms_together, 1e-5);
+  EXPECT_GT(scene.Measure(kWithoutLens).cost, 0.1);
+}
+
+TEST(MeasureDisagreement, WithoutFacesThereIsNone) {
+  OneBoxElsewhere scene;
+  scene.solution.evidence[0].faces.clear();
+  scene.solution.evidence[0].face_root = Eigen::MatrixXd(0, 0);
+  EXPECT_EQ(scene.Measure(kWithoutLens).cost, 0);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal
