@@ -121,21 +121,20 @@ SensorResult CombineFrames(const std::vector<OfSensor>& frames,
   return sensor;
 }
 
-/// Over all stills, weighed by their points; the larger of d2.
+/// Root mean squares over all stills, weighed by their points.
 std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& stills) {
-  SetDistances all;
-  double squares = 0, points = 0;
+  SetDistances squares;
+  double points = 0;
   for (const StillResult& still : stills) {
     if (!still.metrics) continue;
     double of_still = 0;
     for (const SensorResult& sensor : still.sensors) of_still += sensor.points;
-    squares += of_still * still.metrics->d1 * still.metrics->d1;
+    squares.d1 += of_still * still.metrics->d1 * still.metrics->d1;
+    squares.d2 += of_still * still.metrics->d2 * still.metrics->d2;
     points += of_still;
-    all.d2 = std::max(all.d2, still.metrics->d2);
   }
   if (!(points > 0)) return std::nullopt;
-  all.d1 = std::sqrt(squares / points);
-  return all;
+  return SetDistances{std::sqrt(squares.d1 / points), std::sqrt(squares.d2 / points)};
 }
 
 /// Each two sensors' overlap, of the first still that has both.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -14,6 +15,7 @@
 #include "core/image_io.h"
 #include "core/statistics.h"
 #include "core/strict_json.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
@@ -33,19 +35,49 @@ int ParseTurns(const JsonObject& object) {
                               object.where(), value.dump()));
 }
 
-/// Per pixel the lower median of the non-zero values of all frames.
-Image16 MedianOfFrames(const std::vector<Image16>& frames) {
-  if (frames.size() == 1) return frames.front();
-  Image16 median(frames.front().width(), frames.front().height());
-  std::vector<std::uint16_t> values;
-  for (std::size_t i = 0; i < median.size(); ++i) {
-    values.clear();
-    for (const Image16& frame : frames) {
-      if (frame[i] > 0) values.push_back(frame[i]);
-    }
-    median[i] = Quantile(values, 0.5);
+/// What several frames say about one pixel, in their units.
+struct PixelMean {
+  double value = 0, sigma = 0;
+};
+
+/// `values`: not zero. `jump`: how far two values of one surface may be apart.
+PixelMean MeanOf(const std::vector<std::uint16_t>& values, double jump) {
+  constexpr double kWithin = 0.68;      // share of the values, of a normal distribution's one sigma
+  constexpr double kFar = 3;            // spreads, of a value that does not count
+  constexpr double kLeastSpread = 0.3;  // steps of one unit have a standard deviation of 0.29
+  if (values.empty()) return {};
+  const double middle = Quantile(values, 0.5);
+  std::vector<double> deviations;
+  deviations.reserve(values.size());
+  for (const std::uint16_t value : values) deviations.push_back(std::abs(value - middle));
+  const double spread = std::max(kLeastSpread, NearestQuantile(deviations, kWithin));
+  const double gate = std::min(std::max(1.0, kFar * spread), jump);
+  double sum = 0, count = 0;
+  for (const std::uint16_t value : values) {
+    if (std::abs(value - middle) > gate) continue;
+    sum += value;
+    ++count;
   }
-  return median;
+  return {sum / count, spread / std::sqrt(static_cast<double>(values.size()))};
+}
+
+/// Sets the frame's depth, and its standard error where there is more than one image.
+void SetDepth(const std::vector<Image16>& images, SensorFrame* frame) {
+  const double scale = frame->depth_scale;
+  frame->depth = ToMetres(images.front(), scale);
+  if (images.size() == 1) return;
+  frame->depth_sigma = Image<float>(frame->depth.width(), frame->depth.height(), 0.0f);
+  std::vector<std::uint16_t> values;
+  for (std::size_t i = 0; i < frame->depth.size(); ++i) {
+    values.clear();
+    for (const Image16& image : images) {
+      if (image[i] > 0) values.push_back(image[i]);
+    }
+    const double near = values.empty() ? 0 : scale * Quantile(values, 0.5);
+    const PixelMean mean = MeanOf(values, DepthJump(near) / scale);
+    frame->depth[i] = static_cast<float>(scale * mean.value);
+    frame->depth_sigma[i] = static_cast<float>(scale * mean.sigma);
+  }
 }
 
 std::string ParseName(const JsonObject& object) {
@@ -134,7 +166,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   for (const std::string& file : frame.depth_files) {
     images.push_back(ReadFrame(folder / file, frame.intrinsics, where));
   }
-  frame.depth = ToMetres(MedianOfFrames(images), frame.depth_scale);
+  SetDepth(images, &frame);
   return frame;
 }
 

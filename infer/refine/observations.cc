@@ -48,16 +48,17 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const S
   FaceObservation face;
   face.label = label;
   face.p.setZero();
-  double squares = 0;
-  int count = 0;
+  double squares = 0, weights = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
     if (std::abs(distances[k] - middle) > kFarFromMiddle * spread) continue;
-    face.p += points[k]->p;
-    squares += Square(distances[k] - middle);
-    ++count;
+    // A pixel that several frames disagree about says less than the others.
+    const double weight = 1 / (1 + Square(points[k]->sigma / kLeastSpread));
+    face.p += weight * points[k]->p;
+    squares += Square(weight * (distances[k] - middle));
+    weights += weight;
   }
-  face.p /= count;
-  face.variance = kPixelsPerError * squares / count / count;
+  face.p /= weights;
+  face.variance = kPixelsPerError * squares / weights / weights;
   face.multipath = SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p));
   return face;
 }

@@ -63,6 +63,7 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
+      if (!view.depth_sigma.empty()) point.sigma = view.depth_sigma(u, v);
       point.block = BlockIndex(u, v, view.width());
       point.use = use;
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();

@@ -18,7 +18,8 @@ struct SidePoint {
   Eigen::Vector3d p;
   Eigen::Vector3d normal;  ///< towards the sensor; zero where no plane fits its neighbourhood
   int label = 0;
-  int block = 0;  ///< of the image, see BlockIndex
+  double sigma = 0;  ///< m: standard error of its depth over several frames; 0: not known
+  int block = 0;     ///< of the image, see BlockIndex
   BlockUse use = BlockUse::kFit;
 };
 

@@ -17,6 +17,8 @@ inline constexpr int kAutoTurns = -1;
 struct SensorFrame {
   std::string name;
   DepthImage depth;  ///< m, 0 where nothing was measured
+  /// m: standard error of each depth, where it is the mean of several; empty where it is not known.
+  Image<float> depth_sigma;
   Intrinsics intrinsics;
   /// Clockwise quarter turns that bring the image into the network's training orientation, or
   /// kAutoTurns.

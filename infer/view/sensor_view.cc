@@ -45,7 +45,15 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
 std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads) {
   std::vector<SensorView> views(frames.size());
   ParallelFor(frames.size(), threads, [&](std::size_t i) {
-    views[i] = MakeSensorView(frames[i].depth, frames[i].intrinsics);
+    const SensorFrame& frame = frames[i];
+    views[i] = MakeSensorView(frame.depth, frame.intrinsics);
+    if (frame.depth_sigma.empty()) return;
+    if (frame.depth_sigma.width() != frame.depth.width() ||
+        frame.depth_sigma.height() != frame.depth.height()) {
+      throw DataError(
+          fmt::format("{}: the standard errors are not of the depth map's size", frame.name));
+    }
+    views[i].depth_sigma = frame.depth_sigma;
   });
   return views;
 }
@@ -61,6 +69,7 @@ SensorView Decimate(const SensorView& view, int stride) {
   if (stride <= 1) return view;
   SensorView small;
   small.depth = DecimateImage(view.depth, stride);
+  if (!view.depth_sigma.empty()) small.depth_sigma = DecimateImage(view.depth_sigma, stride);
   small.rays.width = small.depth.width();
   small.rays.height = small.depth.height();
   small.rays.rays.reserve(small.depth.size());

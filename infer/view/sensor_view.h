@@ -14,6 +14,7 @@ namespace volalign {
 /// calibration works on it.
 struct SensorView {
   DepthImage depth;              ///< m; 0 where nothing usable was measured
+  Image<float> depth_sigma;      ///< m, see SensorFrame; may be empty
   RayTable rays;                 ///< finite everywhere
   double pixel_solid_angle = 0;  ///< 1 / (fx fy): area of a pixel on the plane z = 1
 
@@ -34,7 +35,8 @@ struct SensorView {
 /// that have no ray. Throws DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
 
-/// MakeSensorView of every frame, on `threads` threads.
+/// MakeSensorView of every frame, on `threads` threads, with the frames' depth_sigma. Throws
+/// DataError also where that is of another size.
 std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads);
 
 /// The view with every measured depth z replaced by z * gain + offset (m).

@@ -67,11 +67,14 @@ TEST_F(CaptureTest, ReadsEveryField) {
   EXPECT_EQ(*b.ground_truth * Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(1, 3, 3));
 }
 
-TEST_F(CaptureTest, AListOfFramesIsTheMedianOfWhatTheyMeasured) {
+TEST_F(CaptureTest, AListOfFramesIsTheMeanOfWhatTheyMeasured) {
   const std::uint16_t values[4][5] = {
       {0, 0, 7, 10, 1000}, {0, 5, 0, 20, 1000}, {0, 9, 9, 30, 3000}, {0, 0, 8, 0, 3000}};
-  const std::uint16_t expected[5] = {0, 5, 8, 20,
-                                     1000};  // lower median of the non-zero ones, by hand
+  // By hand: means of the non-zero ones but, of those on two surfaces, of those about the lower
+  // median; and the second smallest of two, the second of three, the third of four deviations from
+  // that, over the root of their number.
+  const float expected[5] = {0, 7, 8, 20, 1000};
+  const float sigma[5] = {0, 4 / std::sqrt(2.0f), 1 / std::sqrt(3.0f), 10 / std::sqrt(3.0f), 1000};
   std::string list;
   for (int i = 0; i < 4; ++i) {
     Image16 image(4, 3);
@@ -83,6 +86,7 @@ TEST_F(CaptureTest, AListOfFramesIsTheMedianOfWhatTheyMeasured) {
   const Capture capture = ReadCapture(WriteSensor("\"depth\": [" + list + "], " + kIntrinsics));
   for (std::size_t j = 0; j < 5; ++j) {
     EXPECT_FLOAT_EQ(capture.sensors[0].depth[j], 0.001f * expected[j]) << j;
+    EXPECT_FLOAT_EQ(capture.sensors[0].depth_sigma[j], 0.001f * sigma[j]) << j;
   }
   EXPECT_EQ(capture.sensors[0].depth_files.size(), 4u);
 }

@@ -27,16 +27,17 @@ struct OneBoxElsewhere {
   std::vector<RefineSensor> sensors{{&points, pose, pose, pose, true}};
   RefineOptions options;
   JointProblem problem;
-  std::vector<double> displaced;  // the build as it is
+  std::vector<double> displaced;  // the boxes as they stand
   Solution solution;
 
   OneBoxElsewhere() : problem(structure, sensors, options) {
     solution.state = NominalState(structure, {pose});
     solution.kept_initial = {0};
-    displaced = solution.state.build;
+    displaced = solution.state.boxes[0];
     displaced[static_cast<std::size_t>(BuildModel::X(kBox))] = 0.006;
     displaced[static_cast<std::size_t>(BuildModel::Z(kBox))] = -0.004;
-    SensorEvidence evidence = Observe(problem.model.Built(displaced.data()), pose, 12);
+    SensorEvidence evidence =
+        Observe(problem.model.Built({&solution.state.size, displaced.data()}), pose, 12);
     const auto n = static_cast<Eigen::Index>(evidence.faces.size());
     evidence.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
     evidence.edge_root = Eigen::MatrixXd(0, 0);
@@ -65,8 +66,9 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
     state.offsets[0] += step[layout.Offset(0)];
     for (int k = 0; k < kNuisances; ++k)
       state.nuisances[0][static_cast<std::size_t>(k)] += step[layout.Nuisance(0, k)];
-    for (std::size_t k = 0; k < state.build.size(); ++k)
-      state.build[k] += step[layout.Build() + static_cast<Eigen::Index>(k)];
+    state.size += step[layout.Size()];
+    for (std::size_t k = 0; k < state.boxes[0].size(); ++k)
+      state.boxes[0][k] += step[layout.Boxes() + static_cast<Eigen::Index>(k)];
     Eigen::VectorXd r;
     Residuals(scene.problem.model, evidence, state.Parameters(0), &r, nullptr);
     Eigen::VectorXd all(r.size() + layout.size());
@@ -79,7 +81,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
   const Eigen::VectorXd at = errors(Eigen::VectorXd::Zero(layout.size()));
   Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(at.size(), layout.size());
   for (Eigen::Index k = 0; k < layout.size(); ++k) {
-    if (k >= layout.Lens(0) && k < layout.Build()) continue;
+    if (k >= layout.Lens(0) && k < layout.Size()) continue;
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(layout.size(), k);
     jacobian.col(k) = (errors(step) - errors(-step)) / (2 * kStep);
   }
@@ -100,8 +102,8 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
 
 TEST(MeasureDisagreement, WhatIsNotAskedForIsAsItIsInTheSolution) {
   OneBoxElsewhere scene;
-  scene.solution.state.build = scene.displaced;
-  scene.solution.state.built = scene.problem.model.Built(scene.displaced.data());
+  scene.solution.state.boxes[0] = scene.displaced;
+  scene.solution.state.UpdateBuilt(scene.problem.model);
   // The boxes stand where the sensor saw them: where they are not to be moved, it has nothing to
   // gain, and the priors of their places are none of its business.
   const Disagreement held = scene.Measure("depth_gain,depth_offset");

@@ -83,6 +83,19 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }
 
+TEST(GatherObservations, APixelThatFramesDisagreeAboutSaysLess) {
+  Block block;
+  for (int i = 0; i < 4; ++i) block.Add(0.002 * i, i % 2 ? 0.001 : -0.001, 7);
+  // One part in ten of the weight of the others, which it takes from the two in front.
+  for (const int i : {1, 3}) block.points.side_points[static_cast<std::size_t>(i)].sigma = 0.003;
+  const SensorEvidence evidence = block.Gather();
+  ASSERT_EQ(evidence.faces.size(), 1u);
+  const FaceObservation& face = evidence.faces[0];
+  EXPECT_NEAR(face.p.z(), 1.5 + 0.001 * (2 - 0.2) / 2.2, 1e-9);
+  // About the upper median, 1 mm: those behind it are 2 mm off.
+  EXPECT_NEAR(face.variance, 2 * (2 * 4e-6) / (2.2 * 2.2), 1e-12);
+}
+
 TEST(WidenOutliers, CountsWhatExceedsTheLimit) {
   // The limit is 2.5 mm where everything else agrees to less than a millimetre.
   const Structure structure = PaperStructure();

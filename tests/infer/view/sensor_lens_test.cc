@@ -72,12 +72,13 @@ SensorFrame FrameOf(const std::string& kind, std::vector<double> distortion) {
 
 TEST(AssumeLenses, SensorsOfAKindShareALensAndTheOthersHaveTheirOwn) {
   const std::vector<double> given(5, 0.0);
-  const std::vector<SensorFrame> frames = {FrameOf("azure_kinect_nfov_binned", {}),
-                                           FrameOf("realsense_d415", {}),
-                                           FrameOf("azure_kinect_nfov_binned", {}),
-                                           FrameOf("azure_kinect_nfov_binned", given),
-                                           FrameOf("", {}),
-                                           FrameOf("", {})};
+  std::vector<SensorFrame> frames = {FrameOf("azure_kinect_nfov_binned", {}),
+                                     FrameOf("realsense_d415", {}),
+                                     FrameOf("azure_kinect_nfov_binned", {}),
+                                     FrameOf("azure_kinect_nfov_binned", given),
+                                     FrameOf("", {}),
+                                     FrameOf("", {})};
+  for (std::size_t i = 0; i < frames.size(); ++i) frames[i].name = "S" + std::to_string(i);
   const LensSet shared = AssumeLenses(frames, false);
   EXPECT_EQ(shared.of_frame, (std::vector<int>{0, 1, 0, 2, 3, 4}));
   EXPECT_EQ(shared.lenses.size(), 5u);
@@ -93,6 +94,22 @@ TEST(AssumeLenses, SensorsOfAKindShareALensAndTheOthersHaveTheirOwn) {
   for (const int k : {1, 2}) {
     EXPECT_GT(shared.Of(4).prior_sigmas[k], 10 * shared.Of(0).prior_sigmas[k]);
     EXPECT_GT(shared.Of(0).prior_sigmas[k], shared.Of(3).prior_sigmas[k]);
+  }
+}
+
+TEST(AssumeLenses, FramesOfOneNameAreOfOneSensor) {
+  // Two stills of two sensors.
+  std::vector<SensorFrame> frames(4, FrameOf("", {}));
+  for (std::size_t i = 0; i < 4; ++i) frames[i].name = i % 2 ? "B" : "A";
+  for (const LensSet& lenses :
+       {AssumeLenses(frames, false), AssumeLenses(frames, true), GivenLenses(frames)}) {
+    EXPECT_EQ(lenses.of_frame, (std::vector<int>{0, 1, 0, 1}));
+    EXPECT_EQ(lenses.lenses.size(), 2u);
+    EXPECT_EQ(lenses.repeats, (std::vector<char>{0, 0, 1, 1}));
+    const LensSet second = OfFrames(lenses, 2, 2);
+    EXPECT_EQ(second.of_frame, (std::vector<int>{0, 1}));
+    EXPECT_EQ(second.repeats, (std::vector<char>{1, 1}));
+    EXPECT_EQ(second.lenses.size(), 2u);
   }
 }
 
