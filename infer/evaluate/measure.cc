@@ -1,10 +1,11 @@
 #include "infer/evaluate/measure.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <utility>
 
-#include "core/error.h"
 #include "infer/calibrate.h"
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/sides_fix_pose.h"
@@ -98,6 +99,15 @@ std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i,
          });
 }
 
+/// What is calibrated together.
+std::vector<Still> StillsOf(const EvaluationStill& still) {
+  std::vector<Still> stills{{"placement_1", still.frames}};
+  for (const FurtherStill& other : still.further) {
+    stills.push_back({fmt::format("placement_{}", stills.size() + 1), other.frames});
+  }
+  return stills;
+}
+
 /// `i`: of the sensor's frame.
 EvaluatedSensor Measure(const SensorResult& result, std::size_t i, const EvaluationStill& still,
                         const InitialPoseOptions& options) {
@@ -132,14 +142,11 @@ Vector6d LeftDifference(const Pose& from, const Pose& to) {
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
                                          const std::vector<EvaluationVariant>& variants,
                                          Segmenter& segmenter) {
-  if (!still.further.empty()) {
-    throw DataError("several placements cannot be calibrated together yet");
-  }
   SharedSegmenter shared(&segmenter);
   std::vector<EvaluatedCase> cases;
   for (const EvaluationVariant& variant : variants) {
     const CalibrationResult calibration =
-        Calibrate(still.frames, still.structure, shared, variant.options);
+        Calibrate(StillsOf(still), still.structure, shared, variant.options);
     EvaluatedCase one;
     one.variant = variant.name;
     one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};

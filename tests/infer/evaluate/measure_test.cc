@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -69,6 +70,25 @@ TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
                 (moved.inverse() * position - position).norm(), 1.5e-3)
         << sensor.name;
     EXPECT_LT((sensor.nominal->delta - motion).norm(), 3e-3) << sensor.name;
+  }
+}
+
+TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
+  Ring ring = MakeRing();
+  StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
+  Vector6d motion;
+  motion << 0.3, 0, -0.2, 0, 0.6, 0;
+  AddPlacement(PerturbLeft(motion, Pose::Identity()), &ring, &segmenter);
+  // S2 sees the structure at its second place alone.
+  std::fill(ring.still.frames[2].depth.begin(), ring.still.frames[2].depth.end(), 2.0F);
+  std::fill(ring.still.labels[2].begin(), ring.still.labels[2].end(), 0);
+  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  ASSERT_EQ(cases.at(0).results.size(), 3u);
+  for (const EvaluatedSensor& sensor : cases[0].results) {
+    EXPECT_EQ(sensor.sides_fix_pose, true) << sensor.name;
+    ASSERT_TRUE(sensor.nominal) << sensor.name << " " << ToString(sensor.code);
+    EXPECT_LT(sensor.nominal->refined.translation_m, 3e-3) << sensor.name;
+    EXPECT_LT(sensor.nominal->refined.rotation_deg, 0.1) << sensor.name;
   }
 }
 

@@ -29,6 +29,17 @@ inline Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
   return ring;
 }
 
+/// Adds a still of the same sensors while the structure stands elsewhere, and its labels to the
+/// segmenter.
+inline void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSegmenter* segmenter) {
+  Rig there{ring->rig.structure, {}, {}};
+  for (const SensorFrame& frame : ring->rig.frames) {
+    there.Add(frame.name, first_from_placement.inverse() * *frame.ground_truth);
+    segmenter->Store(there.frames.back().depth, Certain(there.labels.back()));
+  }
+  ring->still.further.push_back({there.frames, there.labels});
+}
+
 inline std::vector<EvaluationVariant> TwoVariants() {
   EvaluationVariant exposed{"exposed", {}}, centre{"centre", {}};
   centre.options.initial.keypoints = KeypointKind::kCentre;
