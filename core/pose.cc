@@ -89,7 +89,7 @@ int UprightTurns(const Pose& structure_from_sensor) {
 
 std::vector<std::vector<double>> ToRows(const Pose& pose) {
   std::vector<std::vector<double>> rows(4, std::vector<double>(4));
-  const Eigen::Matrix4d m = pose.matrix();
+  const Eigen::Matrix4d& m = pose.matrix();
   for (int r = 0; r < 4; ++r) {
     for (int c = 0; c < 4; ++c)
       rows[static_cast<std::size_t>(r)][static_cast<std::size_t>(c)] = m(r, c);

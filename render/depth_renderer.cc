@@ -128,6 +128,8 @@ DepthRenderer::DepthRenderer() {
   glBindVertexArray(vertex_array_);
   glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_);
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_);
+  // OpenGL takes the offset into a bound buffer as a pointer.
+  // NOLINTNEXTLINE(performance-no-int-to-ptr)
   const auto offset = [](std::size_t bytes) { return reinterpret_cast<const void*>(bytes); };
   constexpr GLsizei kStride = sizeof(Vertex);
   glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, position)));

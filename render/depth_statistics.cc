@@ -84,7 +84,8 @@ class StraightPlaces {
   }
   /// NaN where the lens has folded over.
   const Eigen::Vector2d& operator()(int u, int v) const {
-    return places_[static_cast<std::size_t>(v * width_ + u)];
+    return places_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
+                   static_cast<std::size_t>(u)];
   }
   /// The depths of the pixels that have a place.
   DepthImage Clean(DepthImage depth) const {

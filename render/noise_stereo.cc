@@ -78,7 +78,8 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
 /// half-occlusion takes.
 void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
                 Image<std::uint8_t>* keep) {
-  auto& [depth, labels] = matched->view;
+  DepthImage& depth = matched->view.depth;
+  LabelImage& labels = matched->view.labels;
   const Image16& faces = matched->faces;
   const int width = depth.width(), height = depth.height();
   const Image<float> edge_loss = SmoothField(width, height, kEdgeLossCorrelation * scale, random);

@@ -407,7 +407,7 @@ class Trainer {
     if (config_.optim.ema_decay == 0) CopyToAverage();
     const std::unique_ptr<SampleSource> source =
         data_.open(static_cast<std::uint64_t>(config_.run.validation_seed), 0);
-    const ValidationResult v =
+    ValidationResult v =
         Validate(average_, *loss_, data_.structure, ParseKeypointKind(config_.loss.keypoints),
                  *source, config_.run.validation_samples, device_, config_.run.channels_last);
     WriteRow({{"type", "validation"},

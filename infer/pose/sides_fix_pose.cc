@@ -26,6 +26,7 @@ struct PlanePoint {
 bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, KeypointKind kind) {
   const std::set<int> unique(labels.begin(), labels.end());
   std::vector<Eigen::Vector3d> keypoints;
+  keypoints.reserve(unique.size());
   for (const int label : unique) keypoints.push_back(structure.Keypoint(label, kind));
   if (keypoints.size() >= 3 && SecondSingularValue(keypoints) > kMinSecondSingularValue)
     return true;

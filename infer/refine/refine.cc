@@ -175,9 +175,9 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
-    box.sigma_x = sigmas[3 * b];
-    box.sigma_z = sigmas[3 * b + 1];
-    box.sigma_yaw = sigmas[3 * b + 2];
+    box.sigma_x = sigmas[Eigen::Index{3} * b];
+    box.sigma_z = sigmas[Eigen::Index{3} * b + 1];
+    box.sigma_yaw = sigmas[Eigen::Index{3} * b + 2];
     boxes.push_back(box);
   }
   return boxes;

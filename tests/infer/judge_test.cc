@@ -103,5 +103,62 @@ TEST(JudgeSensors, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
   EXPECT_LT(result.sensors[2].sides.size(), found);
 }
 
+TEST(JudgeSensors, DepthsAreJudgedAsTheyWereCorrected) {
+  // What the sensor measured is 2 % and 30 mm short, as was found out.
+  Stages stages;
+  RefinedSensor& refined = stages.results.refined.sensors[1];
+  refined.depth_gain = 1 / 0.98;
+  refined.depth_offset = 0.03;
+  for (float& z : stages.results.views[2].depth) {
+    if (z > 0) z = 0.98f * (z - 0.03f);
+  }
+  const CalibrationResult result = stages.Judge();
+  EXPECT_GT(result.sensors[2].initial_rms_to_structure_m, 0.01) << "as measured";
+  EXPECT_LT(result.sensors[2].rms_to_structure_m, 1e-4);
+  EXPECT_NEAR(result.sensors[2].inlier_share, 1, 1e-9);
+  EXPECT_EQ(result.sensors[2].depth_gain, 1 / 0.98);
+  EXPECT_EQ(result.sensors[2].depth_offset_m, 0.03);
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+  ASSERT_TRUE(result.metrics.has_value());
+  EXPECT_NEAR(result.metrics->d1, Stages().Judge().metrics->d1, 1e-4);
+}
+
+TEST(JudgeSensors, ReportedPosesAreJudgedByTheBoxesAsBuiltInitialOnesByTheDescribedOnes) {
+  Stages stages;
+  Pose aside = Pose::Identity();
+  aside.translation().x() = 0.015;
+  stages.results.refined.built = stages.rig.structure.Displaced(std::vector<Pose>(4, aside), 1);
+  const CalibrationResult result = stages.Judge();
+  // Sides that look along x are 15 mm off, the others by what of them is not above another.
+  EXPECT_GT(result.sensors[0].rms_to_structure_m, 0.004);
+  EXPECT_LT(result.sensors[0].rms_to_structure_m, 0.015);
+  EXPECT_LT(result.sensors[0].initial_rms_to_structure_m, 0.002);
+}
+
+TEST(JudgeSensors, ALensThatWasEstimatedIsCalledSo) {
+  for (const bool estimated : {true, false}) {
+    Stages stages;
+    const auto lens = static_cast<std::size_t>(stages.results.lenses.of_frame[2]);
+    stages.results.refined.lenses[lens].estimated = estimated;
+    stages.results.refined.lenses[lens].sigmas = {0.001, 0.002, 0.003};
+    const CalibrationResult result = stages.Judge();
+    EXPECT_EQ(result.sensors[2].lens.source,
+              estimated ? LensSource::kEstimated : LensSource::kGiven);
+    EXPECT_EQ(result.sensors[2].lens.sigmas, Eigen::Vector3d(0.001, 0.002, 0.003));
+  }
+}
+
+TEST(JudgeSensors, SensorsInOnePlaceNameEachOther) {
+  Stages stages;
+  stages.results.refined.sensors[1].structure_from_sensor =
+      stages.results.refined.sensors[0].structure_from_sensor;
+  const CalibrationResult result = stages.Judge();
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);
+    EXPECT_EQ(result.sensors[i].code, SensorCode::kSamePose);
+  }
+  EXPECT_NE(result.sensors[0].reason.find("where S2 stands"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace volalign

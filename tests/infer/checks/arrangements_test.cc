@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <set>
 #include <string>
 #include <vector>
@@ -39,6 +41,44 @@ TEST(Arrangements, ATurnOrExchangeThatChangesNothingIsInNoList) {
     EXPECT_TRUE(arrangement.code == SensorCode::kNone ||
                 arrangement.code == SensorCode::kAssemblyMissing)
         << arrangement.sentence;
+}
+
+/// Corners of all boxes, from their middle.
+std::vector<Eigen::Vector3d> Corners(const Structure& structure) {
+  std::vector<Eigen::Vector3d> corners;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Box& box : structure.boxes()) {
+    for (int k = 0; k < 8; ++k) {
+      const Eigen::Vector3d half =
+          Eigen::Vector3d(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5, k & 4 ? 0.5 : -0.5)
+              .cwiseProduct(box.size);
+      corners.push_back(box.structure_from_box * half);
+      sum += corners.back();
+    }
+  }
+  for (Eigen::Vector3d& corner : corners) corner -= sum / static_cast<double>(corners.size());
+  return corners;
+}
+
+TEST(Arrangements, AMirroredStackIsTheReflectionOfEveryCorner) {
+  std::vector<Box> boxes = {
+      Box::FromMinMax("low", Eigen::Vector3d(-0.3, 0, -0.2), Eigen::Vector3d(0.3, 0.4, 0.2)),
+      Box::FromMinMax("high", Eigen::Vector3d(-0.4, 0.4, -0.1), Eigen::Vector3d(0.1, 0.8, 0.25))};
+  boxes[1].structure_from_box.linear() =
+      Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const Structure structure = Structure::FromBoxes("askew", boxes);
+  const std::vector<Arrangement> list = Arrangements(structure);
+  const auto mirrored = std::find_if(list.begin(), list.end(), [](const Arrangement& arrangement) {
+    return arrangement.code == SensorCode::kAssemblyMirrored;
+  });
+  ASSERT_NE(mirrored, list.end());
+  const std::vector<Eigen::Vector3d> corners = Corners(mirrored->structure);
+  for (const Eigen::Vector3d& corner : Corners(structure)) {
+    const Eigen::Vector3d reflected(corner.x(), corner.y(), -corner.z());
+    EXPECT_TRUE(std::any_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& other) {
+      return (other - reflected).norm() < 1e-9;
+    })) << reflected.transpose();
+  }
 }
 
 }  // namespace

@@ -5,9 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
+#include "infer/pose/agreement.h"
+#include "infer/pose/aliases.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -102,6 +105,32 @@ TEST(Assembly, NamesWhatIsBuiltWrongly) {
       EXPECT_LT(report.described_overlap, 0.9) << c.sentence;
     }
   }
+}
+
+TEST(InspectAssembly, AStackThatHangsUpsideDownIsNotSeen) {
+  // Half a turn about its horizontal diagonal brings every box onto a box; the floor tells.
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(30, 2.1);
+  const auto rendered = Render(structure, Kinect(), pose, {true, 3.5});
+  const SensorView view = MakeSensorView(rendered.depth, Kinect());
+  const SegmentationResult labels = Certain(rendered.labels);
+  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  const auto over = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
+  ASSERT_NE(over, aliases.end());
+  AssemblyOptions options;
+  options.suspicious_overlap = options.suspicious_frame_overlap = 0;  // nothing else is tried
+  const auto overlap = [&](const Pose& at) {
+    InitialPose initial;
+    initial.found = true;
+    initial.structure_from_sensor = at;
+    return InspectAssembly({{&view, &labels, &initial}}, structure, InitialPoseOptions(), options,
+                           1)
+        .described_overlap;
+  };
+  EXPECT_GT(overlap(pose), 0.98);
+  ASSERT_GT(MeasureOverlap(view, labels, structure, over->motion * pose, 0.5).ratio(), 0.9);
+  EXPECT_EQ(overlap(over->motion * pose), 0);
 }
 
 }  // namespace

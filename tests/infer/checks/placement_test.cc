@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -99,6 +102,62 @@ TEST(PlaceSensors, AFrameWithoutSidesOrWithOneOnly) {
   EXPECT_EQ(std::get<Finding>(placements[0]).code, SensorCode::kNoStructure);
   ASSERT_TRUE(std::holds_alternative<Finding>(placements[1]));
   EXPECT_EQ(std::get<Finding>(placements[1]).code, SensorCode::kDegenerateSides);
+}
+
+/// Of the labels that are seen along at least 40 pixels of the first or last row, the one that most
+/// pixels have; 0: none.
+int CutOff(const LabelImage& labels) {
+  std::map<int, int> along_border, pixels;
+  for (int u = 0; u < labels.width(); ++u) {
+    for (const int v : {0, labels.height() - 1}) ++along_border[labels(u, v)];
+  }
+  for (const std::uint8_t label : labels) {
+    if (label > 0 && along_border[label] >= 40) ++pixels[label];
+  }
+  const auto fewer = [](const auto& a, const auto& b) { return a.second < b.second; };
+  const auto most = std::max_element(pixels.begin(), pixels.end(), fewer);
+  return most == pixels.end() ? 0 : most->first;
+}
+
+TEST(PlaceSensors, TheHintKnowsWhichWayTheSensorIsMounted) {
+  // S0 stands well. S1, which is mounted on its side as S0 is, looks so far to the right or to the
+  // left of the structure that the border of its picture cuts off the one side that is labelled.
+  const double phi = 40 * M_PI / 180;
+  const Eigen::Vector3d to_the_right(std::sin(phi), 0, -std::cos(phi));
+  for (const double sign : {1.0, -1.0}) {
+    Rig rig{testing_infer::PaperStructure(), {}, {}};
+    rig.Add("S0", RingPose(40));
+    int kept = 0;
+    for (double aside = 0.5; kept == 0 && aside < 1.6; aside += 0.1) {
+      rig.frames.resize(1);
+      rig.labels.resize(1);
+      rig.Add("S1", RingPose(40, 2.0, 0.0, 90, sign * aside * to_the_right));
+      kept = CutOff(rig.labels[1]);
+    }
+    ASSERT_GT(kept, 0);
+    for (std::uint8_t& label : rig.labels[1]) {
+      if (label != kept) label = 0;
+    }
+    const std::vector<Placement> placements = Labelled(rig).Place(rig, std::nullopt);
+    ASSERT_TRUE(std::holds_alternative<PlacedSensor>(placements[0]));
+    ASSERT_TRUE(std::holds_alternative<Finding>(placements[1]));
+    const Finding& finding = std::get<Finding>(placements[1]);
+    EXPECT_EQ(finding.code, SensorCode::kDegenerateSides) << finding.reason;
+    const std::string there = sign > 0 ? "to the left" : "to the right";
+    EXPECT_NE(finding.hint.find("turn the sensor " + there), std::string::npos) << finding.hint;
+  }
+}
+
+TEST(InspectStack, NamesMirroredFramesByTheirPlaceInTheCapture) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  for (int i = 0; i < 4; ++i) rig.Add("S" + std::to_string(i), RingPose(30 + 85 * i), {true, 3.5});
+  rig.labels[0] = LabelImage(320, 288);  // sees no sides, and is not asked
+  testing_infer::FlipFrame(rig.structure, &rig.frames[2], &rig.labels[2]);
+  const Labelled frames(rig);
+  const std::optional<AssemblyReport> report =
+      InspectStack(frames.views, frames.labelled, rig.structure, frames.placement());
+  ASSERT_TRUE(report.has_value());
+  EXPECT_EQ(report->mirrored_frames, (std::vector<std::size_t>{2}));
 }
 
 TEST(SensorsToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {

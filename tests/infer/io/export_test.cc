@@ -19,6 +19,7 @@
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "infer/calibrate.h"
+#include "infer/io/ply.h"
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/infer/synthetic.h"
@@ -376,6 +377,25 @@ TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
   EXPECT_FALSE(std::filesystem::exists(folder_->path() / "clouds" / "blind.ply"));
 }
 
+TEST_F(ExportTest, ResidualsAreDistancesToTheSideThatALabelNames) {
+  // A network that takes everything for one side.
+  SensorResult left = result_->sensors[0];
+  ASSERT_EQ(left.name, "left");
+  const auto label =
+      static_cast<std::uint8_t>(testing_infer::LabelOf(rig_->structure, "top/front"));
+  for (std::uint8_t& of : left.segmentation.labels) of = label;
+  const std::vector<AlignedPoint> points = AlignedPoints(left, rig_->structure, 2);
+  ASSERT_GT(points.size(), 20000u);
+  const Side& side = rig_->structure.SideOfLabel(label);
+  for (std::size_t i = 0; i < points.size(); i += 101) {
+    const Eigen::Vector3d d = Eigen::Vector3d(points[i].x, points[i].y, points[i].z) - side.centre;
+    const double beyond_u = std::max(0.0, std::abs(side.axis_u.dot(d)) - side.half_u);
+    const double beyond_v = std::max(0.0, std::abs(side.axis_v.dot(d)) - side.half_v);
+    const double off = Eigen::Vector3d(beyond_u, beyond_v, side.normal.dot(d)).norm();
+    EXPECT_NEAR(points[i].residual, off, 1e-5);
+  }
+}
+
 std::set<std::string> Files(const std::filesystem::path& folder) {
   std::set<std::string> files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
@@ -534,6 +554,27 @@ TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
                                  "2 of 3 sensors placed", "verdict: failed", "d1"}) {
     EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
   }
+}
+
+TEST_F(ExportTest, WhatIsSaidOfSeveralSensorsIsSaidOnce) {
+  CalibrationResult result = *result_;
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    SensorResult& sensor = result.sensors[i];
+    sensor.status = SensorStatus::kWeak;
+    sensor.code = SensorCode::kLargeResidual;
+    sensor.reason = "the same reason";
+    sensor.hint = "a hint";
+  }
+  result.sensors[1].status = SensorStatus::kWeak;
+  result.sensors[1].code = SensorCode::kLargeResidual;
+  result.sensors[1].reason = "another reason";
+  result.sensors[1].hint = "a hint";
+  const std::string report = FormatReport(result);
+  const std::string together =
+      "left, blind are weak (large_residual): the same reason; a hint\n"
+      "right is weak (large_residual): another reason; a hint\n";
+  EXPECT_NE(report.find(together), std::string::npos) << report;
+  EXPECT_EQ(report.find("the same reason"), report.rfind("the same reason"));
 }
 
 TEST(UprightTurns, BringsTheStructureToItsFeet) {

@@ -35,16 +35,21 @@ struct Neighbours {
 };
 
 /// Residual blocks of overlap: those that two poses have in common.
-int OverlapTerms(const CeresProblem& ceres, const State& state) {
-  std::vector<ceres::ResidualBlockId> blocks;
+std::vector<ceres::ResidualBlockId> OverlapBlocks(const CeresProblem& ceres, const State& state) {
+  std::vector<ceres::ResidualBlockId> blocks, common;
   ceres.problem->GetResidualBlocksForParameterBlock(state.poses[0].values, &blocks);
-  int count = 0;
   for (const ceres::ResidualBlockId& block : blocks) {
     std::vector<double*> parameters;
     ceres.problem->GetParameterBlocksForResidualBlock(block, &parameters);
-    for (const double* parameter : parameters) count += parameter == state.poses[1].values;
+    for (const double* parameter : parameters) {
+      if (parameter == state.poses[1].values) common.push_back(block);
+    }
   }
-  return count;
+  return common;
+}
+
+int OverlapTerms(const CeresProblem& ceres, const State& state) {
+  return static_cast<int>(OverlapBlocks(ceres, state).size());
 }
 
 TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
@@ -63,6 +68,57 @@ TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
   EXPECT_GT(terms(0.05), 20);
   EXPECT_EQ(terms(0.05), terms(0.01));
   EXPECT_EQ(terms(0.95), 0) << "neighbours do not see nearly all of each other's view";
+}
+
+/// 30 points of a plane at 2 m that faces the sensor, along the image's x or y axis: 1.2 m, four
+/// correlation lengths of 0.15 rad.
+std::vector<CloudPoint> Strip(bool along_x, double z) {
+  std::vector<CloudPoint> cloud;
+  for (int i = 0; i < 15; ++i) {
+    for (const double across : {0.02, 0.1}) {
+      const double along = 0.01 + 0.083 * i;
+      CloudPoint point;
+      point.p = along_x ? Eigen::Vector3d(along, across, z) : Eigen::Vector3d(across, along, z);
+      point.normal = {0, 0, -1};
+      point.use = BlockUse::kFit;
+      cloud.push_back(point);
+    }
+  }
+  return cloud;
+}
+
+TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(40);
+  constexpr double kApart = 0.001;  // m
+  for (const bool along_x : {true, false}) {
+    SensorPoints a({}, {}, Strip(along_x, 2)), b({}, {}, Strip(along_x, 2 + kApart));
+    a.intrinsics = b.intrinsics = testing_infer::Kinect();
+    const std::vector<RefineSensor> sensors = {{&a, pose, pose, pose, false},
+                                               {&b, pose, pose, pose, false}};
+    const RefineOptions options;
+    const JointProblem problem(structure, sensors, options);
+    State state = NominalState(structure, {pose, pose});
+    const FreeSet free = AskedFor({}, problem.priors, 2, 4);
+    const std::vector<SensorEvidence> evidence(2);
+    ASSERT_EQ(evidence[0].noise.warp_length, 0.15);
+    const CeresProblem ceres =
+        BuildFineProblem(problem, evidence, {0, 0}, problem.layout.Constant(free), &state);
+    double cost = 0;
+    for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state)) {
+      double of_block = 0;
+      ASSERT_TRUE(ceres.problem->EvaluateResidualBlock(block, false, &of_block, nullptr, nullptr));
+      cost += of_block;
+    }
+    // Each way, 30 points count as four: of the smooth error of both, 3 mm, and of two thousandths
+    // of their distances from the optical axis.
+    double expected = 0;
+    for (const CloudPoint& point : a.cloud()) {
+      const double variance = 2 * (0.003 * 0.003 + 0.002 * 0.002 * point.p.head<2>().squaredNorm());
+      expected += 0.5 * kApart * kApart / variance * 4 / 30;
+    }
+    EXPECT_NEAR(cost, 2 * expected, 0.01 * expected) << along_x;
+  }
 }
 
 TEST(BuildFineProblem, HoldsWhatIsNotFree) {

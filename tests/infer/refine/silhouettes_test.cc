@@ -58,6 +58,33 @@ struct Frame {
   }
 };
 
+// A plane that faces the sensor at 2 m ends behind column 180; after a gap, a wall at 3 m follows.
+TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
+  for (int gap = 0; gap <= 3; ++gap) {
+    DepthImage depth(320, 288, 3.0f);
+    LabelImage labels(320, 288, 0);
+    for (int v = 100; v < 180; ++v) {
+      for (int u = 120; u <= 180 + gap; ++u) {
+        depth(u, v) = u <= 180 ? 2.0f : 0.0f;
+        labels(u, v) = u <= 180 ? 1 : 0;
+      }
+    }
+    const SensorView view = MakeSensorView(depth, Kinect());
+    const SegmentationResult certain = Certain(labels);
+    std::size_t count = 0;
+    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2, 0.5}).two_sided) {
+      if (edge.axis != 0 || edge.outward.x() < 0) continue;
+      ++count;
+      EXPECT_NEAR(Frame::Pixel(edge).x(), 180.5 + 0.25 * gap, 1e-3) << gap;
+      EXPECT_NEAR(edge.p.z(), 2, 1e-5);
+      EXPECT_NEAR(edge.pixel, 2 / Kinect().fx, 1e-6);
+      // Anywhere in the pixels of the gap and one more.
+      EXPECT_NEAR(edge.sigma, (gap + 1) * edge.pixel / std::sqrt(12.0), 1e-6);
+    }
+    EXPECT_GT(count, 60u) << gap;
+  }
+}
+
 // Gaps of 1 to 4 pixels, all of them at the side's cost.
 TEST(OneSided, LieOnTheEdgesOfTheirSides) {
   for (const double phi : {20.0, 90.0, 215.0}) {
