@@ -46,7 +46,7 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const SensorState sensor = coarse.state->Sensor(i);
   const double sigma = std::max(coarse.sigmas[i], coarse.least_scale);
   double* pose = coarse.state->poses[i].values;
-  double* offset = &coarse.state->Offset(i);
+  double* offset = &coarse.state->offsets[i];
   for (const SidePoint& point : problem.sensors[i].points->side_points) {
     if (point.use != BlockUse::kFit ||
         !LiesOnItsSide(coarse.state->Built(i), sensor, point, coarse.gates.side))
@@ -82,7 +82,7 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
     State& state = *coarse.state;
     coarse.ceres->problem->AddResidualBlock(
         new OverlapCost(p, to.p, to.normal, its_weight), coarse.ceres->loss.get(),
-        state.poses[a].values, state.poses[b].values, &state.Offset(a), &state.Offset(b));
+        state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
   };
   for (const Match& match : matches) {
     const CloudPoint &from = from_view.Cloud(match.from), &to = to_view.Cloud(match.to);
@@ -137,7 +137,7 @@ State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_ini
     const Coarse coarse{problem, sigmas, CoarseGates(iteration), LeastScale(iteration),
                         &state,  &ceres};
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      double *pose = state.poses[i].values, *offset = &state.Offset(i);
+      double *pose = state.poses[i].values, *offset = &state.offsets[i];
       ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
       ceres.problem->AddResidualBlock(new PosePriorCost(state.poses[i].ToPose(), 1, 1), nullptr,
                                       pose);

@@ -110,7 +110,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
     };
     const bool shared = state->LensOf(a) == state->LensOf(b);
     std::vector<double*> blocks = {state->poses[a].values, state->poses[b].values,
-                                   &state->Offset(a), &state->Offset(b), state->Lens(a).data()};
+                                   &state->offsets[a], &state->offsets[b], state->Lens(a).data()};
     if (!shared) blocks.push_back(state->Lens(b).data());
     ceres->problem->AddResidualBlock(
         new OverlapThroughLensCost(through_lens(a, match.from->p), through_lens(b, match.to->p),
@@ -119,19 +119,19 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
   }
 }
 
-/// Priors of the depth errors of those sensors that have a frame whose pose is sought.
+/// Priors of the depth errors of frames whose poses are sought, and of their sensors.
 void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
                      const std::vector<char>& constant, State* state, CeresProblem* ceres) {
   std::set<int> sought;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!constant[static_cast<std::size_t>(problem.layout.Pose(i))])
-      sought.insert(problem.frames[i].sensor);
+    if (constant[static_cast<std::size_t>(problem.layout.Pose(i))]) continue;
+    sought.insert(problem.frames[i].sensor);
+    ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.Offset(i)]}), nullptr,
+                                     &state->offsets[i]);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
     const double* of_nuisances = sigmas.data() + problem.layout.NuisanceOfSensor(s, 0);
-    ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.OffsetOfSensor(s)]}),
-                                     nullptr, &state->offsets[s]);
     ceres->problem->AddResidualBlock(
         new PriorCost(std::vector<double>(of_nuisances, of_nuisances + kNuisances)), nullptr,
         state->nuisances[s].data());
@@ -143,7 +143,7 @@ void AddStructureTerms(const JointProblem& problem, const SensorEvidence& eviden
                        State* state, CeresProblem* ceres) {
   if (!problem.HasStructureTerms(i) || evidence.faces.empty()) return;
   ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr,
-                                   state->poses[i].values, &state->Offset(i), state->Nuisance(i),
+                                   state->poses[i].values, &state->offsets[i], state->Nuisance(i),
                                    state->Lens(i).data(), &state->size,
                                    state->boxes[state->StillOf(i)].data());
 }
@@ -273,7 +273,7 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   for (std::size_t i = 0; i < problem.size(); ++i) {
     double* pose = state->poses[i].values;
     ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
-    ceres.problem->AddParameterBlock(&state->Offset(i), 1);
+    ceres.problem->AddParameterBlock(&state->offsets[i], 1);
     ceres.problem->AddParameterBlock(state->Nuisance(i), kNuisances);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
@@ -320,10 +320,10 @@ void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solu
   solution->state.poses[sensor] = PoseBlock(problem.sensors[sensor].fallback);
   solution->kept_initial[sensor] = 1;
   State& state = solution->state;
+  state.offsets[sensor] = 0;
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) == state.SensorOf(sensor) && !solution->kept_initial[i]) return;
   }
-  state.Offset(sensor) = 0;
   state.nuisances[state.SensorOf(sensor)] = {};
 }
 

@@ -80,7 +80,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   for (const Pose& placement : placements) state.placements.emplace_back(placement);
   std::size_t sensors = 0;
   for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
-  state.offsets.assign(sensors, 0);
+  state.offsets.assign(poses.size(), 0);
   state.nuisances.assign(sensors, {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
@@ -120,8 +120,8 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
     blocks.push_back({state->poses[i].values, Pose(i), 7, 6});
   for (std::size_t still = 1; still < stills_; ++still)
     blocks.push_back({state->placements[still].values, Placement(still), 7, 6});
-  for (std::size_t s = 0; s < sensors_; ++s)
-    blocks.push_back({&state->offsets[s], OffsetOfSensor(s), 1, 1});
+  for (std::size_t i = 0; i < frames(); ++i)
+    blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
   for (std::size_t s = 0; s < sensors_; ++s) {
     blocks.push_back({state->nuisances[s].data(), NuisanceOfSensor(s, 0), kNuisances, kNuisances});
   }
@@ -141,13 +141,13 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   const auto boxes = static_cast<int>(boxes_);
   std::vector<double> sums(sensors_, 0), counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
+    sigmas[Offset(i)] = priors.offset;
     sums[SensorOf(i)] += multipath[i];
     ++counts[SensorOf(i)];
   }
   for (std::size_t s = 0; s < sensors_; ++s) {
     const Eigen::VectorXd shared =
         SharedPriorSigmas(priors, sums[s] / std::max(1.0, counts[s]), boxes);
-    sigmas[OffsetOfSensor(s)] = shared[0];
     sigmas.segment<kNuisances>(NuisanceOfSensor(s, 0)) = shared.segment<kNuisances>(1);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens)
@@ -172,13 +172,13 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (kept_initial.empty()) continue;
     if (kept_initial[i]) {
       hold(Pose(i), 6);
+      hold(Offset(i), 1);
     } else {
       is_moved[SensorOf(i)] = 1;
     }
   }
   for (std::size_t s = 0; s < sensors_; ++s) {
     if (is_moved[s]) continue;
-    hold(OffsetOfSensor(s), 1);
     hold(NuisanceOfSensor(s, 0), kNuisances);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
@@ -193,10 +193,8 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
-  for (std::size_t s = 0; s < sensors_; ++s) {
-    of[OffsetOfSensor(s)] = scales.offset;
-    of[NuisanceOfSensor(s, kDepthGain)] = scales.gain;
-  }
+  for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
+  for (std::size_t s = 0; s < sensors_; ++s) of[NuisanceOfSensor(s, kDepthGain)] = scales.gain;
   of[Size()] = scales.size;
   of.tail(size() - Boxes(0)).setConstant(scales.boxes);
   return of;

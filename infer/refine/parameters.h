@@ -31,8 +31,8 @@ struct FrameOf {
 /// Of so many frames, each of a sensor of its own, all in one still, with one lens.
 std::vector<FrameOf> EachItsOwn(std::size_t frames);
 
-/// One frame's parameter blocks: pose in the structure of its still (7), its sensor's depth offset
-/// in m (1), nuisances and lens (LensChange), and the build of its still.
+/// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
+/// sensor's nuisances and lens (LensChange), and the build of its still.
 struct SensorParameters {
   const double* pose;
   const double* offset;
@@ -99,7 +99,7 @@ struct State {
   std::vector<FrameOf> frames;
   std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
   std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
-  std::vector<double> offsets;        ///< of each sensor
+  std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
   std::vector<std::array<double, kNuisances>> nuisances;  ///< of each sensor
   std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
   double size = 0;                                        ///< of all boxes, scale - 1
@@ -117,16 +117,15 @@ struct State {
   const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
-  double& Offset(std::size_t i) { return offsets[SensorOf(i)]; }
   double* Nuisance(std::size_t i) { return nuisances[SensorOf(i)].data(); }
   SensorState Sensor(std::size_t i) const { return Sensor(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   SensorState Sensor(std::size_t i, const Pose& pose) const {
-    return {pose, nuisances[SensorOf(i)][kDepthGain], offsets[SensorOf(i)]};
+    return {pose, nuisances[SensorOf(i)][kDepthGain], offsets[i]};
   }
   BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
   SensorParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[SensorOf(i)], nuisances[SensorOf(i)].data(), Lens(i).data(),
+    return {poses[i].values, &offsets[i], nuisances[SensorOf(i)].data(), Lens(i).data(),
             Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
@@ -142,9 +141,10 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
 
 /// What is estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
-  std::vector<char> boxes;         ///< of each box of each still, still by still
-  std::vector<char> gain, offset;  ///< of each frame; those of one sensor are alike
-  std::vector<char> lens;          ///< of each lens
+  std::vector<char> boxes;   ///< of each box of each still, still by still
+  std::vector<char> gain;    ///< of each frame; those of one sensor are alike
+  std::vector<char> offset;  ///< of each frame
+  std::vector<char> lens;    ///< of each lens
   bool size = false;
 
   bool AllBoxes() const;
@@ -155,8 +155,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
                  std::size_t boxes, const std::vector<SensorLens>& lenses = {SensorLens()});
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
-/// frames' poses (6 each), the placements of all stills but the first (6 each), of the sensors the
-/// depth offsets and the nuisances (kNuisances each), the lenses (kLensParameters each), the size,
+/// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
+/// offsets, the sensors' nuisances (kNuisances each), the lenses (kLensParameters each), the size,
 /// the boxes of each still.
 class ParameterLayout {
  public:
@@ -179,14 +179,12 @@ class ParameterLayout {
   Eigen::Index Placement(std::size_t still) const {
     return static_cast<Eigen::Index>(6 * (frames() + still - 1));
   }
-  Eigen::Index OffsetOfSensor(std::size_t sensor) const {
-    return Placement(stills_) + static_cast<Eigen::Index>(sensor);
+  Eigen::Index Offset(std::size_t frame) const {
+    return Placement(stills_) + static_cast<Eigen::Index>(frame);
   }
   Eigen::Index NuisanceOfSensor(std::size_t sensor, int which) const {
-    return OffsetOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * sensor) + which;
+    return Offset(frames()) + static_cast<Eigen::Index>(kNuisances * sensor) + which;
   }
-  /// Of a frame's sensor.
-  Eigen::Index Offset(std::size_t frame) const { return OffsetOfSensor(SensorOf(frame)); }
   /// Of a frame's sensor. `which`: kDepthGain, kMultipath, kEdgeShift or kEdgeShift + 1.
   Eigen::Index Nuisance(std::size_t frame, int which) const {
     return NuisanceOfSensor(SensorOf(frame), which);
@@ -223,8 +221,8 @@ class ParameterLayout {
   Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where the frames marked in
-  /// `kept_initial` (none where that is empty) stand where they are, with all of a sensor that has
-  /// no others.
+  /// `kept_initial` (none where that is empty) stand where they are, with their offsets and all of
+  /// a sensor that has no others.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& kept_initial = {}) const;
 
   /// Gives what `free` leaves out its nominal value, zero.

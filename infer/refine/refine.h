@@ -105,7 +105,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 ///
 /// Several stills of the same sensors have the stack in several places. `placements`, one a still,
 /// are about first_from_placement, the first the identity. Each is a parameter, as are the boxes of
-/// each still; a sensor's depth errors, its lens and the size are the same in all. The frames of a
+/// each still; a sensor's depth gain, its lens and the size are the same in all. The frames of a
 /// sensor (RefineSensor::sensor) have a pose each, which differ by the placements and by as little
 /// as options.sensor_moved_sigma_m and _deg allow.
 ///

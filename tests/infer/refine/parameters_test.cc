@@ -52,10 +52,12 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                      [still, k](State* s, double h) { MovePose(k, h, &s->placements[still]); }});
     }
   }
+  for (std::size_t i = 0; i < layout.frames(); ++i) {
+    all.push_back({"offset of frame " + std::to_string(i), layout.Offset(i),
+                   [i](State* s, double h) { s->offsets[i] += h; }});
+  }
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
     const std::string of = " of sensor " + std::to_string(i);
-    all.push_back(
-        {"offset" + of, layout.OffsetOfSensor(i), [i](State* s, double h) { s->offsets[i] += h; }});
     for (const int k : {kDepthGain, kMultipath, kEdgeShift, kEdgeShift + 1}) {
       all.push_back(
           {"nuisance" + std::to_string(k) + of, layout.NuisanceOfSensor(i, k),

@@ -1,0 +1,175 @@
+#include "infer/refine/refine_result.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "infer/refine/fine.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+/// What there is to say of numbers that failed, or nothing.
+std::string Problem(bool unsolved, bool exact_covariance) {
+  if (unsolved)
+    return "its refinement could not be solved: its measurements give numbers that are not finite";
+  if (!exact_covariance)
+    return "the uncertainty could not be computed: what nothing tells is given as the prior has it";
+  return "";
+}
+
+/// T Exp(delta) = Exp(Adjoint(T) delta) T, for delta = [translation; rotation vector].
+Matrix6d Adjoint(const Pose& pose) {
+  Matrix6d adjoint = Matrix6d::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = pose.linear();
+  adjoint.topRightCorner<3, 3>() = Cross(pose.translation()) * pose.linear();
+  return adjoint;
+}
+
+/// Of first_from_placement * pose, pose being a frame's.
+Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posterior,
+                           const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
+  const Matrix6d turned = Adjoint(placement);
+  Matrix6d in_first = turned * covariance * turned.transpose();
+  const auto still = static_cast<std::size_t>(problem.frames[frame].still);
+  if (still == 0) return in_first;
+  const Eigen::Index p = problem.layout.Placement(still), t = problem.layout.Pose(frame);
+  const Matrix6d cross = posterior.covariance.block<6, 6>(p, t) * turned.transpose();
+  in_first += posterior.covariance.block<6, 6>(p, p) + cross + cross.transpose();
+  return (in_first + in_first.transpose()) / 2;
+}
+
+RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
+                           const std::vector<char>& unsolved, const Posterior& posterior,
+                           const std::optional<SetAside>& set_aside, std::size_t i) {
+  const auto& [free, state, evidence, kept_initial] = accepted.solution;
+  const ParameterLayout& layout = problem.layout;
+  RefinedSensor sensor;
+  sensor.accepted = !kept_initial[i];
+  sensor.structure_from_sensor =
+      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].fallback;
+  const std::size_t own = state.SensorOf(i);
+  if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[i];
+  if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[own][kDepthGain];
+  sensor.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
+  sensor.sigma_depth_gain = posterior.Sigma(layout.Nuisance(i, kDepthGain));
+  sensor.held_out_before = accepted.before[i].misfit;
+  sensor.held_out_after = accepted.after[i].misfit;
+  const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
+  sensor.covariance =
+      (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
+  sensor.problem = Problem(unsolved[i], posterior.exact);
+  if (set_aside) {
+    sensor.accepted = true;
+    sensor.covariance = set_aside->disagreement.covariance;
+    sensor.structure_from_sensor = problem.sensors[i].start;
+    sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
+                                    set_aside->disagreement.rms_alone};
+  }
+  const Pose placement = state.placements[state.StillOf(i)].ToPose();
+  sensor.first_from_sensor = placement * sensor.structure_from_sensor;
+  sensor.first_covariance = CovarianceInFirst(problem, posterior, placement, i, sensor.covariance);
+  return sensor;
+}
+
+/// Does a sensor that was refined see the box in a still?
+bool IsSeen(const JointProblem& problem, const Acceptance& accepted, std::size_t still, int box) {
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (accepted.solution.kept_initial[i] || accepted.solution.state.StillOf(i) != still) continue;
+    for (const FaceObservation& face : accepted.solution.evidence[i].faces) {
+      if (problem.structure.SideOfLabel(face.label).box == box) return true;
+    }
+  }
+  return false;
+}
+
+std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
+                                   const Posterior& posterior, std::size_t still) {
+  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
+                                           GaugeProjection(problem.structure, problem.priors));
+  const std::vector<double>& of_boxes = accepted.solution.state.boxes[still];
+  const char* free = accepted.solution.free.boxes.data() + still * problem.layout.boxes();
+  std::vector<RefinedBox> boxes;
+  for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
+    RefinedBox box;
+    box.estimated = free[b] && IsSeen(problem, accepted, still, b);
+    box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
+    box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
+    box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
+    box.sigma_x = sigmas[Eigen::Index{3} * b];
+    box.sigma_z = sigmas[Eigen::Index{3} * b + 1];
+    box.sigma_yaw = sigmas[Eigen::Index{3} * b + 2];
+    boxes.push_back(box);
+  }
+  return boxes;
+}
+
+/// Still by still.
+std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
+  const Gates gates = FineGates();
+  std::vector<RefinedPair> pairs;
+  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
+    std::vector<OverlapView> views;
+    std::vector<int> frames;  // of each view
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (state.StillOf(i) != still) continue;
+      views.push_back(problem.Overlap(i, state));
+      frames.push_back(static_cast<int>(i));
+    }
+    for (const Pair& pair :
+         FindPairs(views, gates.overlap, gates.min_cosine, problem.options.min_overlap)) {
+      pairs.push_back({frames[static_cast<std::size_t>(pair.a)],
+                       frames[static_cast<std::size_t>(pair.b)], pair.overlap, pair.rms});
+    }
+  }
+  return pairs;
+}
+
+std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
+                                               const Acceptance& accepted,
+                                               const Posterior& posterior) {
+  const State& state = accepted.solution.state;
+  std::vector<RefinedPlacement> placements;
+  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
+    RefinedPlacement placement;
+    placement.first_from_placement = state.placements[still].ToPose();
+    if (still > 0) {
+      const Eigen::Index column = problem.layout.Placement(still);
+      placement.covariance = posterior.covariance.block<6, 6>(column, column);
+    }
+    placement.boxes = BoxResults(problem, accepted, posterior, still);
+    placement.built = state.built[still];
+    placements.push_back(std::move(placement));
+  }
+  return placements;
+}
+
+}  // namespace
+
+RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
+                        const std::vector<char>& unsolved, const Posterior& posterior,
+                        const std::vector<std::optional<SetAside>>& set_aside,
+                        std::size_t given_lenses) {
+  const auto& [free, state, evidence, kept_initial] = accepted.solution;
+  RefineResult result;
+  for (std::size_t i = 0; i < problem.size(); ++i)
+    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, set_aside[i], i));
+  result.placements = PlacementResults(problem, accepted, posterior);
+  result.size_estimated =
+      free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
+                               [](const RefinedSensor& sensor) { return sensor.accepted; });
+  result.size_scale = 1 + state.size;
+  result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
+  result.pairs = PairResults(problem, state);
+  for (std::size_t lens = 0; lens < given_lenses; ++lens) {
+    const Eigen::Index column = problem.layout.Lens(lens);
+    result.lenses.push_back(
+        {state.lenses[lens],
+         free.lens[lens] != 0,
+         {posterior.Sigma(column), posterior.Sigma(column + 1), posterior.Sigma(column + 2)}});
+  }
+  return result;
+}
+
+}  // namespace volalign::refine_internal
