@@ -20,6 +20,7 @@ using testing_infer::RingPose;
 
 std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
   std::vector<int> labels;
+  labels.reserve(names.size());
   for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
   return labels;
 }
