@@ -233,6 +233,7 @@ TEST(RefineCosts, OverlapThroughLensesIsThatOfThePointsWhereTheLensesShowThem) {
     std::vector<std::vector<double>> storage;
     std::vector<double*> jacobians;
     for (const int size : cost.parameter_block_sizes()) storage.emplace_back(size);
+    jacobians.reserve(storage.size());
     for (std::vector<double>& block : storage) jacobians.push_back(block.data());
     EXPECT_NEAR(evaluate(at, jacobians.data()), expected, 1e-12);
 
