@@ -65,8 +65,9 @@ TEST(Intrinsics, TurnedIsTheCameraOfTheTurnedImage) {
       const Eigen::Vector2d turned_ray(std::cos(angle) * ray.x() - std::sin(angle) * ray.y(),
                                        std::sin(angle) * ray.x() + std::cos(angle) * ray.y());
       const Eigen::Vector2d pixel = ProjectRay(turned, turned_ray);
-      EXPECT_NEAR(pixel.x(), static_cast<double>(at % image.width()), 1e-4) << turns;
-      EXPECT_NEAR(pixel.y(), static_cast<double>(at / image.width()), 1e-4) << turns;
+      const auto column = at % image.width(), row = at / image.width();
+      EXPECT_NEAR(pixel.x(), static_cast<double>(column), 1e-4) << turns;
+      EXPECT_NEAR(pixel.y(), static_cast<double>(row), 1e-4) << turns;
     }
   }
 }

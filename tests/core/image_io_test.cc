@@ -198,7 +198,9 @@ TEST_F(ImageIo, EndlessAndHugeFilesAreRefused) {
   std::filesystem::resize_file(folder_ / "sparse.png", std::uintmax_t{1} << 40);
   ExpectError<IoError>([&] { ReadDepthFile(folder_ / "sparse.png"); }, {"sparse.png", "bytes"});
   ExpectError<IoError>([&] { ReadPngRgb(folder_ / "sparse.png"); }, {"sparse.png", "bytes"});
-  WriteFileAtomically(folder_ / "black.pgm", "P5\n9000 9000\n255\n" + std::string(81000000, 0));
+  std::string black = "P5\n9000 9000\n255\n";
+  black.resize(black.size() + 81000000);
+  WriteFileAtomically(folder_ / "black.pgm", black);
   ExpectError<DataError>([&] { ReadDepthFile(folder_ / "black.pgm"); }, {"9000x9000", "pixels"});
 }
 

@@ -35,9 +35,11 @@ std::int64_t ClosedFormParameters(std::int64_t c, std::int64_t k, std::int64_t r
       (3 * 16 * 16) + (2 * 16 * 16 + 16 * 8) + (2 * 8 * 8 + 8 * 4) + (2 * 4 * 4 + 4 * 2) + 2 * 1;
   const std::int64_t merges = 32 * 16 + 16 * 8 + 8 * 4 + 4 * 2;
   const std::int64_t weights =
-      c * c * (9 * (encoder3 + 2 * r * 16 * 16 + decoder3) + 25 * 2 + merges) + 49 * c + c * k;
-  const std::int64_t outputs = (1 + 2 + 3 * 4 + 3 * 8 + 6 * 16) + 2 * r * 16 + (4 * 16) +
-                               (2 * 16 + 2 * 8) + (2 * 8 + 2 * 4) + (2 * 4 + 2 * 2) + 1;
+      c * c * (9 * (encoder3 + 2 * r * 16 * 16 + decoder3) + std::int64_t{25} * 2 + merges) +
+      49 * c + c * k;
+  const std::int64_t outputs = (1 + 2 + 3 * 4 + 3 * 8 + 6 * 16) + 2 * r * 16 +
+                               std::int64_t{4} * 16 + (2 * 16 + 2 * 8) + (2 * 8 + 2 * 4) +
+                               (2 * 4 + 2 * 2) + 1;
   return weights + c * outputs + k + (attention ? 16 * c + 1 : 0);
 }
 

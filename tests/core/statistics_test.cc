@@ -39,6 +39,7 @@ TEST(Quantile, OfNothingIsZero) {
 TEST(Median, TheMadOfANormalDistributionGivesItsStandardDeviation) {
   RandomStream random(2, 0, "normal");
   std::vector<double> deviations;
+  deviations.reserve(100000);
   for (int i = 0; i < 100000; ++i) deviations.push_back(std::abs(2 * random.Normal()));
   EXPECT_NEAR(kMadToSigma * Median(deviations), 2, 0.03);  // 3 standard errors
 }

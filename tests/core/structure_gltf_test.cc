@@ -165,6 +165,7 @@ TEST_F(StructureGltf, RoundTripOfOtherStructures) {
 
 TEST_F(StructureGltf, RoundTripOfTheLargestStructure) {
   std::vector<Box> boxes;
+  boxes.reserve(51);
   for (int b = 0; b < 51; ++b) {
     boxes.push_back(
         Box::FromMinMax("b" + std::to_string(b), {b * 0.3, 0, 0}, {b * 0.3 + 0.2, 0.3, 0.4}));

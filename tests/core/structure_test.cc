@@ -174,6 +174,7 @@ TEST(PaperStructure, SomeTriplesOfCentresAreCollinear) {
   const Structure structure = PaperStructure();
   const auto spread = [&](const std::vector<std::string>& names) {
     std::vector<Vector3d> points;
+    points.reserve(names.size());
     for (const auto& name : names) points.push_back(SideNamed(structure, name).centre);
     return SecondSingularValue(points);
   };
@@ -215,11 +216,12 @@ TEST(Structure, RandomStacksAgreeWithAGrid) {
     RandomStream random(1, index, "stack");
     std::vector<Box> boxes;
     for (int b = 0; b < 4; ++b) {
+      const int level = b / 2;
       Box box;
       box.name = "box" + std::to_string(b);
       box.size = {random.Uniform(0.2, 0.6), 0.3, random.Uniform(0.2, 0.6)};
       box.structure_from_box.translation() =
-          Vector3d(random.Uniform(-0.2, 0.2), 0.15 + 0.3 * (b / 2), random.Uniform(-0.2, 0.2));
+          Vector3d(random.Uniform(-0.2, 0.2), 0.15 + 0.3 * level, random.Uniform(-0.2, 0.2));
       box.structure_from_box.linear() = RotationExp({0, random.Uniform(-1, 1), 0});
       boxes.push_back(box);
     }
@@ -255,6 +257,7 @@ TEST(Structure, OneBox) {
 
 TEST(Structure, TwelveBoxes) {
   std::vector<Box> boxes;
+  boxes.reserve(12);
   for (int b = 0; b < 12; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), b));
   const Structure structure = Structure::FromBoxes("row", boxes);
   EXPECT_EQ(structure.num_classes(), 61);
@@ -274,6 +277,7 @@ TEST(Structure, TwelveBoxes) {
 
 TEST(Structure, LabelsEndAt255) {
   std::vector<Box> boxes;
+  boxes.reserve(52);
   for (int b = 0; b < 51; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), 2 * b));
   const Structure structure = Structure::FromBoxes("row", boxes);
   EXPECT_EQ(structure.num_classes(), 256);
@@ -327,7 +331,7 @@ TEST(Structure, RejectsBadLabelOrders) {
 TEST(Structure, HashTellsDimensionsPosesAndLabels) {
   const Structure structure = PaperStructure();
   const auto order = structure.SideNames();
-  const auto boxes = structure.boxes();
+  const auto& boxes = structure.boxes();
   std::set<std::string> hashes = {structure.Hash()};
   EXPECT_EQ(structure.Hash().size(), 64u);
   EXPECT_EQ(structure.Hash(), PaperStructure().Hash());

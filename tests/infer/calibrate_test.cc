@@ -23,7 +23,6 @@ using testing_infer::Restrict;
 using testing_infer::Rig;
 using testing_infer::RingOfEight;
 using testing_infer::RingPose;
-using testing_infer::Scene;
 using testing_infer::StoredSegmenter;
 using testing_infer::ThreeSensors;
 

@@ -20,7 +20,6 @@ namespace {
 
 using testing_infer::AddNoise;
 using testing_infer::CalibrateRig;
-using testing_infer::Kinect;
 using testing_infer::LabelOf;
 using testing_infer::PaperStructure;
 using testing_infer::Restrict;

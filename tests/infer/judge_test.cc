@@ -37,9 +37,10 @@ struct Stages {
       if (i == 1) {
         results.placements.emplace_back(Finding{SensorCode::kNoStructure, "reason", "hint"});
       } else {
-        results.placements.emplace_back(PlacedSensor{
-            *rig.frames[i].ground_truth,
-            SamplePoints(results.views[i], view.segmentation, rig.structure, {}), std::nullopt});
+        results.placements.emplace_back(
+            PlacedSensor{*rig.frames[i].ground_truth,
+                         SamplePoints(results.views[i], view.segmentation, rig.structure, {}),
+                         std::nullopt, std::nullopt});
         RefinedSensor refined;
         refined.accepted = true;
         refined.structure_from_sensor = *rig.frames[i].ground_truth;
@@ -127,7 +128,8 @@ TEST(JudgeSensors, ReportedPosesAreJudgedByTheBoxesAsBuiltInitialOnesByTheDescri
   Stages stages;
   Pose aside = Pose::Identity();
   aside.translation().x() = 0.015;
-  stages.results.refined.built = stages.rig.structure.Displaced(std::vector<Pose>(4, aside), 1);
+  stages.results.refined.placements.front().built =
+      stages.rig.structure.Displaced(std::vector<Pose>(4, aside), 1);
   const CalibrationResult result = stages.Judge();
   // Sides that look along x are 15 mm off, the others by what of them is not above another.
   EXPECT_GT(result.sensors[0].rms_to_structure_m, 0.004);

@@ -274,7 +274,7 @@ inline void FlipFrame(const Structure& structure, SensorFrame* frame, LabelImage
   };
   flip(&frame->depth);
   flip(labels);
-  const auto other = [](std::string name) {
+  const auto other = [](const std::string& name) {
     const std::size_t slash = name.find('/') + 1;
     const std::string side = name.substr(slash);
     return name.substr(0, slash) + (side == "left" ? "right" : side == "right" ? "left" : side);

@@ -83,6 +83,12 @@ struct RefHit {
   int label = 0;
 };
 
+/// Row by row.
+std::size_t PixelIndex(const Intrinsics& k, int u, int v) {
+  return static_cast<std::size_t>(v) * static_cast<std::size_t>(k.width) +
+         static_cast<std::size_t>(u);
+}
+
 RefHit Cast(const RefCamera& c, double x, double y) {
   Vec d;
   for (std::size_t i = 0; i < 3; ++i) d[i] = x * c.x[i] + y * c.y[i] + c.z[i];
@@ -150,13 +156,10 @@ TEST_F(DepthRendererTest, AgreesWithAnalyticRayCaster) {
     truth.resize(view.depth.size());
     for (int v = 0; v < k.height; ++v) {
       for (int u = 0; u < k.width; ++u) {
-        truth[static_cast<std::size_t>(v * k.width + u)] =
-            Cast(camera, (u - k.cx) / k.fx, (v - k.cy) / k.fy);
+        truth[PixelIndex(k, u, v)] = Cast(camera, (u - k.cx) / k.fx, (v - k.cy) / k.fy);
       }
     }
-    const auto at = [&](int u, int v) -> const RefHit& {
-      return truth[static_cast<std::size_t>(v * k.width + u)];
-    };
+    const auto at = [&](int u, int v) -> const RefHit& { return truth[PixelIndex(k, u, v)]; };
     for (int v = 1; v + 1 < k.height; ++v) {
       for (int u = 1; u + 1 < k.width; ++u) {
         const RefHit& hit = at(u, v);
@@ -228,10 +231,9 @@ class LensPictureTest : public DepthRendererTest {
     ASSERT_EQ(view.depth.width(), k.width);
     ASSERT_EQ(view.faces.height(), k.height);
     std::vector<RefHit> truth;
+    truth.reserve(rays.size());
     for (const auto& [x, y] : rays) truth.push_back(Cast(camera, x, y));
-    const auto at = [&](int u, int v) -> const RefHit& {
-      return truth[static_cast<std::size_t>(v * k.width + u)];
-    };
+    const auto at = [&](int u, int v) -> const RefHit& { return truth[PixelIndex(k, u, v)]; };
     for (int v = 1; v + 1 < k.height; ++v) {
       for (int u = 1; u + 1 < k.width; ++u) {
         bool edge = false;

@@ -53,6 +53,7 @@ class NoiseFiguresTest : public testing::Test {
     RenderedView view;
     renderer_.Render(mesh, k, pose, &view);
     std::vector<DepthImage> frames;
+    frames.reserve(static_cast<std::size_t>(count));
     for (int i = 0; i < count; ++i) {
       frames.push_back(ApplyNoise({}, {view, mesh, structure_, k, pose, sensor}, 5,
                                   static_cast<std::uint64_t>(i))

@@ -62,7 +62,7 @@ TEST(PoseSamplerTest, IsUniformInCylinderAndBall) {
   }
   EXPECT_NEAR(mean_rho, 2.0, 5 * 2.0 / std::sqrt(12.0 * kCount));
   EXPECT_NEAR(mean_height, 0.30, 5 * 0.9 / std::sqrt(12.0 * kCount));
-  for (const int count : octants) EXPECT_NEAR(count, kCount / 8, 5 * std::sqrt(kCount / 8.0));
+  for (const int count : octants) EXPECT_NEAR(count, kCount / 8.0, 5 * std::sqrt(kCount / 8.0));
   // A ball of radius r seen from afar: mean squared distance from the axis is 2/5 r^2.
   EXPECT_NEAR(miss, 0.4 * 0.04, 0.002);
 }

@@ -54,7 +54,7 @@ at::Tensor Gradient(const std::function<at::Tensor(const at::Tensor&)>& f, const
 /// Gradient of f at x by central differences.
 at::Tensor Differences(const std::function<at::Tensor(const at::Tensor&)>& f, const at::Tensor& x,
                        double step = 1e-6) {
-  const at::Tensor gradient = at::zeros_like(x);
+  at::Tensor gradient = at::zeros_like(x);
   for (std::int64_t i = 0; i < x.numel(); ++i) {
     const at::Tensor plus = x.clone(), minus = x.clone();
     plus.view(-1)[i] += step;

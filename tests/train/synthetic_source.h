@@ -30,6 +30,7 @@ class SyntheticSource : public SampleSource {
 
   std::vector<Sample> Next() override {
     std::vector<Sample> batch;
+    batch.reserve(static_cast<std::size_t>(batch_size_));
     for (int i = 0; i < batch_size_; ++i) batch.push_back(Draw(next_++));
     return batch;
   }

@@ -130,7 +130,7 @@ TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
   TrainConfig config = TinyConfig();
   config.model.base_channels = 4;
   config.run.batch_size = 4;
-  config.run.samples = 4 * 200;
+  config.run.samples = std::int64_t{4} * 200;
   config.run.log_every = 4;
   config.run.checkpoint_every = config.run.validate_every = 1000000;
   config.run.validation_samples = 0;
@@ -190,7 +190,9 @@ TEST(Trainer, AverageIsTheRunningMeanOfTheWeights) {
     options.resume = stop > 2;
     TrainOn(data, config, options);
     const TensorFile state = ReadTensorFile(folder / "run" / "last.state", "volalign.training/1");
-    const double t = stop / 2, decay = (1 + t) / (10 + t);
+    const auto batches = stop / 2;
+    const auto t = static_cast<double>(batches);
+    const double decay = (1 + t) / (10 + t);
     const at::Tensor w = state.tensors.at("model/merge2.weight").to(at::kDouble);
     const at::Tensor saved = state.tensors.at("average/merge2.weight").to(at::kDouble);
     if (stop > 2) {

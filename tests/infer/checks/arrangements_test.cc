@@ -33,6 +33,7 @@ TEST(Arrangements, ATurnOrExchangeThatChangesNothingIsInNoList) {
 
   // Cubes in one column: a quarter turn, an exchange or a mirror image is the same column.
   std::vector<Box> cubes;
+  cubes.reserve(3);
   for (int i = 0; i < 3; ++i) {
     cubes.push_back(Box::FromMinMax("c" + std::to_string(i), Eigen::Vector3d(0, 0.4 * i, 0),
                                     Eigen::Vector3d(0.4, 0.4 * i + 0.4, 0.4)));

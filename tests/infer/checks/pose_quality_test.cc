@@ -91,6 +91,7 @@ TEST(CompareWithSurface, OfPointsAtAKnownDistance) {
   const Structure structure = PaperStructure();
   // On the front face of the bottom box, which nothing covers, and 4 mm in front of it.
   std::vector<Eigen::Vector3d> points;
+  points.reserve(20);
   for (int i = 0; i < 20; ++i) points.emplace_back(0.275 + 0.004, -0.6 + 0.005 * i, 0.008 * i);
   const std::optional<SetDistances> distances = CompareWithSurface(points, structure);
   ASSERT_TRUE(distances.has_value());

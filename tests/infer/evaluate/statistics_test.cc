@@ -30,6 +30,7 @@ TEST(Statistics, SummariesAreTheDefinitions) {
   EvaluatedCase other{"", "ring", "d415", "a", 1, {Measured(7, 7, 7)}, {}};
   const std::vector<EvaluationSummary> all = SummariseCases({ring, arc, other});
   std::vector<std::string> names;
+  names.reserve(all.size());
   for (const EvaluationSummary& s : all) names.push_back(s.rig + "/" + s.sensors);
   EXPECT_EQ(names, (std::vector<std::string>{"ring/kinect", "ring/d415", "arc/kinect",
                                              "all rigs/kinect", "all rigs/d415", "all rigs/all"}));

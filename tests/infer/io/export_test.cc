@@ -388,7 +388,7 @@ TEST_F(ExportTest, ResidualsAreDistancesToTheSideThatALabelNames) {
   ASSERT_GT(points.size(), 20000u);
   const Side& side = rig_->structure.SideOfLabel(label);
   for (std::size_t i = 0; i < points.size(); i += 101) {
-    const Eigen::Vector3d d = Eigen::Vector3d(points[i].x, points[i].y, points[i].z) - side.centre;
+    const Eigen::Vector3d d = points[i].p.cast<double>() - side.centre;
     const double beyond_u = std::max(0.0, std::abs(side.axis_u.dot(d)) - side.half_u);
     const double beyond_v = std::max(0.0, std::abs(side.axis_v.dot(d)) - side.half_v);
     const double off = Eigen::Vector3d(beyond_u, beyond_v, side.normal.dot(d)).norm();

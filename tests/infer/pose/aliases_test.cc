@@ -75,7 +75,8 @@ Structure Grid(int boxes) {
   std::vector<Box> list;
   for (int i = 0; static_cast<int>(list.size()) < boxes; ++i) {
     if (i % 7 == 3) continue;
-    const Eigen::Vector3d low = 0.25 * Eigen::Vector3d(i % 5, i / 15, i / 5 % 3);
+    const int x = i % 5, y = i / 15, z = i / 5 % 3;
+    const Eigen::Vector3d low = 0.25 * Eigen::Vector3d(x, y, z);
     list.push_back(
         Box::FromMinMax("b" + std::to_string(i), low, low + Eigen::Vector3d::Constant(0.25)));
   }

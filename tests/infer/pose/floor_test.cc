@@ -40,11 +40,10 @@ TEST(FindFloor, CountsEverySecondPixelOfEverySecondRow) {
   // tolerances), by 15 cm (under), on the cube, and without depth.
   const float depths_2[] = {1.2f, 1.2f, 1.38f, 1.35f, 0.8f, 0.0f};
   const double x[] = {-0.02, -0.1, -0.5, -0.5, 0.2, 0};
-  for (int i = 0; i < 6; ++i) {
-    scene.view.depth(1 + 2 * i, 3) = depths_2[i];
+  for (std::size_t i = 0; i < 6; ++i) {
+    scene.view.depth(1 + 2 * static_cast<int>(i), 3) = depths_2[i];
     if (depths_2[i] > 0) {
-      scene.view.rays.rays[static_cast<std::size_t>(3 * 12 + 1 + 2 * i)].x() =
-          static_cast<float>((x[i] + 0.5) / depths_2[i]);
+      scene.view.rays.rays[3 * 12 + 1 + 2 * i].x() = static_cast<float>((x[i] + 0.5) / depths_2[i]);
     }
   }
   const FloorEvidence floor = FindFloor(scene.view, scene.structure, scene.pose);

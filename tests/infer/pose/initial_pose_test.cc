@@ -29,7 +29,7 @@ struct Outcome {
   PoseError error;
 };
 
-Outcome Estimate(const Structure& structure, const Pose& truth, DepthImage depth,
+Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage& depth,
                  const LabelImage& labels, const InitialPoseOptions& options = {}) {
   const SensorView view = MakeSensorView(depth, Kinect());
   const InitialPose pose = EstimateInitialPose(view, Certain(labels), structure, options);

@@ -20,6 +20,7 @@ using testing_infer::RingPose;
 
 std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
   std::vector<int> labels;
+  labels.reserve(names.size());
   for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
   return labels;
 }
@@ -29,7 +30,7 @@ struct Outcome {
   PoseError error;
 };
 
-Outcome Estimate(const Structure& structure, const Pose& truth, DepthImage depth,
+Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage& depth,
                  const LabelImage& labels, const InitialPoseOptions& options = {}) {
   const SensorView view = MakeSensorView(depth, Kinect());
   const InitialPose pose = EstimateInitialPose(view, Certain(labels), structure, options);

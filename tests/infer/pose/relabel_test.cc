@@ -37,8 +37,10 @@ class Reconcile : public ::testing::Test {
       return result;
     };
     std::vector<SegmentationResult> of_others;
+    of_others.reserve(others.size());
     for (const Seen& other : others) of_others.push_back(labels(other));
     std::vector<const SegmentationResult*> pointers;
+    pointers.reserve(of_others.size());
     for (const SegmentationResult& other : of_others) pointers.push_back(&other);
     SegmentationResult result = labels(own);
     ReconcileLabels(MakeSensorView(depth_, Coarse()), box_, aliases, Pose::Identity(), pointers,

@@ -16,6 +16,7 @@ using testing_infer::PaperStructure;
 
 std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
   std::vector<int> labels;
+  labels.reserve(names.size());
   for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
   return labels;
 }
@@ -49,6 +50,7 @@ TEST(SidesFixPose, PlanesFixWhatKeypointsInALineDoNot) {
                                      box("c", {-0.25, 1.5, -0.25}, {0.25, 2, 0.25})});
   const std::vector<int> labels = LabelsOf(mixed, {"a/front", "b/right", "c/up"});
   std::vector<Eigen::Vector3d> centres;
+  centres.reserve(labels.size());
   for (const int label : labels) centres.push_back(mixed.SideOfLabel(label).centre);
   ASSERT_LT((centres[1] - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
   ASSERT_LT(SecondSingularValue(centres), 1e-9);

@@ -14,7 +14,6 @@
 namespace volalign::refine_internal {
 namespace {
 
-using testing_infer::Observe;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 

@@ -38,6 +38,7 @@ void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>&
       if (q.dot(Eigen::Map<const Eigen::Vector4d>(reference.values)) < 0) q = -q;
     }
     std::vector<const double*> parameters;
+    parameters.reserve(blocks.size() + shift.size());
     for (const PoseBlock& block : blocks) parameters.push_back(block.values);
     for (const double& offset : shift) parameters.push_back(&offset);
     Eigen::VectorXd residuals(rows);
@@ -49,6 +50,7 @@ void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>&
   for (std::size_t i = 0; i < poses.size(); ++i) storage.emplace_back(rows, 7);
   for (std::size_t i = 0; i < offsets.size(); ++i) storage.emplace_back(rows, 1);
   std::vector<double*> jacobians;
+  jacobians.reserve(storage.size());
   for (RowMajor& s : storage) jacobians.push_back(s.data());
   evaluate(poses, offsets, jacobians.data());
 
@@ -231,6 +233,7 @@ TEST(RefineCosts, OverlapThroughLensesIsThatOfThePointsWhereTheLensesShowThem) {
     std::vector<std::vector<double>> storage;
     std::vector<double*> jacobians;
     for (const int size : cost.parameter_block_sizes()) storage.emplace_back(size);
+    jacobians.reserve(storage.size());
     for (std::vector<double>& block : storage) jacobians.push_back(block.data());
     EXPECT_NEAR(evaluate(at, jacobians.data()), expected, 1e-12);
 

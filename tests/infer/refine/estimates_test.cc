@@ -50,7 +50,7 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
   made.Measure(made.layout.Nuisance(0, kDepthGain), 1.1);
   made.Measure(made.layout.Nuisance(1, kDepthGain), 0.9);
   made.Measure(made.layout.Offset(1), 1.1);
-  for (const int b : {0, 1, 3}) {
+  for (const Eigen::Index b : {0, 1, 3}) {
     made.Measure(made.layout.Boxes() + 3 * b, 5);
     if (b != 3) made.Measure(made.layout.Boxes() + 3 * b + 1, 5);
   }

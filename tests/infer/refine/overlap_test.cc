@@ -97,6 +97,7 @@ TEST(FindPairs, OfNeighboursOnARing) {
 TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   const Structure structure = testing_infer::PaperStructure();
   std::vector<CloudPoint> cloud;
+  cloud.reserve(1000);
   for (int i = 0; i < 1000; ++i)
     cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints points({}, {}, cloud);

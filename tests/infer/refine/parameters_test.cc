@@ -75,7 +75,7 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
     for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
       int k = 0;
       for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)}) {
-        all.push_back({"box " + std::to_string(b), layout.Boxes(still) + 3 * b + k++,
+        all.push_back({"box " + std::to_string(b), layout.Boxes(still) + Eigen::Index{3} * b + k++,
                        [still, at](State* s, double h) {
                          s->boxes[still][static_cast<std::size_t>(at)] += h;
                        }});
@@ -176,7 +176,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
-  for (int b = 0; b < 3; ++b) {
+  for (Eigen::Index b = 0; b < 3; ++b) {
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b], 0.004);
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 1], 0.004);
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 2], 0.009);

@@ -32,7 +32,7 @@ inline double DistortedRadius(const Intrinsics& k, double r) {
 
 /// Ray (x/z, y/z) of a pixel, for StrongLens.
 inline Eigen::Vector2d RayThroughLens(const Intrinsics& k, int u, int v) {
-  const Eigen::Vector2d pixel((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+  Eigen::Vector2d pixel((u - k.cx) / k.fx, (v - k.cy) / k.fy);
   const double radius = pixel.norm();
   if (radius == 0) return pixel;
   double low = 0, high = 2;

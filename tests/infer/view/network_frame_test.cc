@@ -51,8 +51,9 @@ TEST(NetworkFrame, ResamplingInventsNoDepth) {
         ASSERT_EQ(static_cast<float>(i + 1), small(u, v)) << "not a value of the frame";
         // Brute force: the frame pixel whose centre is nearest; pixel centres have integer
         // coordinates.
-        EXPECT_LE(std::abs(i % 320 - ((u + .5) * scale - .5)), 0.5 + 1e-9) << scale;
-        EXPECT_LE(std::abs(i / 320 - ((v + .5) * scale - .5)), 0.5 + 1e-9) << scale;
+        const int column = i % 320, row = i / 320;
+        EXPECT_LE(std::abs(column - ((u + .5) * scale - .5)), 0.5 + 1e-9) << scale;
+        EXPECT_LE(std::abs(row - ((v + .5) * scale - .5)), 0.5 + 1e-9) << scale;
       }
     }
   }

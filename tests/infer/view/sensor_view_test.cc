@@ -127,8 +127,8 @@ TEST(SensorView, DecimationKeepsPointsAndTheirLabels) {
 }
 
 TEST(StrideForRays, LeavesAtLeastSoMany) {
-  EXPECT_EQ(StrideForRays(320 * 288, 10000), 3);
-  EXPECT_EQ(StrideForRays(320 * 180, 10000), 2);
+  EXPECT_EQ(StrideForRays(std::size_t{320} * 288, 10000), 3);
+  EXPECT_EQ(StrideForRays(std::size_t{320} * 180, 10000), 2);
   EXPECT_EQ(StrideForRays(9999, 10000), 1);
   EXPECT_EQ(StrideForRays(0, 10000), 1);
   for (std::size_t pixels = 10000; pixels < 1000000; pixels += 7777) {
