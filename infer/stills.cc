@@ -49,14 +49,25 @@ const SensorResult& MostTelling(const std::vector<OfSensor>& frames) {
   return *best;
 }
 
-/// Where the sensor stands: as one of its frames that the refinement took has it.
+/// Where the sensor stands: as most of its frames have it, by one that the refinement took, if
+/// there is one among them.
 const OfSensor* Standing(const std::vector<OfSensor>& frames) {
+  constexpr double kTogether = 0.03;  // m, of a sensor that stands in one place
   const OfSensor* standing = nullptr;
+  std::pair<int, bool> best;
   for (const OfSensor& frame : frames) {
     if (!frame.refined || !frame.result->structure_from_sensor) continue;
-    const bool taken = frame.refined->accepted && !frame.refined->refused_fit;
-    if (taken) return &frame;
-    if (!standing) standing = &frame;
+    int agree = 0;
+    for (const OfSensor& other : frames) {
+      if (!other.refined || !other.result->structure_from_sensor) continue;
+      const Pose& there = other.refined->first_from_sensor;
+      const PoseError apart = ComparePoses(there, frame.refined->first_from_sensor);
+      agree += apart.translation_m < kTogether ? 1 : 0;
+    }
+    const std::pair<int, bool> rank(agree, frame.refined->accepted && !frame.refined->refused_fit);
+    if (standing && rank <= best) continue;
+    standing = &frame;
+    best = rank;
   }
   return standing;
 }

@@ -66,11 +66,26 @@ struct Tie {
   }
 };
 
+/// See DriftCost.
+struct Drift {
+  double sigma;
+
+  template <class T>
+  bool operator()(const T* a, const T* b, T* residual) const {
+    *residual = (*b - *a) / T(sigma);
+    return true;
+  }
+};
+
 }  // namespace
 
 ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation) {
   return new ceres::AutoDiffCostFunction<Tie, 6, 7, 7, 7, 7>(
       new Tie{sigma_translation, sigma_rotation});
+}
+
+ceres::CostFunction* DriftCost(double sigma) {
+  return new ceres::AutoDiffCostFunction<Drift, 1, 1, 1>(new Drift{sigma});
 }
 
 bool SideCost::Evaluate(double const* const* parameters, double* residuals,

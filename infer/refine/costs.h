@@ -127,6 +127,9 @@ class PosePriorCost : public ceres::SizedCostFunction<6, 7> {
 /// [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses P_a T_a and P_b T_b. Parameters: P_a, T_a, P_b, T_b.
 ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation);
 
+/// (b - a) / sigma, of two parameters of one element.
+ceres::CostFunction* DriftCost(double sigma);
+
 /// parameters / sigma, element by element.
 class PriorCost : public ceres::CostFunction {
  public:

@@ -148,7 +148,8 @@ void AddStructureTerms(const JointProblem& problem, const SensorEvidence& eviden
                                    state->boxes[state->StillOf(i)].data());
 }
 
-/// A sensor stays where it is between stills. Each of its frames is tied to its first that counts.
+/// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
+/// tied to its first that counts.
 void AddTies(const JointProblem& problem, const std::vector<char>& kept_initial, State* state,
              CeresProblem* ceres) {
   std::map<int, std::size_t> first_of;
@@ -162,6 +163,8 @@ void AddTies(const JointProblem& problem, const std::vector<char>& kept_initial,
                 problem.options.sensor_moved_sigma_deg * M_PI / 180),
         nullptr, state->placements[state->StillOf(first)].values, state->poses[first].values,
         state->placements[state->StillOf(i)].values, state->poses[i].values);
+    ceres->problem->AddResidualBlock(DriftCost(problem.options.depth_drift_sigma_m), nullptr,
+                                     &state->offsets[first], &state->offsets[i]);
   }
 }
 

@@ -27,6 +27,7 @@ struct RefineOptions {
   bool lens_per_sensor = false;
   double sensor_moved_sigma_m = 2e-4;
   double sensor_moved_sigma_deg = 0.005;
+  double depth_drift_sigma_m = 0.002;
   int outer_iterations = 5;
   int inner_iterations = 6;
   int fine_iterations = 3;
@@ -74,6 +75,11 @@ struct RefineOptions {
        "of several captures: prior standard deviation of how far a sensor turns from one to "
        "another, "
        "deg",
+       Above(0));
+    ar("depth_drift_sigma_m", depth_drift_sigma_m,
+       "of several captures: prior standard deviation, m, of how far a sensor's depth offset "
+       "drifts "
+       "from one to another (warmth)",
        Above(0));
     ar("outer_iterations", outer_iterations,
        "associations of the coarse stage, each followed by a Ceres solution; the joint "

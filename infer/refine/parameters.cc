@@ -141,7 +141,6 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   const auto boxes = static_cast<int>(boxes_);
   std::vector<double> sums(sensors_, 0), counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
-    sigmas[Offset(i)] = priors.offset;
     sums[SensorOf(i)] += multipath[i];
     ++counts[SensorOf(i)];
   }
@@ -150,6 +149,9 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
         SharedPriorSigmas(priors, sums[s] / std::max(1.0, counts[s]), boxes);
     sigmas.segment<kNuisances>(NuisanceOfSensor(s, 0)) = shared.segment<kNuisances>(1);
   }
+  // As many priors as a sensor has frames, all but equal, are to say no more than one.
+  for (std::size_t i = 0; i < frames(); ++i)
+    sigmas[Offset(i)] = priors.offset * std::sqrt(counts[SensorOf(i)]);
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
   const Eigen::VectorXd build = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);

@@ -211,7 +211,8 @@ class ParameterLayout {
   std::vector<Block> Blocks(State* state) const;
 
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
-  /// `multipath`: m, of each frame; a sensor's is the mean of its frames'.
+  /// `multipath`: m, of each frame; a sensor's is the mean of its frames'. Offsets of n frames of
+  /// one sensor have a prior that is wider by the root of n: they are tied, see DriftCost.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 

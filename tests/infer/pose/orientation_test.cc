@@ -133,7 +133,8 @@ TEST(LabelViews, APictureThatTheNetworkTakesForAStructureUpsideDownIsTurnedRound
   EXPECT_LT(error.translation_m, 0.02);
   EXPECT_LT(error.rotation_deg, 1);
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    if (seen[i] > 0) ASSERT_EQ(labelled.segmentation.labels[i], frames.labels[0][i]);
+    if (!(seen[i] > 0)) continue;
+    ASSERT_EQ(labelled.segmentation.labels[i], frames.labels[0][i]);
   }
 }
 
