@@ -299,6 +299,45 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
   EXPECT_EQ(WriteConfig(options), ReadFile(Path("out/options.yaml")));
 }
 
+TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
+  WriteFileAtomically(
+      Path("rig.yaml"),
+      std::string("room: false\nnoise: none\nsensors:\n") +
+          "  - {name: A, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 30, "
+          "height_cm: 60, roll_deg: 90}\n"
+          "  - {name: B, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 100, "
+          "height_cm: 60, roll_deg: 90}\n"
+          "placements:\n  - {x_cm: 30, z_cm: -20, yaw_deg: 60}\n");
+  ASSERT_EQ(Volalign("render --rig " + Path("rig.yaml") + " -o " + Path("stills")).status, 0);
+  const std::string captures =
+      Path("stills/placement_1/capture.json") + " " + Path("stills/placement_2/capture.json");
+  const Outcome run = Volalign("calibrate --capture " + captures +
+                               " --model models/m05-lite.pt -o " + Path("several"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_NE(run.output.find("in placement_2: the stack stood +0.3"), std::string::npos)
+      << run.output;
+  const nlohmann::json extrinsics = ReadJson(Path("several/extrinsics.json"));
+  EXPECT_EQ(extrinsics.at("capture").size(), 2u);
+  const nlohmann::json& second = extrinsics.at("placements").at(1);
+  EXPECT_EQ(second.at("name"), "placement_2");
+  EXPECT_EQ(second.at("sensors"), (std::vector<std::string>{"A", "B"}));
+  const double placement[3] = {0.3, 0, -0.2};
+  for (std::size_t row = 0; row < 3; ++row) {
+    EXPECT_NEAR(second.at("first_from_placement").at(row).at(3).get<double>(), placement[row],
+                0.01);
+  }
+  for (const char* name : {"A", "B"}) {
+    EXPECT_LT(extrinsics["sensors"][name]["error"]["translation_m"].get<double>(), 0.01) << name;
+    EXPECT_TRUE(std::filesystem::exists(Path("several/labels/placement_2/") + name + ".png"));
+  }
+  // The same picture twice is no second placement.
+  const std::string twice = Path("stills/placement_1/capture.json");
+  const Outcome refused = Volalign("calibrate --capture " + twice + " " + twice +
+                                   " --model models/m05-lite.pt -o " + Path("twice"));
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_NE(refused.output.find("same depth map"), std::string::npos) << refused.output;
+}
+
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const std::string capture = WriteSmallCapture();
   WritePng(Path("capture/B_Depth.png"), Image16(320, 180));
