@@ -58,7 +58,8 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
   hold(layout.Nuisance(sensor, 0), 7, kNuisances);
   hold(layout.Lens(solution.state.LensOf(sensor)), 7 + kNuisances, kLensParameters);
   hold(layout.Size(), 7 + kNuisances + kLensParameters, 1);
-  hold(layout.Boxes(solution.state.StillOf(sensor)), 8 + kNuisances + kLensParameters, 3 * boxes);
+  hold(layout.Boxes(solution.state.StillOf(sensor)), 8 + kNuisances + kLensParameters,
+       Eigen::Index{3} * boxes);
   Eigen::MatrixXd h = a.transpose() * a;
   h.diagonal() += precisions;
   const Eigen::VectorXd g = a.transpose() * white + precisions.cwiseProduct(values);

@@ -56,7 +56,7 @@ Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes) {
   Eigen::VectorXd values(1 + kNuisances + kLensParameters + 1 + 3 * boxes);
   values << *parameters.offset, Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
       LensChange::Zero(), *parameters.build.size,
-      Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, 3 * boxes);
+      Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
   return values;
 }
 
