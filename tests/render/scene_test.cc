@@ -106,9 +106,10 @@ long PointsInside(const SceneMesh& mesh, const StructureElsewhere& place) {
   long inside = 0;
   for (const SceneFace& face : mesh.faces) {
     if (mesh.objects[static_cast<std::size_t>(face.object)].is_structure) continue;
-    for (int i = 0; i <= kSteps * kSteps; ++i) {
-      const float s = static_cast<float>(i % kSteps) / (kSteps - 1);
-      const float t = static_cast<float>(i / kSteps) / (kSteps - 1);
+    for (int i = 0; i < kSteps * kSteps; ++i) {
+      const int row = i / kSteps, column = i % kSteps;
+      const float s = static_cast<float>(column) / (kSteps - 1);
+      const float t = static_cast<float>(row) / (kSteps - 1);
       const Eigen::Vector3f p = (1 - t) * ((1 - s) * face.corners[0] + s * face.corners[1]) +
                                 t * ((1 - s) * face.corners[3] + s * face.corners[2]);
       const Eigen::Vector3d there = elsewhere_from_structure * p.cast<double>();
