@@ -32,6 +32,11 @@ void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorRes
   sensor->sigma_depth_gain = refined.sigma_depth_gain;
 }
 
+/// What the initial pose came from.
+PoseSource SourceOf(const PlacedSensor& placed, const LabelledView& labelled) {
+  return placed.by_neighbours ? PoseSource::kNeighbours : labelled.source;
+}
+
 void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t frame,
               SensorResult* sensor) {
   const auto lens = static_cast<std::size_t>(lenses.of_frame[frame]);
@@ -63,11 +68,11 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
-  const std::optional<Finding> weakness =
-      FindWeakness({quality, sensor->covariance, refined.problem, refined.refused_fit,
-                    depth.same_depth_as, placed.suspect_intrinsics, suspect_lens,
-                    placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
-                   options.verdict);
+  const std::optional<Finding> weakness = FindWeakness(
+      {quality, sensor->covariance, refined.problem, refined.refused_fit, depth.same_depth_as,
+       placed.suspect_intrinsics, suspect_lens, placed.by_neighbours, labelled.other_pose,
+       labelled.floor_would_tell, frame.quarter_turns != kAutoTurns},
+      options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
   DemoteIfNotFinite(sensor);
@@ -123,6 +128,7 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
     TakeRefinement(stages.refined.sensors[placed.size()],
                    std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
+    sensor.initial_source = SourceOf(std::get<PlacedSensor>(stages.placements[i]), labelled);
     placed.push_back(i);
   }
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {

@@ -20,13 +20,14 @@ constexpr int kStride = 2;
 }  // namespace
 
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor) {
-  const double floor = structure.FloorHeight();
+                        const Pose& structure_from_sensor, double table_height_m) {
+  const double floor = structure.FloorHeight() - table_height_m;
   FloorEvidence evidence;
   for (int v = kStride / 2; v < view.height(); v += kStride) {
     for (int u = kStride / 2; u < view.width(); u += kStride) {
       if (!(view.depth(u, v) > 0)) continue;
       ++evidence.pixels;
+      if (table_height_m < 0) continue;
       const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
       const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
       const double height = p.y() - floor;
@@ -42,12 +43,13 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
 }
 
 double FloorMargin(const SensorView& view, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor) {
-  const double own = FindFloor(view, structure, structure_from_sensor).share();
+                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
+                   double table_height_m) {
+  const double own = FindFloor(view, structure, structure_from_sensor, table_height_m).share();
   double margin = 1;
   for (const StructureAlias& alias : aliases) {
     const Pose moved = alias.motion * structure_from_sensor;
-    margin = std::min(margin, own - FindFloor(view, structure, moved).share());
+    margin = std::min(margin, own - FindFloor(view, structure, moved, table_height_m).share());
   }
   return margin;
 }

@@ -12,6 +12,8 @@ namespace volalign {
 /// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
 /// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so its labels
 /// and depths alone do not tell up from down. What lies around it does.
+/// `table_height_m`: of the structure's foot above the floor; negative: not known, and then no
+/// floor says anything.
 struct FloorEvidence {
   int pixels = 0;    ///< looked at: one in four of those with depth
   int on_floor = 0;  ///< of those: on the plane that the structure stands on, off the structure
@@ -21,11 +23,12 @@ struct FloorEvidence {
   double share() const { return pixels > 0 ? static_cast<double>(balance()) / pixels : 0; }
 };
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor);
+                        const Pose& structure_from_sensor, double table_height_m = 0);
 
 /// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
 /// FloorEvidence::share; 1 without aliases.
 double FloorMargin(const SensorView& view, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);
+                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
+                   double table_height_m = 0);
 
 }  // namespace volalign

@@ -9,6 +9,7 @@
 #include "core/parallel_for.h"
 #include "infer/pose/aliases.h"
 #include "infer/pose/floor.h"
+#include "infer/pose/pose_sources.h"
 #include "infer/pose/relabel.h"
 #include "infer/pose/rig_choice.h"
 #include "infer/view/sensor_frame.h"
@@ -22,7 +23,7 @@ struct Context {
   const std::vector<UnlabelledView>& views;
   const Structure& structure;
   const std::vector<StructureAlias> aliases;
-  Segmenter& segmenter;
+  Segmenter* segmenter;
   const InitialPoseOptions& initial;
   const OrientationOptions& options;
   int threads;
@@ -62,7 +63,7 @@ std::vector<Trial> Try(const Context& context, const Orientations& wanted) {
     const UnlabelledView& from = context.views[view];
     requests.push_back({&from.view->depth, from.intrinsics, turns});
   }
-  std::vector<SegmentationResult> segmentations = context.segmenter.Segment(requests);
+  std::vector<SegmentationResult> segmentations = context.segmenter->Segment(requests);
   context.clock->Lap("segmentation");
   std::vector<Trial> trials(wanted.size());
   ParallelFor(wanted.size(), context.threads, [&](std::size_t t) {
@@ -74,8 +75,9 @@ std::vector<Trial> Try(const Context& context, const Orientations& wanted) {
     trial.initial =
         EstimateInitialPose(view, trial.segmentation, context.structure, context.initial);
     if (trial.initial.found) {
-      trial.floor_margin = FloorMargin(view, context.structure, context.aliases,
-                                       trial.initial.structure_from_sensor);
+      trial.floor_margin =
+          FloorMargin(view, context.structure, context.aliases, trial.initial.structure_from_sensor,
+                      context.initial.table_height_m);
     }
   });
   context.clock->Lap("initial_pose");
@@ -174,13 +176,25 @@ void TakeChoice(const Context& context, const UnlabelledView& from, const PoseEv
       EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
 }
 
-/// The poses that compete for a view over all orientations and aliases: the only one where a single
-/// orientation is beyond doubt. The paper's estimator knows none.
-std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
-                                      const std::vector<Trial*>& trials) {
+/// A pose that geometry has found, with the labels that it implies. No network tells the turns: the
+/// frame's own, or those that put the floor at the bottom.
+void TakeGeometry(const Context& context, const UnlabelledView& from, const Pose& pose,
+                  LabelledView* out) {
+  LabelledPose labelled = LabelByPose(*from.view, context.structure, pose, context.initial);
+  out->segmentation = std::move(labelled.segmentation);
+  out->initial = std::move(labelled.initial);
+  out->source = PoseSource::kGeometry;
+  out->quarter_turns = from.quarter_turns == kAutoTurns ? UprightTurns(pose) : from.quarter_turns;
+}
+
+/// The network's poses that compete for a view over all orientations and aliases: the only one
+/// where a single orientation is beyond doubt. The paper's estimator knows none.
+std::vector<PoseEvidence> OfNetwork(const Context& context, std::size_t i,
+                                    const std::vector<Trial*>& trials,
+                                    const std::vector<PoseTrial>& poses) {
   const UnlabelledView& from = context.views[i];
   const OrientationOptions& options = context.options;
-  if (trials.empty() || context.initial.method != PoseMethod::kRobust) return {};
+  if (trials.empty() || context.initial.method == PoseMethod::kPaper) return {};
   const auto settled = [&](const Trial* t) { return Settled(*t, options); };
   if (std::count_if(trials.begin(), trials.end(), settled) == 1) {
     const auto only = std::find_if(trials.begin(), trials.end(), settled);
@@ -189,11 +203,23 @@ std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
     pose.trial = static_cast<std::size_t>(only - trials.begin());
     return {pose};
   }
+  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
+                         from.quarter_turns != kAutoTurns, context.initial, options.choice);
+}
+
+/// Those of the network and of geometry.
+std::vector<PoseEvidence> Competitors(const Context& context, std::size_t i,
+                                      const std::vector<Trial*>& trials) {
+  const UnlabelledView& from = context.views[i];
   std::vector<PoseTrial> poses;
   poses.reserve(trials.size());
   for (const Trial* t : trials) poses.push_back({&t->segmentation, &t->initial});
-  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
-                         from.quarter_turns != kAutoTurns, context.initial, options.choice);
+  std::vector<PoseEvidence> of_network = OfNetwork(context, i, trials, poses);
+  if (!from.usable || !AsksGeometry(context.initial.method)) return of_network;
+  return CombineProposals(
+      *from.view, context.structure, poses, std::move(of_network),
+      ProposeByGeometry(*from.view, context.structure, context.aliases, context.initial),
+      context.initial, context.options.choice);
 }
 
 /// Chooses for each view alone and, where that leaves one ambiguous or two that are mounted in
@@ -208,8 +234,11 @@ std::vector<PoseChoice> ChooseAll(const Context& context,
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     choices[i] = Decide(competitors[i], context.options.choice);
     sensors[i] = {context.views[i].view, competitors[i], {}};
-    for (const PoseEvidence& pose : competitors[i]) {
-      if (context.views[i].quarter_turns == kAutoTurns)
+    const bool all_of_network =
+        std::all_of(competitors[i].begin(), competitors[i].end(),
+                    [](const PoseEvidence& pose) { return pose.source == PoseSource::kNetwork; });
+    if (context.views[i].quarter_turns == kAutoTurns && all_of_network) {
+      for (const PoseEvidence& pose : competitors[i])
         sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
     }
     if (!choices[i].found) continue;
@@ -228,6 +257,16 @@ LabelledView TakePose(const Context& context, std::size_t i, const std::vector<T
   const UnlabelledView& from = context.views[i];
   const OrientationOptions& options = context.options;
   LabelledView out;
+  if (choice.ambiguous) {
+    out.other_pose =
+        DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+    out.floor_would_tell =
+        LeavesFloor(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+  }
+  if (choice.found && choice.best.source == PoseSource::kGeometry) {
+    TakeGeometry(context, from, choice.best.structure_from_sensor, &out);
+    return out;
+  }
   if (trials.empty()) {
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
@@ -239,10 +278,6 @@ LabelledView TakePose(const Context& context, std::size_t i, const std::vector<T
   out.quarter_turns = trial.turns;
   out.segmentation = trial.segmentation;
   out.initial = trial.initial;
-  if (choice.ambiguous) {
-    out.other_pose =
-        DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
-  }
   if (trusted) TakeChoice(context, from, choice.best, trials, trial, &out);
   return out;
 }
@@ -250,13 +285,14 @@ LabelledView TakePose(const Context& context, std::size_t i, const std::vector<T
 }  // namespace
 
 std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
-                                     const Structure& structure, Segmenter& segmenter,
+                                     const Structure& structure, Segmenter* segmenter,
                                      const InitialPoseOptions& initial,
                                      const OrientationOptions& options, int threads,
                                      StageClock* clock) {
   const Context context{views,   structure, FindAliases(structure), segmenter, initial, options,
                         threads, clock};
-  std::vector<Trial> trials = TryOrientations(context);
+  std::vector<Trial> trials;
+  if (AsksNetwork(initial.method, segmenter != nullptr)) trials = TryOrientations(context);
   std::vector<std::vector<Trial*>> by_view(views.size());
   for (Trial& trial : trials) by_view[trial.view].push_back(&trial);
   std::vector<std::vector<PoseEvidence>> competitors(views.size());

@@ -62,6 +62,8 @@ struct LabelledView {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
+  bool floor_would_tell = true;              ///< whether it is that other pose
+  PoseSource source = PoseSource::kNetwork;  ///< of the initial pose
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.
@@ -71,9 +73,11 @@ struct LabelledView {
 /// alike, the turn that it is decided by is tried on the rest; what stays open is tried in all
 /// four. Where not exactly one orientation is beyond doubt, the orientations' poses and their
 /// aliases (infer/pose/aliases.h) compete. Frames of one size go through the network together.
+/// Unless `initial.method` leaves it out, geometry proposes poses, too (pose_sources.h): all of
+/// them without a `segmenter`, which may be null.
 /// Adds "segmentation" and "initial_pose" to `clock`.
 std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
-                                     const Structure& structure, Segmenter& segmenter,
+                                     const Structure& structure, Segmenter* segmenter,
                                      const InitialPoseOptions& initial,
                                      const OrientationOptions& options, int threads,
                                      StageClock* clock);

@@ -86,13 +86,15 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
 
 /// Floor and labels at the pose.
 void Judge(const SensorView& view, const DecimatedTrials& coarse, const Structure& structure,
-           const std::vector<StructureAlias>& aliases, double min_confidence, PoseEvidence* pose) {
+           const std::vector<StructureAlias>& aliases, const InitialPoseOptions& initial,
+           PoseEvidence* pose) {
   const auto score = [&](const SegmentationResult& labels) {
     return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
-                           min_confidence, kInitialTolerance)
+                           initial.evidence.min_confidence, kInitialTolerance)
         .score();
   };
-  pose->floor = FindFloor(view, structure, pose->structure_from_sensor).share();
+  pose->floor =
+      FindFloor(view, structure, pose->structure_from_sensor, initial.table_height_m).share();
   for (const SegmentationResult& labels : coarse.labels)
     pose->network_score = std::max(pose->network_score, score(labels));
   pose->label_score = score(ImpliedLabels(*pose, coarse.labels, aliases));
@@ -108,6 +110,22 @@ const PoseEvidence* BestStanding(const std::vector<PoseEvidence>& poses, double 
 }
 
 }  // namespace
+
+const char* ToString(PoseSource source) {
+  switch (source) {
+    case PoseSource::kNetwork:
+      return "network";
+    case PoseSource::kGeometry:
+      return "geometry";
+    case PoseSource::kNeighbours:
+      return "neighbours";
+  }
+  return "";
+}
+
+std::vector<PoseSource> AllOf(PoseSource) {
+  return {PoseSource::kNetwork, PoseSource::kGeometry, PoseSource::kNeighbours};
+}
 
 bool TurnsOver(const Pose& from, const Pose& to) {
   return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
@@ -194,8 +212,7 @@ std::vector<PoseEvidence> FindCompetitors(const SensorView& view, const Structur
   for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, initial);
   DropMisfits(options.overlap_margin, &poses);
 
-  for (PoseEvidence& pose : poses)
-    Judge(view, coarse, structure, aliases, initial.evidence.min_confidence, &pose);
+  for (PoseEvidence& pose : poses) Judge(view, coarse, structure, aliases, initial, &pose);
   return poses;
 }
 

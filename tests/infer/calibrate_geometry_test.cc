@@ -1,0 +1,107 @@
+// Calibration without a network: initial poses come from the shape of the structure.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "infer/calibrate.h"
+#include "tests/core/expect_error.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Certain;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+using testing_infer::StoredSegmenter;
+using testing_infer::ThreeSensors;
+
+/// Three boxes, one of them turned, as somebody who has no model for them may stack them.
+Structure OwnBoxes() {
+  std::vector<Box> boxes = {Box::FromMinMax("low", {-0.3, 0, -0.2}, {0.3, 0.35, 0.2}),
+                            Box::FromMinMax("middle", {-0.3, 0.35, -0.15}, {0.1, 0.65, 0.15}),
+                            {"high", {0.35, 0.25, 0.25}, Pose::Identity()}};
+  boxes.back().structure_from_box.translation() = Eigen::Vector3d(-0.05, 0.775, 0.05);
+  boxes.back().structure_from_box.linear() =
+      Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return Structure::FromBoxes("own", boxes);
+}
+
+Rig RigOfOwnBoxes() {
+  Rig rig{OwnBoxes(), {}, {}};
+  for (int i = 0; i < 3; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(30.0 + 110 * i, 2.0, 1.1, 90, {0, 0.4, 0}),
+            {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  return rig;
+}
+
+TEST(CalibrateByGeometry, AnyBoxesWithoutAModel) {
+  const Rig rig = RigOfOwnBoxes();
+  const CalibrationResult result =
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions());
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  for (const SensorResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name);
+    ASSERT_TRUE(sensor.error.has_value());
+    EXPECT_LT(sensor.error->translation_m, 0.004);
+    EXPECT_LT(sensor.error->rotation_deg, 0.2);
+    EXPECT_EQ(sensor.initial_source, PoseSource::kGeometry);
+  }
+}
+
+TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
+  Rig rig = ThreeSensors();
+  for (std::uint8_t& label : rig.labels[1]) label = 0;
+  StoredSegmenter blind;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    blind.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  CalibrateOptions options;
+  const CalibrationResult both = Calibrate(rig.frames, rig.structure, blind, options);
+  ASSERT_TRUE(both.sensors[1].error.has_value());
+  EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
+  EXPECT_EQ(both.sensors[0].initial_source, PoseSource::kNetwork);
+  EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
+
+  options.initial.method = PoseMethod::kNetwork;
+  const CalibrationResult alone = Calibrate(rig.frames, rig.structure, blind, options);
+  EXPECT_EQ(alone.sensors[1].code, SensorCode::kNoStructure);
+}
+
+TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {
+  Rig rig{Structure::FromBoxes("one", {Box::FromMinMax("one", {-0.3, 0, -0.2}, {0.3, 0.4, 0.2})}),
+          {},
+          {}};
+  for (int i = 0; i < 2; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(30.0 + 80 * i, 1.8, 1.0, 90, {0, 0.2, 0}),
+            {true, 3.0});
+  }
+  const CalibrationResult result =
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions());
+  for (const SensorResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name);
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
+    EXPECT_NE(sensor.reason.find("turned by 180 deg"), std::string::npos) << sensor.reason;
+  }
+}
+
+TEST(CalibrateByGeometry, WithoutAModelThereIsNothingToAskANetwork) {
+  const Rig rig = RigOfOwnBoxes();
+  for (const PoseMethod method : {PoseMethod::kNetwork, PoseMethod::kPaper}) {
+    CalibrateOptions options;
+    options.initial.method = method;
+    ExpectError<ConfigError>([&] {
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options);
+    });
+  }
+}
+
+}  // namespace
+}  // namespace volalign
