@@ -20,7 +20,7 @@ void SetFinding(SensorStatus status, const Finding& finding, SensorResult* senso
   sensor->hint = finding.hint;
 }
 
-void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorResult* sensor) {
+void TakeRefinement(const RefinedFrame& refined, const Pose& initial, SensorResult* sensor) {
   sensor->initial = initial;
   sensor->refinement_accepted = refined.accepted;
   if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
@@ -44,7 +44,7 @@ void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t fr
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
            const LabelledView& labelled, const std::optional<Finding>& suspect_lens,
-           const RefinedSensor& refined, const Structure& nominal, const Structure& built,
+           const RefinedFrame& refined, const Structure& nominal, const Structure& built,
            const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
@@ -120,7 +120,7 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
       SetFinding(SensorStatus::kFailed, *failure, &sensor);
       continue;
     }
-    TakeRefinement(stages.refined.sensors[placed.size()],
+    TakeRefinement(stages.refined.frames[placed.size()],
                    std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
     placed.push_back(i);
@@ -128,7 +128,7 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j], structure,
+          stages.labelled[i], stages.suspect_lenses[i], stages.refined.frames[j], structure,
           stages.refined.placements.front().built, options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);

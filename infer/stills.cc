@@ -17,7 +17,7 @@ namespace {
 struct OfSensor {
   std::size_t still = 0;
   SensorResult* result = nullptr;
-  const RefinedSensor* refined = nullptr;  // of one that is placed
+  const RefinedFrame* refined = nullptr;  // of one that is placed
 };
 
 /// What concerns the sensor itself, in whichever still it shows.
@@ -187,8 +187,8 @@ std::vector<StillResult> SeparateStills(const std::vector<Still>& stills,
 RefineResult OfStill(const RefineResult& refined, std::size_t still, std::size_t first,
                      std::size_t count) {
   RefineResult result;
-  const auto begin = refined.sensors.begin() + static_cast<std::ptrdiff_t>(first);
-  result.sensors.assign(begin, begin + static_cast<std::ptrdiff_t>(count));
+  const auto begin = refined.frames.begin() + static_cast<std::ptrdiff_t>(first);
+  result.frames.assign(begin, begin + static_cast<std::ptrdiff_t>(count));
   const int before = static_cast<int>(first), after = static_cast<int>(first + count);
   for (const RefinedPair& pair : refined.pairs) {
     if (pair.a < before || pair.a >= after) continue;
@@ -238,14 +238,14 @@ std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, con
   return planes;
 }
 
-std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const LensSet& lenses, const RefineOptions& options) {
-  std::vector<RefineSensor> frames;
+std::vector<RefineFrame> FramesToRefine(const std::vector<StillStages>& stages,
+                                        const LensSet& lenses, const RefineOptions& options) {
+  std::vector<RefineFrame> frames;
   std::map<std::string, int> sensors;
   for (std::size_t s = 0; s < stages.size(); ++s) {
     const StillStages& still = stages[s];
-    std::vector<RefineSensor> placed = SensorsToRefine(still.seen, still.labelled, still.placements,
-                                                       still.Lenses(lenses), options);
+    std::vector<RefineFrame> placed =
+        FramesToRefine(still.seen, still.labelled, still.placements, still.Lenses(lenses), options);
     std::size_t next = 0;
     for (std::size_t i = 0; i < still.seen.size(); ++i) {
       const int sensor =
@@ -289,7 +289,7 @@ std::vector<CalibrationResult> JudgeStills(
 
 CalibrationResult CombineStills(const std::vector<Still>& stills,
                                 std::vector<CalibrationResult> judged,
-                                const std::vector<RefineSensor>& frames,
+                                const std::vector<RefineFrame>& frames,
                                 const RefineResult& refined) {
   if (stills.size() == 1) return std::move(judged.front());
   CalibrationResult result;
@@ -298,9 +298,9 @@ CalibrationResult CombineStills(const std::vector<Still>& stills,
   result.sigma_size_scale = judged.front().sigma_size_scale;
   result.stills = SeparateStills(stills, std::move(judged), refined);
 
-  std::map<std::pair<int, int>, const RefinedSensor*> refined_of;  // by sensor and still
+  std::map<std::pair<int, int>, const RefinedFrame*> refined_of;  // by sensor and still
   for (std::size_t k = 0; k < frames.size(); ++k)
-    refined_of[{frames[k].sensor, frames[k].still}] = &refined.sensors[k];
+    refined_of[{frames[k].sensor, frames[k].still}] = &refined.frames[k];
   std::map<std::string, int> sensors;
   std::vector<std::vector<OfSensor>> of_sensor;
   std::vector<std::optional<Pose>> truths;

@@ -48,8 +48,8 @@ std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, con
 
 /// All placed frames, still by still, as the joint refinement takes them. Sensors are counted in
 /// the order in which their names first occur.
-std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const LensSet& lenses, const RefineOptions& options);
+std::vector<RefineFrame> FramesToRefine(const std::vector<StillStages>& stages,
+                                        const LensSet& lenses, const RefineOptions& options);
 
 /// Judges every still, its frames by the refinement of all. `suspect_lenses`: of all frames.
 std::vector<CalibrationResult> JudgeStills(
@@ -64,7 +64,7 @@ std::vector<CalibrationResult> JudgeStills(
 /// FramesToRefine.
 CalibrationResult CombineStills(const std::vector<Still>& stills,
                                 std::vector<CalibrationResult> judged,
-                                const std::vector<RefineSensor>& frames,
+                                const std::vector<RefineFrame>& frames,
                                 const RefineResult& refined);
 
 }  // namespace volalign

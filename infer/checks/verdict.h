@@ -160,7 +160,7 @@ struct VerdictOptions {
 struct PlacedEvidence {
   PoseQuality quality;                        ///< at the reported pose
   Matrix6d covariance = Matrix6d::Zero();     ///< of it
-  std::string unsolved;                       ///< RefinedSensor::problem
+  std::string unsolved;                       ///< RefinedFrame::problem
   std::optional<RefusedFit> refused_fit;      ///< where it contradicts the other sensors
   std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_intrinsics;  ///< where others fit better

@@ -33,7 +33,7 @@ Comparison Compare(const JointProblem& problem, const Solution& solution, std::s
     return FitToStructure(problem.model, problem.priors, state, i, pose,
                           use == BlockUse::kAccept ? held_out : solution.evidence[i]);
   };
-  const Pose& to_beat = problem.sensors[i].to_beat;
+  const Pose& to_beat = problem.frames[i].to_beat;
   const Pose refined = state.poses[i].ToPose();
   Comparison comparison{fit(to_beat, BlockUse::kAccept), fit(refined, BlockUse::kAccept), false};
   if (comparison.before.observations + comparison.after.observations > 0) {
@@ -86,7 +86,8 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
   double sum = 0;
   int count = 0;
   for (std::size_t other = 0; other < problem.size(); ++other) {
-    if (other == sensor || problem.frames[other].still != problem.frames[sensor].still) continue;
+    if (other == sensor || problem.frame_of[other].still != problem.frame_of[sensor].still)
+      continue;
     const OverlapView neighbour = problem.Overlap(other, state);
     const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
     for (const int j : *own.chosen) {
@@ -111,8 +112,8 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     if (!problem.HasStructureTerms(i) || solution.kept_initial[i]) continue;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
-                       {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
+    GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kAccept,
+                       {pose, problem.frames[i].to_beat}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
@@ -132,7 +133,7 @@ Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
       const Comparison comparison = Compare(problem, solution, i, held_out[i]);
       result.before[i] = comparison.before;
       if (comparison.accepted) continue;
-      const Pose apart = solution.state.poses[i].ToPose() * problem.sensors[i].fallback.inverse();
+      const Pose apart = solution.state.poses[i].ToPose() * problem.frames[i].fallback.inverse();
       result.refused[i] << apart.translation(), RotationLog(apart.linear());
       KeepInitial(problem, i, &solution);
       changed = true;

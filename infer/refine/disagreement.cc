@@ -94,7 +94,7 @@ Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for
     Solution without = agreed.solution;
     const Pose together = without.state.poses[*worst].ToPose();
     KeepInitial(problem, *worst, &without);
-    without.state.poses[*worst] = PoseBlock(problem.sensors[*worst].start);
+    without.state.poses[*worst] = PoseBlock(problem.frames[*worst].start);
     without.evidence[*worst] = SensorEvidence();
     without.free = asked_for;
     without.state.scales = PriorScales();

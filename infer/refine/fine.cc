@@ -105,7 +105,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEviden
       std::sqrt(static_cast<double>(cells) / static_cast<double>(matches.size())) / excess;
   for (const WeightedMatch& match : matches) {
     const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
-      const SensorPoints& points = *problem.sensors[i].points;
+      const SensorPoints& points = *problem.frames[i].points;
       return LensPoint{p, points.RayByLensAt(p), points.lens};
     };
     const bool shared = state->LensOf(a) == state->LensOf(b);
@@ -125,7 +125,7 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
   std::set<int> sought;
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (constant[static_cast<std::size_t>(problem.layout.Pose(i))]) continue;
-    sought.insert(problem.frames[i].sensor);
+    sought.insert(problem.frame_of[i].sensor);
     ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.Offset(i)]}), nullptr,
                                      &state->offsets[i]);
   }
@@ -155,7 +155,7 @@ void AddTies(const JointProblem& problem, const std::vector<char>& kept_initial,
   std::map<int, std::size_t> first_of;
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (kept_initial[i]) continue;
-    const auto [entry, is_first] = first_of.emplace(problem.frames[i].sensor, i);
+    const auto [entry, is_first] = first_of.emplace(problem.frame_of[i].sensor, i);
     if (is_first) continue;
     const std::size_t first = entry->second;
     ceres->problem->AddResidualBlock(
@@ -239,7 +239,7 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
   ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     evidence[i].noise.line = LineTolerance(free);
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kFit,
+    GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &evidence[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
     FitNoise(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
@@ -311,23 +311,23 @@ std::optional<State> SolveFine(const JointProblem& problem, const Solution& solu
   return state;
 }
 
-bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor) {
-  const SensorEvidence& evidence = solution.evidence[sensor];
-  if (!solution.state.poses[sensor].ToPose().matrix().allFinite()) return false;
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame) {
+  const SensorEvidence& evidence = solution.evidence[frame];
+  if (!solution.state.poses[frame].ToPose().matrix().allFinite()) return false;
   Eigen::VectorXd r;
-  Residuals(problem.model, evidence, solution.state.Parameters(sensor), &r, nullptr);
+  Residuals(problem.model, evidence, solution.state.Parameters(frame), &r, nullptr);
   return r.allFinite() && evidence.face_root.allFinite() && evidence.edge_root.allFinite();
 }
 
-void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution) {
-  solution->state.poses[sensor] = PoseBlock(problem.sensors[sensor].fallback);
-  solution->kept_initial[sensor] = 1;
+void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution) {
+  solution->state.poses[frame] = PoseBlock(problem.frames[frame].fallback);
+  solution->kept_initial[frame] = 1;
   State& state = solution->state;
-  state.offsets[sensor] = 0;
+  state.offsets[frame] = 0;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) == state.SensorOf(sensor) && !solution->kept_initial[i]) return;
+    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->kept_initial[i]) return;
   }
-  state.nuisances[state.SensorOf(sensor)] = {};
+  state.nuisances[state.SensorOf(frame)] = {};
 }
 
 Solution IterateFine(const JointProblem& problem, Solution solution) {

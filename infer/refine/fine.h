@@ -50,7 +50,7 @@ struct Solution {
   FreeSet free;
   State state;
   std::vector<SensorEvidence> evidence;
-  /// Sensors that stay at their fallbacks: there is no better pose of them.
+  /// Frames that stay at their fallbacks: there is no better pose of them.
   std::vector<char> kept_initial;
 };
 
@@ -58,13 +58,13 @@ struct Solution {
 /// computed.
 std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution);
 
-/// Can a sensor be part of a solution: are its pose, its residuals and their covariance finite?
-bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor);
+/// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
 
-/// Puts a sensor at its fallback pose, to stay there.
-void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution);
+/// Puts a frame at its fallback pose, to stay there.
+void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution);
 
-/// From `solution.state` on, options.fine_iterations times: gathers evidence and solves. Sensors
+/// From `solution.state` on, options.fine_iterations times: gathers evidence and solves. Frames
 /// that are not usable are kept at their fallbacks and say nothing; all of them where even that
 /// does not make the problem solvable.
 Solution IterateFine(const JointProblem& problem, Solution solution);

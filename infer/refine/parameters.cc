@@ -72,10 +72,10 @@ void State::UpdateBuilt(const BuildModel& model) {
 }
 
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frames,
+                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
                    const std::vector<Pose>& placements) {
   State state;
-  state.frames = frames.empty() ? EachItsOwn(poses.size()) : std::move(frames);
+  state.frame_of = frame_of.empty() ? EachItsOwn(poses.size()) : std::move(frame_of);
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   for (const Pose& placement : placements) state.placements.emplace_back(placement);
   std::size_t sensors = 0;
@@ -108,10 +108,10 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   return free;
 }
 
-ParameterLayout::ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
-                                 std::size_t lenses)
-    : frames_(std::move(frames)), stills_(stills), boxes_(boxes), lenses_(lenses) {
-  for (std::size_t i = 0; i < frames_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
+ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills,
+                                 std::size_t boxes, std::size_t lenses)
+    : frame_of_(std::move(frame_of)), stills_(stills), boxes_(boxes), lenses_(lenses) {
+  for (std::size_t i = 0; i < frame_of_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
 }
 
 std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const {

@@ -96,7 +96,7 @@ struct SensorState {
 
 /// Values of all parameters. A frame's sensor is short for the sensor that it is of.
 struct State {
-  std::vector<FrameOf> frames;
+  std::vector<FrameOf> frame_of;
   std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
   std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
@@ -109,9 +109,9 @@ struct State {
   /// matched with.
   std::vector<Structure> built;
 
-  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].sensor); }
-  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].still); }
-  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].lens); }
+  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
+  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].still); }
+  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
 
   // Of a frame.
   const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
@@ -136,7 +136,7 @@ struct State {
 /// have one lens, which is known.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses = {SensorLens()},
-                   std::vector<FrameOf> frames = {},
+                   std::vector<FrameOf> frame_of = {},
                    const std::vector<Pose>& placements = {Pose::Identity()});
 
 /// What is estimated beside the poses and the nuisances that are always free.
@@ -161,13 +161,13 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 class ParameterLayout {
  public:
   /// `boxes`: of one still.
-  ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
+  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, std::size_t boxes,
                   std::size_t lenses);
   /// One still, each frame of a sensor of its own.
   ParameterLayout(std::size_t frames, std::size_t boxes, std::size_t lenses = 1)
       : ParameterLayout(EachItsOwn(frames), 1, boxes, lenses) {}
 
-  std::size_t frames() const { return frames_.size(); }
+  std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
   std::size_t stills() const { return stills_; }
   std::size_t boxes() const { return boxes_; }  ///< of one still
@@ -231,10 +231,10 @@ class ParameterLayout {
 
  private:
   std::size_t SensorOf(std::size_t frame) const {
-    return static_cast<std::size_t>(frames_[frame].sensor);
+    return static_cast<std::size_t>(frame_of_[frame].sensor);
   }
 
-  std::vector<FrameOf> frames_;
+  std::vector<FrameOf> frame_of_;
   std::size_t sensors_ = 0, stills_, boxes_, lenses_;
 };
 

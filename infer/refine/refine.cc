@@ -27,10 +27,10 @@ using namespace refine_internal;  // NOLINT(google-build-using-namespace): its o
 Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
-  for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
+  for (const RefineFrame& frame : problem.frames) starts.push_back(frame.start);
   Solution solution{
       asked_for,
-      NominalState(problem.structure, starts, problem.lenses, problem.frames, placements),
+      NominalState(problem.structure, starts, problem.lenses, problem.frame_of, placements),
       {},
       std::vector<char>(problem.size(), 0)};
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -39,12 +39,11 @@ Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
   return solution;
 }
 
-void CheckPoses(const std::vector<RefineSensor>& sensors) {
-  for (std::size_t i = 0; i < sensors.size(); ++i) {
-    if (sensors[i].to_beat.matrix().allFinite() && sensors[i].fallback.matrix().allFinite())
-      continue;
+void CheckPoses(const std::vector<RefineFrame>& frames) {
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (frames[i].to_beat.matrix().allFinite() && frames[i].fallback.matrix().allFinite()) continue;
     throw DataError(fmt::format(
-        "sensor {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
+        "frame {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
   }
 }
 
@@ -129,11 +128,11 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
   return names;
 }
 
-RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
+RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& frames,
                     const RefineOptions& options, const std::vector<SensorLens>& lenses,
                     const std::vector<Pose>& placements) {
   const EstimateSet asked = ParseEstimate(options.estimate);
-  if (sensors.empty()) {
+  if (frames.empty()) {
     RefineResult nothing;
     for (const Pose& placement : placements) {
       nothing.placements.push_back({placement, Matrix6d::Zero(),
@@ -142,9 +141,9 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
     for (const SensorLens& lens : lenses) nothing.lenses.push_back({lens.change});
     return nothing;
   }
-  CheckPoses(sensors);
-  const JointProblem problem(structure, sensors, options, lenses, placements.size());
-  const FreeSet asked_for = AskedFor(asked, problem.priors, sensors.size(),
+  CheckPoses(frames);
+  const JointProblem problem(structure, frames, options, lenses, placements.size());
+  const FreeSet asked_for = AskedFor(asked, problem.priors, frames.size(),
                                      placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
@@ -153,7 +152,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(sensors.size())};
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size())};
   if (options.choose_estimates) {
     agreed = SetAsideDisagreeing(problem, asked_for,
                                  ChooseEstimates(problem, std::move(agreed.solution)));

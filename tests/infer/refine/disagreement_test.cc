@@ -24,13 +24,13 @@ struct OneBoxElsewhere {
   Structure structure = PaperStructure();
   SensorPoints points{{}, {}, {}};
   Pose pose = RingPose(35);
-  std::vector<RefineSensor> sensors{{&points, pose, pose, pose, true}};
+  std::vector<RefineFrame> frames{{&points, pose, pose, pose, true}};
   RefineOptions options;
   JointProblem problem;
   std::vector<double> displaced;  // the boxes as they stand
   Solution solution;
 
-  OneBoxElsewhere() : problem(structure, sensors, options) {
+  OneBoxElsewhere() : problem(structure, frames, options) {
     solution.state = NominalState(structure, {pose});
     solution.kept_initial = {0};
     displaced = solution.state.boxes[0];

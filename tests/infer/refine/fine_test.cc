@@ -19,7 +19,7 @@ using testing_infer::RingPose;
 struct Neighbours {
   Rig rig{PaperStructure(), {}, {}};
   std::vector<SensorPoints> points;
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   std::vector<Pose> poses;
 
   Neighbours() {
@@ -29,7 +29,7 @@ struct Neighbours {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       poses.push_back(truth);
-      sensors.push_back({&points[i], truth, truth, truth, true});
+      frames.push_back({&points[i], truth, truth, truth, true});
     }
   }
 };
@@ -57,7 +57,7 @@ TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
   const auto terms = [&](double min_overlap) {
     RefineOptions options;
     options.min_overlap = min_overlap;
-    const JointProblem problem(made.rig.structure, made.sensors, options);
+    const JointProblem problem(made.rig.structure, made.frames, options);
     State state = NominalState(made.rig.structure, made.poses);
     const FreeSet free = AskedFor({}, problem.priors, 2, 4);
     const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
@@ -94,10 +94,10 @@ TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
   for (const bool along_x : {true, false}) {
     SensorPoints a({}, {}, Strip(along_x, 2)), b({}, {}, Strip(along_x, 2 + kApart));
     a.intrinsics = b.intrinsics = testing_infer::Kinect();
-    const std::vector<RefineSensor> sensors = {{&a, pose, pose, pose, false},
-                                               {&b, pose, pose, pose, false}};
+    const std::vector<RefineFrame> frames = {{&a, pose, pose, pose, false},
+                                             {&b, pose, pose, pose, false}};
     const RefineOptions options;
-    const JointProblem problem(structure, sensors, options);
+    const JointProblem problem(structure, frames, options);
     State state = NominalState(structure, {pose, pose});
     const FreeSet free = AskedFor({}, problem.priors, 2, 4);
     const std::vector<SensorEvidence> evidence(2);
@@ -124,7 +124,7 @@ TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
 TEST(BuildFineProblem, HoldsWhatIsNotFree) {
   const Neighbours made;
   const RefineOptions options;
-  const JointProblem problem(made.rig.structure, made.sensors, options);
+  const JointProblem problem(made.rig.structure, made.frames, options);
   State state = NominalState(made.rig.structure, made.poses);
   FreeSet free = AskedFor({}, problem.priors, 2, 4);
   free.size = true;
@@ -145,7 +145,7 @@ TEST(BuildFineProblem, HoldsWhatIsNotFree) {
 TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
   const Neighbours made;
   const RefineOptions options;
-  const JointProblem problem(made.rig.structure, made.sensors, options);
+  const JointProblem problem(made.rig.structure, made.frames, options);
   Solution solution{
       AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
   solution.evidence = GatherEvidence(problem, solution.state, solution.free, {});
@@ -159,14 +159,14 @@ TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
 
 TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
   Neighbours made;
-  made.sensors[0].start.translation().x() = std::nan("");
+  made.frames[0].start.translation().x() = std::nan("");
   const RefineOptions options;
-  const JointProblem problem(made.rig.structure, made.sensors, options);
-  const Solution solution = IterateFine(
-      problem, {AskedFor({}, problem.priors, 2, 4),
-                NominalState(made.rig.structure, {made.sensors[0].start, made.poses[1]}),
-                {},
-                {0, 0}});
+  const JointProblem problem(made.rig.structure, made.frames, options);
+  const Solution solution =
+      IterateFine(problem, {AskedFor({}, problem.priors, 2, 4),
+                            NominalState(made.rig.structure, {made.frames[0].start, made.poses[1]}),
+                            {},
+                            {0, 0}});
   EXPECT_EQ(solution.kept_initial, (std::vector<char>{1, 0}));
   EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its fallback";
   EXPECT_TRUE(solution.evidence[0].faces.empty());

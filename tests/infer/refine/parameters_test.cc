@@ -95,20 +95,20 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   rig.Add("B", RingPose(100));
   rig.Add("A", placement.inverse() * RingPose(40));
   std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   std::vector<SensorLens> lenses(2);
   for (std::size_t i = 0; i < 3; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
     const int sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    sensors.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
+    frames.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
-  const JointProblem problem(rig.structure, sensors, options, lenses, 2);
-  State state = NominalState(rig.structure, {sensors[0].start, sensors[1].start, sensors[2].start},
-                             lenses, problem.frames, {Pose::Identity(), placement});
+  const JointProblem problem(rig.structure, frames, options, lenses, 2);
+  State state = NominalState(rig.structure, {frames[0].start, frames[1].start, frames[2].start},
+                             lenses, problem.frame_of, {Pose::Identity(), placement});
   const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
   const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
