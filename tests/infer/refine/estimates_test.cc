@@ -47,8 +47,8 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
   Handmade made;
   // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
   made.Measure(made.layout.Size(), 1.1);
-  made.Measure(made.layout.Nuisance(0, kDepthGain), 1.1);
-  made.Measure(made.layout.Nuisance(1, kDepthGain), 0.9);
+  made.Measure(made.layout.Gain(0), 1.1);
+  made.Measure(made.layout.Gain(1), 0.9);
   made.Measure(made.layout.Offset(1), 1.1);
   for (const Eigen::Index b : {0, 1, 3}) {
     made.Measure(made.layout.Boxes() + 3 * b, 5);
@@ -67,7 +67,7 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
 TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
   // Depths at 2 m: offset + 2 gain is measured to 0.5 mm, neither alone.
   Handmade made;
-  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Nuisance(0, kDepthGain);
+  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
   Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
   row[offset] = 1 / 0.0005;
   row[gain] = 2 / 0.0005;
