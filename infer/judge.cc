@@ -24,6 +24,9 @@ void TakeRefinement(const RefinedFrame& refined, const Pose& initial, SensorResu
   sensor->initial = initial;
   sensor->refinement_accepted = refined.accepted;
   if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
+  sensor->disagreement = refined.disagreement;
+  sensor->rms_together_m = refined.rms_together;
+  sensor->rms_alone_m = refined.rms_alone;
   sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;
   sensor->depth_offset_m = refined.depth_offset;
@@ -63,8 +66,11 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
+  std::optional<ContradictedSensors> contradiction;
+  if (sensor->together)
+    contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
   const std::optional<Finding> weakness =
-      FindWeakness({quality, sensor->covariance, refined.problem, refined.refused_fit,
+      FindWeakness({quality, sensor->covariance, refined.problem, contradiction,
                     depth.same_depth_as, placed.suspect_intrinsics, suspect_lens,
                     placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
                    options.verdict);
@@ -124,6 +130,13 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
                    std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
     placed.push_back(i);
+  }
+  for (std::size_t j = 0; j < placed.size(); ++j) {
+    if (!stages.refined.frames[j].refused_fit) continue;
+    for (const int other : stages.refined.frames[j].refused_fit->contradicts) {
+      result.sensors[placed[j]].disagrees_with.push_back(
+          frames[placed[static_cast<std::size_t>(other)]].name);
+    }
   }
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];

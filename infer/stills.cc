@@ -190,6 +190,10 @@ RefineResult OfStill(const RefineResult& refined, std::size_t still, std::size_t
   const auto begin = refined.frames.begin() + static_cast<std::ptrdiff_t>(first);
   result.frames.assign(begin, begin + static_cast<std::ptrdiff_t>(count));
   const int before = static_cast<int>(first), after = static_cast<int>(first + count);
+  for (RefinedFrame& frame : result.frames) {
+    if (!frame.refused_fit) continue;
+    for (int& other : frame.refused_fit->contradicts) other -= before;
+  }
   for (const RefinedPair& pair : refined.pairs) {
     if (pair.a < before || pair.a >= after) continue;
     result.pairs.push_back({pair.a - before, pair.b - before, pair.overlap, pair.rms});

@@ -156,18 +156,24 @@ struct VerdictOptions {
   }
 };
 
+/// What a sensor saw is not what others saw.
+struct ContradictedSensors {
+  std::vector<std::string> names;  ///< those that show it, the clearest first
+  PoseError apart;                 ///< the pose that they would give it, from its own
+};
+
 /// What is known about a placed sensor when it is judged.
 struct PlacedEvidence {
-  PoseQuality quality;                        ///< at the reported pose
-  Matrix6d covariance = Matrix6d::Zero();     ///< of it
-  std::string unsolved;                       ///< RefinedFrame::problem
-  std::optional<RefusedFit> refused_fit;      ///< where it contradicts the other sensors
-  std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
-  std::optional<Finding> suspect_intrinsics;  ///< where others fit better
-  std::optional<Finding> suspect_lens;        ///< where flat surfaces look bent
-  std::optional<Finding> by_neighbours;       ///< PlacedSensor::by_neighbours
-  std::string other_pose;                     ///< LabelledView::other_pose
-  bool known_turns = false;                   ///< the capture gives its quarter_turns
+  PoseQuality quality;                               ///< at the reported pose
+  Matrix6d covariance = Matrix6d::Zero();            ///< of it
+  std::string unsolved;                              ///< RefinedFrame::problem
+  std::optional<ContradictedSensors> contradiction;  ///< of other sensors
+  std::string same_depth_as;                         ///< a sensor with the same depth map, or empty
+  std::optional<Finding> suspect_intrinsics;         ///< where others fit better
+  std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
+  std::optional<Finding> by_neighbours;              ///< PlacedSensor::by_neighbours
+  std::string other_pose;                            ///< LabelledView::other_pose
+  bool known_turns = false;                          ///< the capture gives its quarter_turns
 };
 
 /// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most

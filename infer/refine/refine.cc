@@ -152,7 +152,8 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& 
   }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size())};
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),
+                std::vector<Disagreement>(frames.size())};
   if (options.choose_estimates) {
     agreed = SetAsideDisagreeing(problem, asked_for,
                                  ChooseEstimates(problem, std::move(agreed.solution)));
@@ -160,7 +161,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& 
   Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
   const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
-  return MakeResult(problem, accepted, unsolved, posterior, agreed.of, lenses.size());
+  return MakeResult(problem, accepted, unsolved, posterior, agreed, lenses.size());
 }
 
 }  // namespace volalign

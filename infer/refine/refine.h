@@ -12,11 +12,10 @@
 
 namespace volalign {
 
-/// What a sensor that contradicts the others would have had to accept to fit to them.
+/// What a frame that contradicts the others would have had to accept to fit to them.
 struct RefusedFit {
   Pose structure_from_sensor = Pose::Identity();  ///< of the joint solution with it
-  /// m: of its observations, at the joint solution and at the one that fits it alone.
-  double rms_together = 0, rms_alone = 0;
+  std::vector<int> contradicts;  ///< indices of the frames that show it, the clearest first
 };
 
 /// Of a frame; poses in the structure of its still.
@@ -26,6 +25,13 @@ struct RefinedFrame {
   /// Of a sensor that disagrees with the others. Its pose is then RefineFrame::start, and they are
   /// solved without it; it counts as accepted.
   std::optional<RefusedFit> refused_fit;
+  /// Half the square, in standard deviations, of how far its own measurements are from the joint
+  /// solution (of a sensor that disagrees: the one with it).
+  double disagreement = 0;
+  /// m, root mean square by which its observations of sides are off: at the joint solution (of a
+  /// sensor that disagrees: the one with it), and at the one that fits it alone. Zero of a frame
+  /// without structure terms.
+  double rms_together = 0, rms_alone = 0;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of

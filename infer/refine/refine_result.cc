@@ -43,7 +43,7 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 
 RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted,
                          const std::vector<char>& unsolved, const Posterior& posterior,
-                         const std::optional<SetAside>& set_aside, std::size_t i) {
+                         const Agreed& agreed, std::size_t i) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedFrame frame;
@@ -60,12 +60,14 @@ RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted
   frame.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
   frame.problem = Problem(unsolved[i], posterior.exact);
-  if (set_aside) {
+  frame.disagreement = agreed.measured[i].cost;
+  frame.rms_together = agreed.measured[i].rms_together;
+  frame.rms_alone = agreed.measured[i].rms_alone;
+  if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
     frame.accepted = true;
-    frame.covariance = set_aside->disagreement.covariance;
+    frame.covariance = agreed.measured[i].covariance;
     frame.structure_from_sensor = problem.frames[i].start;
-    frame.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
-                                   set_aside->disagreement.rms_alone};
+    frame.refused_fit = RefusedFit{set_aside->together, set_aside->contradicts};
   }
   const Pose placement = state.placements[state.StillOf(i)].ToPose();
   frame.first_from_sensor = placement * frame.structure_from_sensor;
@@ -149,12 +151,11 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
-                        const std::vector<std::optional<SetAside>>& set_aside,
-                        std::size_t given_lenses) {
+                        const Agreed& agreed, std::size_t given_lenses) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.frames.push_back(FrameResult(problem, accepted, unsolved, posterior, set_aside[i], i));
+    result.frames.push_back(FrameResult(problem, accepted, unsolved, posterior, agreed, i));
   result.placements = PlacementResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
