@@ -7,6 +7,7 @@
 
 #include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/fine_problem.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
@@ -51,11 +52,11 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   if (evidence.faces.empty() && evidence.edges.empty()) return {};
   const PoseBlock block(pose);
   constexpr std::array<double, kNuisances> kNone = {};
-  const double no_offset = 0;
+  const double none = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
   Residuals(model, evidence,
-            {block.values, &no_offset, kNone.data(), state.Lens(sensor).data(),
+            {block.values, &none, &none, kNone.data(), state.Lens(sensor).data(),
              state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = SensorColumns::kOwn;

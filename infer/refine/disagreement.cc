@@ -54,11 +54,14 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
       values[column + k] = 0;
     }
   };
-  hold(layout.Offset(sensor), 6, 1);
-  hold(layout.Nuisance(sensor, 0), 7, kNuisances);
-  hold(layout.Lens(solution.state.LensOf(sensor)), 7 + kNuisances, kLensParameters);
-  hold(layout.Size(), 7 + kNuisances + kLensParameters, 1);
-  hold(layout.Boxes(solution.state.StillOf(sensor)), 8 + kNuisances + kLensParameters,
+  const auto in_tangent = [](Eigen::Index column) { return column - 1; };  // of a pose: 6, not 7
+  hold(layout.Offset(sensor), in_tangent(SensorColumns::kOffset), 1);
+  hold(layout.Gain(sensor), in_tangent(SensorColumns::kGain), 1);
+  hold(layout.Nuisance(sensor, 0), in_tangent(SensorColumns::kNuisance), kNuisances);
+  hold(layout.Lens(solution.state.LensOf(sensor)), in_tangent(SensorColumns::kLens),
+       kLensParameters);
+  hold(layout.Size(), in_tangent(SensorColumns::kSize), 1);
+  hold(layout.Boxes(solution.state.StillOf(sensor)), in_tangent(SensorColumns::kBoxes),
        Eigen::Index{3} * boxes);
   Eigen::MatrixXd h = a.transpose() * a;
   h.diagonal() += precisions;

@@ -5,16 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "infer/refine/association.h"
 #include "infer/refine/evidence.h"
 #include "infer/refine/problem.h"
-#include "infer/refine/solver.h"
 
 namespace volalign::refine_internal {
-
-/// Gates of the fine stage's associations, and of pairs. Overlap that the structure does not hold
-/// may be farther apart, see fine.cc.
-Gates FineGates();
 
 /// Standard deviation of an edge's place in the fine stage (NoiseModel::line), given what is free:
 /// an edge of a box that is held where the structure has it strays as its faces do.
@@ -30,20 +24,6 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
 /// Fits the evidence's covariances to what is free now, at the poses of `state`.
 void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
                          std::vector<SensorEvidence>* evidence);
-
-/// Prior standard deviations of all parameters, under the noise models of `evidence`, as the
-/// options have them.
-Eigen::VectorXd PriorSigmas(const JointProblem& problem,
-                            const std::vector<SensorEvidence>& evidence);
-
-/// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
-/// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
-/// constant has no terms of its own. `kept_initial`: sensors whose overlap with others no longer
-/// counts.
-CeresProblem BuildFineProblem(const JointProblem& problem,
-                              const std::vector<SensorEvidence>& evidence,
-                              const std::vector<char>& kept_initial,
-                              const std::vector<char>& constant, State* state);
 
 /// Values of all parameters, and what they rest on.
 struct Solution {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "infer/refine/fine.h"
+#include "infer/refine/fine_problem.h"
 
 namespace volalign::refine_internal {
 
@@ -49,11 +50,10 @@ RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted
   frame.accepted = !kept_initial[i];
   frame.structure_from_sensor =
       frame.accepted ? state.poses[i].ToPose() : problem.frames[i].fallback;
-  const std::size_t own = state.SensorOf(i);
   if (free.offset[i] && frame.accepted) frame.depth_offset = state.offsets[i];
-  if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.nuisances[own][kDepthGain];
+  if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
   frame.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
-  frame.sigma_depth_gain = posterior.Sigma(layout.Nuisance(i, kDepthGain));
+  frame.sigma_depth_gain = posterior.Sigma(layout.Gain(i));
   frame.held_out_before = accepted.before[i].misfit;
   frame.held_out_after = accepted.after[i].misfit;
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));

@@ -64,6 +64,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
     const Vector6d turn = step.head<6>();
     state.poses[0] = PoseBlock(PerturbLeft(turn, scene.pose));
     state.offsets[0] += step[layout.Offset(0)];
+    state.gains[0] += step[layout.Gain(0)];
     for (int k = 0; k < kNuisances; ++k)
       state.nuisances[0][static_cast<std::size_t>(k)] += step[layout.Nuisance(0, k)];
     state.size += step[layout.Size()];

@@ -47,8 +47,8 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
   Handmade made;
   // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
   made.Measure(made.layout.Size(), 1.1);
-  made.Measure(made.layout.Nuisance(0, kDepthGain), 1.1);
-  made.Measure(made.layout.Nuisance(1, kDepthGain), 0.9);
+  made.Measure(made.layout.Gain(0), 1.1);
+  made.Measure(made.layout.Gain(1), 0.9);
   made.Measure(made.layout.Offset(1), 1.1);
   for (const Eigen::Index b : {0, 1, 3}) {
     made.Measure(made.layout.Boxes() + 3 * b, 5);
@@ -69,7 +69,7 @@ TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
   // half of what each may be. Either is then known to sqrt(1.25 / 2.25) = 0.75 of its prior, over
   // the limit of 0.7; the offset, where the gain is none, to sqrt(0.25 / 1.25) = 0.45 of it.
   Handmade made;
-  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Nuisance(0, kDepthGain);
+  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
   const double depth = made.priors.offset / made.priors.gain, sigma = made.priors.offset / 2;
   Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
   row[offset] = 1 / sigma;
