@@ -103,18 +103,17 @@ TEST(PlaceByNeighbours, WhatOneSensorSeesThroughSpeaksAgainstAPose) {
       Box::FromMinMax("curtain", {-2.4, -0.81, -1.55}, {2.4, 2.5, -1.5})};
   const Scene room{true, 2.5};
   struct Case {
-    bool neighbours_see_it, lost_sees_it;
+    bool seen_by_neighbours, seen_by_lost;
   };
-  for (const Case& c :
-       {Case{false, false}, Case{true, true}, Case{true, false}, Case{false, true}}) {
-    SCOPED_TRACE(testing::Message() << c.neighbours_see_it << c.lost_sees_it);
+  for (const Case& c : {Case{true, true}, Case{true, false}, Case{false, true}}) {
+    SCOPED_TRACE(testing::Message() << c.seen_by_neighbours << c.seen_by_lost);
     Rig rig{structure, {}, {}};
     const std::vector<Box> nothing;
-    AddAmong(c.neighbours_see_it ? curtain : nothing, "S0", RingPose(60), room, &rig);
-    AddAmong(c.neighbours_see_it ? curtain : nothing, "S1", RingPose(130), room, &rig);
-    AddAmong(c.lost_sees_it ? curtain : nothing, "S2", RingPose(95), room, &rig);
+    AddAmong(c.seen_by_neighbours ? curtain : nothing, "S0", RingPose(60), room, &rig);
+    AddAmong(c.seen_by_neighbours ? curtain : nothing, "S1", RingPose(130), room, &rig);
+    AddAmong(c.seen_by_lost ? curtain : nothing, "S2", RingPose(95), room, &rig);
     LabelOneSide("mid_bottom/right", &rig);
-    if (c.neighbours_see_it == c.lost_sees_it) {
+    if (c.seen_by_neighbours == c.seen_by_lost) {
       ExpectPlaced(rig);
     } else {
       ExpectNotPlaced(rig);
