@@ -11,6 +11,7 @@
 #include "infer/checks/lens_check.h"
 #include "infer/checks/neighbours.h"
 #include "infer/checks/placement.h"
+#include "infer/combine_stills.h"
 #include "infer/refine/find_lenses.h"
 #include "infer/stills.h"
 

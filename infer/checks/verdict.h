@@ -13,8 +13,6 @@
 
 namespace volalign {
 
-/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
-/// neither a near nor a far sensor is favoured.
 /// When large planes, or the focal length that was estimated, tell that the intrinsics are wrong.
 struct LensCheckOptions {
   double min_sigmas = 4;
@@ -35,6 +33,8 @@ struct LensCheckOptions {
   }
 };
 
+/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
+/// neither a near nor a far sensor is favoured.
 struct VerdictOptions {
   // Of the frame.
   double min_valid_share = 0.01;
