@@ -11,6 +11,7 @@
 #include "infer/checks/lens_check.h"
 #include "infer/checks/neighbours.h"
 #include "infer/checks/placement.h"
+#include "infer/combine_stills.h"
 #include "infer/refine/find_lenses.h"
 #include "infer/stills.h"
 
@@ -29,11 +30,11 @@ std::vector<UnlabelledView> Unlabelled(const StillStages& still) {
 }
 
 /// Only sensors without structure terms, which have not been refined alone, need the coarse stage.
-RefineResult RefineTogether(const Structure& structure, const std::vector<RefineSensor>& frames,
+RefineResult RefineTogether(const Structure& structure, const std::vector<RefineFrame>& frames,
                             const LensSet& lenses, const std::vector<Pose>& placements,
                             RefineOptions options) {
   options.coarse = std::any_of(frames.begin(), frames.end(),
-                               [](const RefineSensor& f) { return !f.use_structure_terms; });
+                               [](const RefineFrame& f) { return !f.use_structure_terms; });
   return Refine(structure, frames, options, lenses.lenses, placements);
 }
 
@@ -96,7 +97,7 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
     still.assembly = InspectStack(still.views, still.labelled, structure, placement);
     clock.Lap("assembly");
   }
-  std::vector<RefineSensor> to_refine;
+  std::vector<RefineFrame> to_refine;
   RefineResult refined;
   for (int round = 1;; ++round) {
     const std::vector<Pose> placements = PlaceInStills(structure, lenses, placement, &stages);

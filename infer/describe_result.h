@@ -41,6 +41,10 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   ar.Later("initial_source", sensor.initial_source);
   ar.Choice("refinement", sensor.refinement_accepted, "accepted", "kept_initial");
   ar.Optional("together", sensor.together);
+  ar.Optional("disagrees_with", sensor.disagrees_with);
+  ar.IfFinite("disagreement", sensor.disagreement);
+  ar.IfFinite("rms_together_m", sensor.rms_together_m);
+  ar.IfFinite("rms_alone_m", sensor.rms_alone_m);
   ar("sides", sensor.sides);
   ar("points", sensor.points);
   ar.IfFinite("rms_to_structure_m", sensor.rms_to_structure_m);

@@ -20,10 +20,13 @@ void SetFinding(SensorStatus status, const Finding& finding, SensorResult* senso
   sensor->hint = finding.hint;
 }
 
-void TakeRefinement(const RefinedSensor& refined, const Pose& initial, SensorResult* sensor) {
+void TakeRefinement(const RefinedFrame& refined, const Pose& initial, SensorResult* sensor) {
   sensor->initial = initial;
   sensor->refinement_accepted = refined.accepted;
   if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
+  sensor->disagreement = refined.disagreement;
+  sensor->rms_together_m = refined.rms_together;
+  sensor->rms_alone_m = refined.rms_alone;
   sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;
   sensor->depth_offset_m = refined.depth_offset;
@@ -49,7 +52,7 @@ void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t fr
 /// Residuals, errors and status of a placed sensor at its reported pose.
 void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFinding& depth,
            const LabelledView& labelled, const std::optional<Finding>& suspect_lens,
-           const RefinedSensor& refined, const Structure& nominal, const Structure& built,
+           const RefinedFrame& refined, const Structure& nominal, const Structure& built,
            const JudgeOptions& options, SensorResult* sensor) {
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
@@ -68,8 +71,11 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
   }
+  std::optional<ContradictedSensors> contradiction;
+  if (sensor->together)
+    contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
   const std::optional<Finding> weakness = FindWeakness(
-      {quality, sensor->covariance, refined.problem, refined.refused_fit, depth.same_depth_as,
+      {quality, sensor->covariance, refined.problem, contradiction, depth.same_depth_as,
        placed.suspect_intrinsics, suspect_lens, placed.by_neighbours, labelled.other_pose,
        labelled.floor_would_tell, frame.quarter_turns != kAutoTurns},
       options.verdict);
@@ -125,16 +131,23 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
       SetFinding(SensorStatus::kFailed, *failure, &sensor);
       continue;
     }
-    TakeRefinement(stages.refined.sensors[placed.size()],
+    TakeRefinement(stages.refined.frames[placed.size()],
                    std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
     sensor.initial_source = SourceOf(std::get<PlacedSensor>(stages.placements[i]), labelled);
     placed.push_back(i);
   }
+  for (std::size_t j = 0; j < placed.size(); ++j) {
+    if (!stages.refined.frames[j].refused_fit) continue;
+    for (const int other : stages.refined.frames[j].refused_fit->contradicts) {
+      result.sensors[placed[j]].disagrees_with.push_back(
+          frames[placed[static_cast<std::size_t>(other)]].name);
+    }
+  }
   ParallelFor(placed.size(), options.threads, [&](std::size_t j) {
     const std::size_t i = placed[j];
     Judge(frames[i], std::get<PlacedSensor>(stages.placements[i]), stages.depths[i],
-          stages.labelled[i], stages.suspect_lenses[i], stages.refined.sensors[j], structure,
+          stages.labelled[i], stages.suspect_lenses[i], stages.refined.frames[j], structure,
           stages.refined.placements.front().built, options, &result.sensors[i]);
   });
   JudgeTwins(options.verdict, &result.sensors);

@@ -43,6 +43,13 @@ struct SensorOutcome {
   /// Of a sensor that disagrees with the others: the pose that they would give it. The one that
   /// counts, structure_from_sensor, is then its own pose.
   std::optional<Pose> together;
+  std::vector<std::string> disagrees_with;  ///< the sensors that show it, the clearest first
+  /// Half the square, in standard deviations, of how far what it measured is from the joint
+  /// solution (of one that disagrees, the one with it).
+  double disagreement = 0;
+  /// RMS by which what it measured of the sides is off: at the joint solution, and at the one that
+  /// fits it alone; without what single pixels are off. Zero where overlap alone holds the sensor.
+  double rms_together_m = 0, rms_alone_m = 0;
   // Of a placed sensor, at the reported pose, of the structure as built.
   std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
   int points = 0;                  ///< side-labelled pixels with depth

@@ -1,9 +1,7 @@
 #include "infer/stills.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 
@@ -13,183 +11,18 @@ namespace volalign {
 
 namespace {
 
-/// A sensor in one still.
-struct OfSensor {
-  std::size_t still = 0;
-  SensorResult* result = nullptr;
-  const RefinedSensor* refined = nullptr;  // of one that is placed
-};
-
-/// What concerns the sensor itself, in whichever still it shows.
-bool ConcernsSensor(SensorCode code) {
-  switch (code) {
-    case SensorCode::kDisagrees:
-    case SensorCode::kDuplicateDepth:
-    case SensorCode::kSamePose:
-    case SensorCode::kIntrinsicsSuspect:
-    case SensorCode::kLensSuspect:
-    case SensorCode::kNotFinite:
-      return true;
-    default:
-      return false;
-  }
-}
-
-/// The frame whose outcome is the sensor's: of one without a pose, one that is unconnected rather
-/// than one that sees no stack.
-const SensorResult& MostTelling(const std::vector<OfSensor>& frames) {
-  const auto rank = [](const SensorResult& frame) {
-    if (!frame.structure_from_sensor) return frame.code == SensorCode::kUnconnected ? 2 : 3;
-    return frame.status == SensorStatus::kOk ? 0 : 1;
-  };
-  const SensorResult* best = frames.front().result;
-  for (const OfSensor& frame : frames) {
-    if (rank(*frame.result) < rank(*best)) best = frame.result;
-  }
-  return *best;
-}
-
-/// Where the sensor stands: as most of its frames have it, by one that the refinement took, if
-/// there is one among them.
-const OfSensor* Standing(const std::vector<OfSensor>& frames) {
-  constexpr double kTogether = 0.03;  // m, of a sensor that stands in one place
-  const OfSensor* standing = nullptr;
-  std::pair<int, bool> best;
-  for (const OfSensor& frame : frames) {
-    if (!frame.refined || !frame.result->structure_from_sensor) continue;
-    int agree = 0;
-    for (const OfSensor& other : frames) {
-      if (!other.refined || !other.result->structure_from_sensor) continue;
-      const Pose& there = other.refined->first_from_sensor;
-      const PoseError apart = ComparePoses(there, frame.refined->first_from_sensor);
-      agree += apart.translation_m < kTogether ? 1 : 0;
-    }
-    const std::pair<int, bool> rank(agree, frame.refined->accepted && !frame.refined->refused_fit);
-    if (standing && rank <= best) continue;
-    standing = &frame;
-    best = rank;
-  }
-  return standing;
-}
-
-/// Figures of all frames together: sums, and means over their points.
-void PoolFigures(const std::vector<OfSensor>& frames, SensorOutcome* sensor) {
-  std::set<std::string> sides;
-  double points = 0;
-  const std::vector<double SensorOutcome::*> means = {
-      &SensorOutcome::inlier_share, &SensorOutcome::miou, &SensorOutcome::label_iou,
-      &SensorOutcome::explained_share};
-  const std::vector<double SensorOutcome::*> roots = {&SensorOutcome::rms_to_structure_m,
-                                                      &SensorOutcome::initial_rms_to_structure_m};
-  for (const auto figure : means) sensor->*figure = 0;
-  for (const auto figure : roots) sensor->*figure = 0;
-  sensor->points = 0;
-  for (const OfSensor& frame : frames) {
-    const SensorOutcome& of = *frame.result;
-    if (!of.structure_from_sensor) continue;
-    for (const auto figure : means) sensor->*figure += of.points * of.*figure;
-    for (const auto figure : roots) sensor->*figure += of.points * (of.*figure) * (of.*figure);
-    sides.insert(of.sides.begin(), of.sides.end());
-    sensor->points += of.points;
-  }
-  points = std::max(1, sensor->points);
-  for (const auto figure : means) sensor->*figure /= points;
-  for (const auto figure : roots) sensor->*figure = std::sqrt(sensor->*figure / points);
-  sensor->sides.assign(sides.begin(), sides.end());
-}
-
-SensorResult CombineFrames(const std::vector<OfSensor>& frames,
-                           const std::vector<StillResult>& stills,
-                           const std::optional<Pose>& ground_truth) {
-  SensorResult sensor;
-  static_cast<SensorOutcome&>(sensor) = MostTelling(frames);
-  const OfSensor* standing = Standing(frames);
-  if (!standing) return sensor;
-  const SensorResult& at = *standing->result;
-  const Pose& placement = stills[standing->still].first_from_placement;
-  sensor.structure_from_sensor = standing->refined->first_from_sensor;
-  sensor.covariance = standing->refined->first_covariance;
-  sensor.initial = placement * at.initial;
-  sensor.together.reset();
-  if (at.together) sensor.together = placement * *at.together;
-  sensor.refinement_accepted = at.refinement_accepted;
-  PoolFigures(frames, &sensor);
-  for (const OfSensor& frame : frames) {
-    if (sensor.status == SensorStatus::kFailed || !ConcernsSensor(frame.result->code)) continue;
-    if (ConcernsSensor(sensor.code)) break;
-    sensor.status = SensorStatus::kWeak;
-    sensor.code = frame.result->code;
-    sensor.reason = frame.result->reason;
-    sensor.hint = frame.result->hint;
-  }
-  sensor.error.reset();
-  sensor.initial_error.reset();
-  if (ground_truth) {
-    sensor.error = ComparePoses(*sensor.structure_from_sensor, *ground_truth);
-    sensor.initial_error = ComparePoses(sensor.initial, *ground_truth);
-  }
-  DemoteIfNotFinite(&sensor);
-  return sensor;
-}
-
-/// Root mean squares over all stills, weighed by their points.
-std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& stills) {
-  SetDistances squares;
-  double points = 0;
-  for (const StillResult& still : stills) {
-    if (!still.metrics) continue;
-    double of_still = 0;
-    for (const SensorResult& sensor : still.sensors) of_still += sensor.points;
-    squares.d1 += of_still * still.metrics->d1 * still.metrics->d1;
-    squares.d2 += of_still * still.metrics->d2 * still.metrics->d2;
-    points += of_still;
-  }
-  if (!(points > 0)) return std::nullopt;
-  return SetDistances{std::sqrt(squares.d1 / points), std::sqrt(squares.d2 / points)};
-}
-
-/// Each two sensors' overlap, of the first still that has both.
-std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
-  std::vector<PairResult> pairs;
-  for (const StillResult& still : stills) {
-    for (const PairResult& pair : still.pairs) {
-      const bool known = std::any_of(pairs.begin(), pairs.end(), [&](const PairResult& other) {
-        return (other.a == pair.a && other.b == pair.b) || (other.a == pair.b && other.b == pair.a);
-      });
-      if (!known) pairs.push_back(pair);
-    }
-  }
-  return pairs;
-}
-
-std::vector<StillResult> SeparateStills(const std::vector<Still>& stills,
-                                        std::vector<CalibrationResult> judged,
-                                        const RefineResult& refined) {
-  std::vector<StillResult> results;
-  for (std::size_t s = 0; s < stills.size(); ++s) {
-    StillResult still;
-    still.name = stills[s].name;
-    still.first_from_placement = refined.placements[s].first_from_placement;
-    still.covariance = refined.placements[s].covariance;
-    still.sensors = std::move(judged[s].sensors);
-    still.pairs = std::move(judged[s].pairs);
-    still.metrics = judged[s].metrics;
-    still.assembly = std::move(judged[s].assembly);
-    still.built = std::move(judged[s].built);
-    still.boxes = std::move(judged[s].boxes);
-    results.push_back(std::move(still));
-  }
-  return results;
-}
-
 /// What the refinement of all stills says about one, as if it were the only one. `first`: index of
 /// its first frame among those that were refined.
 RefineResult OfStill(const RefineResult& refined, std::size_t still, std::size_t first,
                      std::size_t count) {
   RefineResult result;
-  const auto begin = refined.sensors.begin() + static_cast<std::ptrdiff_t>(first);
-  result.sensors.assign(begin, begin + static_cast<std::ptrdiff_t>(count));
+  const auto begin = refined.frames.begin() + static_cast<std::ptrdiff_t>(first);
+  result.frames.assign(begin, begin + static_cast<std::ptrdiff_t>(count));
   const int before = static_cast<int>(first), after = static_cast<int>(first + count);
+  for (RefinedFrame& frame : result.frames) {
+    if (!frame.refused_fit) continue;
+    for (int& other : frame.refused_fit->contradicts) other -= before;
+  }
   for (const RefinedPair& pair : refined.pairs) {
     if (pair.a < before || pair.a >= after) continue;
     result.pairs.push_back({pair.a - before, pair.b - before, pair.overlap, pair.rms});
@@ -238,14 +71,14 @@ std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, con
   return planes;
 }
 
-std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const LensSet& lenses, const RefineOptions& options) {
-  std::vector<RefineSensor> frames;
+std::vector<RefineFrame> FramesToRefine(const std::vector<StillStages>& stages,
+                                        const LensSet& lenses, const RefineOptions& options) {
+  std::vector<RefineFrame> frames;
   std::map<std::string, int> sensors;
   for (std::size_t s = 0; s < stages.size(); ++s) {
     const StillStages& still = stages[s];
-    std::vector<RefineSensor> placed = SensorsToRefine(still.seen, still.labelled, still.placements,
-                                                       still.Lenses(lenses), options);
+    std::vector<RefineFrame> placed =
+        FramesToRefine(still.seen, still.labelled, still.placements, still.Lenses(lenses), options);
     std::size_t next = 0;
     for (std::size_t i = 0; i < still.seen.size(); ++i) {
       const int sensor =
@@ -285,49 +118,6 @@ std::vector<CalibrationResult> JudgeStills(
     first += count;
   }
   return judged;
-}
-
-CalibrationResult CombineStills(const std::vector<Still>& stills,
-                                std::vector<CalibrationResult> judged,
-                                const std::vector<RefineSensor>& frames,
-                                const RefineResult& refined) {
-  if (stills.size() == 1) return std::move(judged.front());
-  CalibrationResult result;
-  result.size_estimated = judged.front().size_estimated;
-  result.size_scale = judged.front().size_scale;
-  result.sigma_size_scale = judged.front().sigma_size_scale;
-  result.stills = SeparateStills(stills, std::move(judged), refined);
-
-  std::map<std::pair<int, int>, const RefinedSensor*> refined_of;  // by sensor and still
-  for (std::size_t k = 0; k < frames.size(); ++k)
-    refined_of[{frames[k].sensor, frames[k].still}] = &refined.sensors[k];
-  std::map<std::string, int> sensors;
-  std::vector<std::vector<OfSensor>> of_sensor;
-  std::vector<std::optional<Pose>> truths;
-  for (std::size_t s = 0; s < stills.size(); ++s) {
-    for (std::size_t i = 0; i < stills[s].frames.size(); ++i) {
-      SensorResult& frame = result.stills[s].sensors[i];
-      const int sensor =
-          sensors.emplace(frame.name, static_cast<int>(sensors.size())).first->second;
-      of_sensor.resize(sensors.size());
-      truths.resize(sensors.size());
-      const auto found = refined_of.find({sensor, static_cast<int>(s)});
-      of_sensor[static_cast<std::size_t>(sensor)].push_back(
-          {s, &frame, found != refined_of.end() ? found->second : nullptr});
-      if (s == 0) truths[static_cast<std::size_t>(sensor)] = stills[s].frames[i].ground_truth;
-    }
-  }
-  for (std::size_t k = 0; k < of_sensor.size(); ++k)
-    result.sensors.push_back(CombineFrames(of_sensor[k], result.stills, truths[k]));
-  result.pairs = CombinePairs(result.stills);
-  result.metrics = CombineMetrics(result.stills);
-  result.assembly = result.stills.front().assembly;
-  for (const StillResult& still : result.stills) {
-    if (still.assembly && still.assembly->altered()) result.assembly = still.assembly;
-  }
-  result.built = result.stills.front().built;
-  result.boxes = result.stills.front().boxes;
-  return result;
 }
 
 }  // namespace volalign

@@ -48,23 +48,13 @@ std::vector<SensorPlanes> FindPlanes(const std::vector<StillStages>& stages, con
 
 /// All placed frames, still by still, as the joint refinement takes them. Sensors are counted in
 /// the order in which their names first occur.
-std::vector<RefineSensor> FramesToRefine(const std::vector<StillStages>& stages,
-                                         const LensSet& lenses, const RefineOptions& options);
+std::vector<RefineFrame> FramesToRefine(const std::vector<StillStages>& stages,
+                                        const LensSet& lenses, const RefineOptions& options);
 
 /// Judges every still, its frames by the refinement of all. `suspect_lenses`: of all frames.
 std::vector<CalibrationResult> JudgeStills(
     std::vector<StillStages> stages, const Structure& structure, const RefineResult& refined,
     const LensSet& lenses, const std::vector<std::optional<Finding>>& suspect_lenses,
     const JudgeOptions& options);
-
-/// The result of all stills, from those of each alone. The sensors come in the order in which their
-/// names first occur, each with its pose in the first still's structure, without images. A sensor
-/// is as well placed as in the still where it is placed best, but for what says that it, not its
-/// view of one still, is not as it should be. `frames`: those that were refined, see
-/// FramesToRefine.
-CalibrationResult CombineStills(const std::vector<Still>& stills,
-                                std::vector<CalibrationResult> judged,
-                                const std::vector<RefineSensor>& frames,
-                                const RefineResult& refined);
 
 }  // namespace volalign

@@ -38,7 +38,7 @@ struct Neighbour {
   const std::string* name;
   const SensorView* view;
   const Intrinsics* intrinsics;
-  RefineSensor sensor;
+  RefineFrame sensor;
 };
 
 /// The sensor that is to be placed.
@@ -221,14 +221,14 @@ struct Refined {
 
 Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& start,
                    const Structure& structure, const PlacementOptions& options) {
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> sensors;
   sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
   sensors.push_back({&lost.points, start, start, start, true, lost.lens});
   RefineOptions together = options.refine;
   together.estimate = "none";
   together.choose_estimates = false;
-  const RefinedSensor found = Refine(structure, sensors, together, lost.lenses).sensors.back();
+  const RefinedFrame found = Refine(structure, sensors, together, lost.lenses).frames.back();
 
   Refined refined{found.structure_from_sensor, found.covariance, {}, false};
   refined.shared = Compare(lost, neighbours, refined.pose, kRefinedGate, kManyProbes);
@@ -286,8 +286,8 @@ std::vector<Placement> PlaceByNeighbours(const std::vector<SensorFrame>& frames,
                                          std::vector<Placement> placements, const LensSet& lenses,
                                          const Structure& structure,
                                          const PlacementOptions& options) {
-  const std::vector<RefineSensor> sensors =
-      SensorsToRefine(frames, labelled, placements, lenses, options.refine);
+  const std::vector<RefineFrame> sensors =
+      FramesToRefine(frames, labelled, placements, lenses, options.refine);
   std::vector<Neighbour> neighbours;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (std::holds_alternative<PlacedSensor>(placements[i])) {

@@ -47,12 +47,12 @@ OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial, cons
   alone.max_overlap_points = 0;
   alone.threads = 1;
   alone.choose_estimates = false;
-  const RefinedSensor refined =
+  const RefinedFrame refined =
       Refine(structure,
              {{&points, initial.from_keypoints, initial.structure_from_sensor,
                initial.structure_from_sensor, true, 0}},
              alone, {lens})
-          .sensors.front();
+          .frames.front();
   return {refined.structure_from_sensor,
           std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff())};
 }
@@ -210,11 +210,11 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
   return placements;
 }
 
-std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
-                                          const std::vector<LabelledView>& labelled,
-                                          const std::vector<Placement>& placements,
-                                          const LensSet& lenses, const RefineOptions& options) {
-  std::vector<RefineSensor> sensors;
+std::vector<RefineFrame> FramesToRefine(const std::vector<SensorFrame>& frames,
+                                        const std::vector<LabelledView>& labelled,
+                                        const std::vector<Placement>& placements,
+                                        const LensSet& lenses, const RefineOptions& options) {
+  std::vector<RefineFrame> sensors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
       const InitialPose& initial = labelled[i].initial;

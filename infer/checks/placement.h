@@ -83,9 +83,9 @@ std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
 /// it has to beat on held-out points is the keypoint pose: one that was fitted to the sensor's own
 /// points has absorbed its warp and the boxes' offsets, and would win that comparison against
 /// better poses. The placements must outlive the result.
-std::vector<RefineSensor> SensorsToRefine(const std::vector<SensorFrame>& frames,
-                                          const std::vector<LabelledView>& labelled,
-                                          const std::vector<Placement>& placements,
-                                          const LensSet& lenses, const RefineOptions& options);
+std::vector<RefineFrame> FramesToRefine(const std::vector<SensorFrame>& frames,
+                                        const std::vector<LabelledView>& labelled,
+                                        const std::vector<Placement>& placements,
+                                        const LensSet& lenses, const RefineOptions& options);
 
 }  // namespace volalign

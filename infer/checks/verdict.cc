@@ -46,14 +46,15 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                              : "let it see the floor under the structure, or give its "
                                "quarter_turns"};
   }
-  if (evidence.refused_fit) {
+  if (evidence.contradiction) {
     return Finding{
         SensorCode::kDisagrees,
         fmt::format(
-            "what it saw contradicts the other sensors: with the boxes as they have them it "
-            "is {:.1f} mm RMS off, alone {:.1f} mm; its own pose stands, and theirs rest on "
-            "them alone",
-            1000 * evidence.refused_fit->rms_together, 1000 * evidence.refused_fit->rms_alone),
+            "what it saw contradicts the other sensors, as its pairs with {} show: they would move "
+            "it by {:.1f} mm and {:.2f} deg; its own pose stands, and theirs rest on them alone",
+            fmt::join(evidence.contradiction->names, ", "),
+            1000 * evidence.contradiction->apart.translation_m,
+            evidence.contradiction->apart.rotation_deg),
         "check its intrinsics, and that it saw the same stack, with no box moved in between"};
   }
   const PoseQuality& quality = evidence.quality;

@@ -13,8 +13,6 @@
 
 namespace volalign {
 
-/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
-/// neither a near nor a far sensor is favoured.
 /// When large planes, or the focal length that was estimated, tell that the intrinsics are wrong.
 struct LensCheckOptions {
   double min_sigmas = 4;
@@ -35,6 +33,8 @@ struct LensCheckOptions {
   }
 };
 
+/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
+/// neither a near nor a far sensor is favoured.
 struct VerdictOptions {
   // Of the frame.
   double min_valid_share = 0.01;
@@ -156,19 +156,25 @@ struct VerdictOptions {
   }
 };
 
+/// What a sensor saw is not what others saw.
+struct ContradictedSensors {
+  std::vector<std::string> names;  ///< those that show it, the clearest first
+  PoseError apart;                 ///< the pose that they would give it, from its own
+};
+
 /// What is known about a placed sensor when it is judged.
 struct PlacedEvidence {
-  PoseQuality quality;                        ///< at the reported pose
-  Matrix6d covariance = Matrix6d::Zero();     ///< of it
-  std::string unsolved;                       ///< RefinedSensor::problem
-  std::optional<RefusedFit> refused_fit;      ///< where it contradicts the other sensors
-  std::string same_depth_as;                  ///< a sensor with the same depth map, or empty
-  std::optional<Finding> suspect_intrinsics;  ///< where others fit better
-  std::optional<Finding> suspect_lens;        ///< where flat surfaces look bent
-  std::optional<Finding> by_neighbours;       ///< PlacedSensor::by_neighbours
-  std::string other_pose;                     ///< LabelledView::other_pose
-  bool floor_would_tell = true;               ///< LabelledView::floor_would_tell
-  bool known_turns = false;                   ///< the capture gives its quarter_turns
+  PoseQuality quality;                               ///< at the reported pose
+  Matrix6d covariance = Matrix6d::Zero();            ///< of it
+  std::string unsolved;                              ///< RefinedFrame::problem
+  std::optional<ContradictedSensors> contradiction;  ///< of other sensors
+  std::string same_depth_as;                         ///< a sensor with the same depth map, or empty
+  std::optional<Finding> suspect_intrinsics;         ///< where others fit better
+  std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
+  std::optional<Finding> by_neighbours;              ///< PlacedSensor::by_neighbours
+  std::string other_pose;                            ///< LabelledView::other_pose
+  bool floor_would_tell = true;                      ///< LabelledView::floor_would_tell
+  bool known_turns = false;                          ///< the capture gives its quarter_turns
 };
 
 /// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most

@@ -47,7 +47,7 @@ struct StillFiles {
 
   std::filesystem::path Path(const std::filesystem::path& folder, const std::string& kind,
                              const std::string& file) const {
-    return name.empty() ? folder / kind / file : folder / kind / name / file;
+    return folder / kind / name / file;
   }
 };
 

@@ -93,6 +93,20 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
   return text + '\n';
 }
 
+/// Of a sensor that disagrees with the others.
+std::string BothPoses(const SensorResult& sensor) {
+  const auto place = [](const Pose& pose) {
+    const Eigen::Vector3d& t = pose.translation();
+    return fmt::format("({:.4f}, {:.4f}, {:.4f}) m", t.x(), t.y(), t.z());
+  };
+  const PoseError apart = ComparePoses(*sensor.together, *sensor.structure_from_sensor);
+  return fmt::format(
+      "{} stands at {} by what it saw itself, which counts; with the others it would stand at {}, "
+      "{:.1f} mm and {:.2f} deg from there (together in extrinsics.json)\n",
+      sensor.name, place(*sensor.structure_from_sensor), place(*sensor.together),
+      1000 * apart.translation_m, apart.rotation_deg);
+}
+
 /// Why sensors are not ok, and what their views leave open.
 std::string Reasons(const std::vector<SensorResult>& sensors) {
   std::string text;
@@ -112,6 +126,9 @@ std::string Reasons(const std::vector<SensorResult>& sensors) {
     }
     text += fmt::format("{} {} {} ({}): {}; {}\n", names, names == sensor.name ? "is" : "are",
                         ToString(sensor.status), ToString(sensor.code), sensor.reason, sensor.hint);
+  }
+  for (const SensorResult& sensor : sensors) {
+    if (sensor.together) text += BothPoses(sensor);
   }
   for (const SensorResult& sensor : sensors) {
     if (!sensor.structure_from_sensor) continue;

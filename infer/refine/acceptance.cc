@@ -7,6 +7,7 @@
 
 #include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/fine_problem.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
@@ -33,7 +34,7 @@ Comparison Compare(const JointProblem& problem, const Solution& solution, std::s
     return FitToStructure(problem.model, problem.priors, state, i, pose,
                           use == BlockUse::kAccept ? held_out : solution.evidence[i]);
   };
-  const Pose& to_beat = problem.sensors[i].to_beat;
+  const Pose& to_beat = problem.frames[i].to_beat;
   const Pose refined = state.poses[i].ToPose();
   Comparison comparison{fit(to_beat, BlockUse::kAccept), fit(refined, BlockUse::kAccept), false};
   if (comparison.before.observations + comparison.after.observations > 0) {
@@ -51,11 +52,11 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   if (evidence.faces.empty() && evidence.edges.empty()) return {};
   const PoseBlock block(pose);
   constexpr std::array<double, kNuisances> kNone = {};
-  const double no_offset = 0;
+  const double none = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
   Residuals(model, evidence,
-            {block.values, &no_offset, kNone.data(), state.Lens(sensor).data(),
+            {block.values, &none, &none, kNone.data(), state.Lens(sensor).data(),
              state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = SensorColumns::kOwn;
@@ -86,7 +87,8 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
   double sum = 0;
   int count = 0;
   for (std::size_t other = 0; other < problem.size(); ++other) {
-    if (other == sensor || problem.frames[other].still != problem.frames[sensor].still) continue;
+    if (other == sensor || problem.frame_of[other].still != problem.frame_of[sensor].still)
+      continue;
     const OverlapView neighbour = problem.Overlap(other, state);
     const Pose other_from_this = neighbour.state.structure_from_sensor.inverse() * pose;
     for (const int j : *own.chosen) {
@@ -111,8 +113,8 @@ std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Sol
     if (!problem.HasStructureTerms(i) || solution.kept_initial[i]) continue;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
-    GatherObservations(problem.structure, state, i, *problem.sensors[i].points, BlockUse::kAccept,
-                       {pose, problem.sensors[i].to_beat}, FineGates(), &held_out[i]);
+    GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kAccept,
+                       {pose, problem.frames[i].to_beat}, FineGates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
     held_out[i].noise = solution.evidence[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
@@ -132,7 +134,7 @@ Acceptance AcceptImproved(const JointProblem& problem, Solution solution) {
       const Comparison comparison = Compare(problem, solution, i, held_out[i]);
       result.before[i] = comparison.before;
       if (comparison.accepted) continue;
-      const Pose apart = solution.state.poses[i].ToPose() * problem.sensors[i].fallback.inverse();
+      const Pose apart = solution.state.poses[i].ToPose() * problem.frames[i].fallback.inverse();
       result.refused[i] << apart.translation(), RotationLog(apart.linear());
       KeepInitial(problem, i, &solution);
       changed = true;

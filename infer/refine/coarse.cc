@@ -47,7 +47,7 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const double sigma = std::max(coarse.sigmas[i], coarse.least_scale);
   double* pose = coarse.state->poses[i].values;
   double* offset = &coarse.state->offsets[i];
-  for (const SidePoint& point : problem.sensors[i].points->side_points) {
+  for (const SidePoint& point : problem.frames[i].points->side_points) {
     if (point.use != BlockUse::kFit ||
         !LiesOnItsSide(coarse.state->Built(i), sensor, point, coarse.gates.side))
       continue;
@@ -56,7 +56,7 @@ void AddStructureTerms(const Coarse& coarse, std::size_t i) {
         coarse.ceres->loss.get(), pose, offset);
   }
   const double weight = std::sqrt(problem.options.edge_weight);
-  for (const EdgePoint& edge : problem.sensors[i].points->edge_points) {
+  for (const EdgePoint& edge : problem.frames[i].points->edge_points) {
     EdgeLine line;
     if (edge.use != BlockUse::kFit ||
         !LiesOnAnEdge(coarse.state->Built(i), sensor, edge, coarse.gates.side, &line))
@@ -113,7 +113,7 @@ double MeasureSigma(const JointProblem& problem, const State& state, std::size_t
                     double side_gate) {
   const SensorState sensor = state.Sensor(i);
   std::vector<double> distances;
-  for (const SidePoint& point : problem.sensors[i].points->side_points) {
+  for (const SidePoint& point : problem.frames[i].points->side_points) {
     if (!LiesOnItsSide(state.Built(i), sensor, point, side_gate)) continue;
     const Eigen::Vector3d p = sensor.InStructure(point.p);
     distances.push_back((state.Built(i).SideOfLabel(point.label).ClosestPoint(p) - p).norm());

@@ -1,6 +1,7 @@
 #include "infer/refine/disagreement.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -11,99 +12,218 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// A joint solution costs a sensor half a chi-square with as many degrees of freedom as it has
-/// unknowns in common with the others, 13 of the paper's structure: 17 in one of a thousand. Noise
-/// models are not exact: of rendered sensors that are as they should be, a few reach 30.
-constexpr double kMostCost = 40;
+/// How often as much as chance makes it in one of a thousand a disagreement may cost. Noise models
+/// are not exact: of rendered sensors that are as they should be, a few reach 1.7 times as much.
+constexpr double kMostOften = 2.3;
+/// m: where measurements lie so much farther off than by themselves, chance is enough.
+constexpr double kMostRise = 0.0015;
 constexpr double kPoseSigma = 1;  // m and rad, prior of the pose
+constexpr double kShownBy = 0.5;  // share of the largest contradiction
 
-}  // namespace
+/// What a frame's own measurements say, linearised about a solution: 0.5 |r + j s|^2 in standard
+/// deviations, s the step of its parameters in the order of SensorColumns, but with 6 of the pose.
+struct OwnMeasurements {
+  Eigen::MatrixXd j;  // columns of what is held are zero
+  Eigen::VectorXd r;
+  Eigen::VectorXd precisions;  // of the priors
+  Eigen::VectorXd values;      // by which parameters differ from the priors' means; 0 of the held
+  Eigen::VectorXd faces;       // residuals of faces, m
+  Eigen::MatrixXd by_faces;    // their derivatives
+};
 
-Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 const FreeSet& asked_for, std::size_t sensor) {
-  const SensorEvidence& evidence = solution.evidence[sensor];
-  const SensorParameters parameters = solution.state.Parameters(sensor);
+/// Columns of what the frames of a still have in common: the size and the boxes.
+constexpr Eigen::Index kShared = SensorColumns::kSize - 1;
+
+OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
+                          const FreeSet& asked_for, std::size_t frame) {
+  const SensorEvidence& evidence = solution.evidence[frame];
+  const SensorParameters parameters = solution.state.Parameters(frame);
   const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
   const auto edges = static_cast<Eigen::Index>(evidence.edges.size());
-  if (faces == 0) return {};
   Eigen::VectorXd r;
   Eigen::MatrixXd over_blocks;
   Residuals(problem.model, evidence, parameters, &r, &over_blocks);
   const Eigen::MatrixXd j = SensorColumns::InTangentSpace(over_blocks, parameters.pose);
-  Eigen::VectorXd white(r.size());
-  Eigen::MatrixXd a(j.rows(), j.cols());
+  OwnMeasurements own;
+  own.faces = r.head(faces);
+  own.by_faces = j.topRows(faces);
+  own.r.resize(r.size());
+  own.j.resize(j.rows(), j.cols());
   const auto face_root = evidence.face_root.triangularView<Eigen::Lower>();
   const auto edge_root = evidence.edge_root.triangularView<Eigen::Lower>();
-  white << face_root.solve(r.head(faces)), edge_root.solve(r.tail(edges));
-  a << face_root.solve(j.topRows(faces)), edge_root.solve(j.bottomRows(edges));
+  own.r << face_root.solve(r.head(faces)), edge_root.solve(r.tail(edges));
+  own.j << face_root.solve(j.topRows(faces)), edge_root.solve(j.bottomRows(edges));
 
   const auto boxes = static_cast<int>(problem.layout.boxes());
-  Eigen::VectorXd precisions(j.cols()), values = Eigen::VectorXd::Zero(j.cols());
-  precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
-      SharedPriorSigmas(problem.PriorsOf(sensor), evidence.noise.multipath, boxes)
+  own.precisions.resize(j.cols());
+  own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
+      SharedPriorSigmas(problem.PriorsOf(frame), evidence.noise.multipath, boxes)
           .unaryExpr(&Positive);
-  precisions = precisions.cwiseAbs2().cwiseInverse().eval();
-  values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
+  own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
+  own.values = Eigen::VectorXd::Zero(j.cols());
+  own.values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
+
   // What is not to be estimated stays where it is.
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> constant = layout.Constant(asked_for);
   const auto hold = [&](Eigen::Index first, Eigen::Index column, Eigen::Index count) {
     for (Eigen::Index k = 0; k < count; ++k) {
       if (!constant[static_cast<std::size_t>(first + k)]) continue;
-      a.col(column + k).setZero();
-      values[column + k] = 0;
+      own.j.col(column + k).setZero();
+      own.values[column + k] = 0;
     }
   };
-  hold(layout.Offset(sensor), 6, 1);
-  hold(layout.Nuisance(sensor, 0), 7, kNuisances);
-  hold(layout.Lens(solution.state.LensOf(sensor)), 7 + kNuisances, kLensParameters);
-  hold(layout.Size(), 7 + kNuisances + kLensParameters, 1);
-  hold(layout.Boxes(solution.state.StillOf(sensor)), 8 + kNuisances + kLensParameters,
+  const auto in_tangent = [](Eigen::Index column) { return column - 1; };  // of a pose: 6, not 7
+  hold(layout.Offset(frame), in_tangent(SensorColumns::kOffset), 1);
+  hold(layout.Gain(frame), in_tangent(SensorColumns::kGain), 1);
+  hold(layout.Nuisance(frame, 0), in_tangent(SensorColumns::kNuisance), kNuisances);
+  hold(layout.Lens(solution.state.LensOf(frame)), in_tangent(SensorColumns::kLens),
+       kLensParameters);
+  hold(layout.Size(), kShared, 1);
+  hold(layout.Boxes(solution.state.StillOf(frame)), in_tangent(SensorColumns::kBoxes),
        Eigen::Index{3} * boxes);
-  Eigen::MatrixXd h = a.transpose() * a;
-  h.diagonal() += precisions;
-  const Eigen::VectorXd g = a.transpose() * white + precisions.cwiseProduct(values);
+  return own;
+}
+
+bool HasFaces(const Solution& solution, std::size_t frame) {
+  return !solution.evidence[frame].faces.empty();
+}
+
+/// 0.5 s' information s + gradient' s, of what frames share, all else being at its best.
+struct SharedCost {
+  Eigen::MatrixXd information;
+  Eigen::VectorXd gradient;
+
+  /// With the priors: the least of it, below its value at the solution.
+  double Gain(const Eigen::VectorXd& precisions, const Eigen::VectorXd& values) const {
+    Eigen::MatrixXd h = information;
+    h.diagonal() += precisions;
+    const Eigen::VectorXd g = gradient + precisions.cwiseProduct(values);
+    const Eigen::LLT<Eigen::MatrixXd> root(h);
+    if (root.info() != Eigen::Success || !g.allFinite()) return 0;
+    return 0.5 * g.dot(root.solve(g));
+  }
+};
+SharedCost CostOfShared(const OwnMeasurements& own) {
+  const Eigen::MatrixXd h = own.j.transpose() * own.j;
+  const Eigen::VectorXd g = own.j.transpose() * own.r;
+  Eigen::MatrixXd inner = h.topLeftCorner(kShared, kShared);
+  inner.diagonal() += own.precisions.head(kShared);
+  const Eigen::VectorXd inner_g =
+      g.head(kShared) + own.precisions.head(kShared).cwiseProduct(own.values.head(kShared));
+  const Eigen::Index shared = h.rows() - kShared;
+  const Eigen::MatrixXd cross = h.topRightCorner(kShared, shared);
+  const Eigen::LLT<Eigen::MatrixXd> root(inner);
+  return {h.bottomRightCorner(shared, shared) - cross.transpose() * root.solve(cross),
+          g.tail(shared) - cross.transpose() * root.solve(inner_g)};
+}
+
+}  // namespace
+
+Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
+                                 const FreeSet& asked_for, std::size_t frame) {
+  if (!HasFaces(solution, frame)) return {};
+  const OwnMeasurements own = Linearise(problem, solution, asked_for, frame);
+  Eigen::MatrixXd h = own.j.transpose() * own.j;
+  h.diagonal() += own.precisions;
+  const Eigen::VectorXd g = own.j.transpose() * own.r + own.precisions.cwiseProduct(own.values);
   const Eigen::LLT<Eigen::MatrixXd> root(h);
   if (root.info() != Eigen::Success || !g.allFinite()) return {};
   const Eigen::VectorXd step = -root.solve(g);
-  const auto rms = [&](const Eigen::VectorXd& of) {
-    return std::sqrt(of.head(faces).squaredNorm() / static_cast<double>(faces));
+  const auto rms = [](const Eigen::VectorXd& of) {
+    return std::sqrt(of.squaredNorm() / static_cast<double>(of.size()));
   };
   const Matrix6d covariance =
       root.solve(Eigen::MatrixXd::Identity(h.rows(), h.cols())).topLeftCorner<6, 6>();
-  return {-0.5 * g.dot(step), rms(r), rms(r + j * step), covariance};
+  return {-0.5 * g.dot(step), rms(own.faces), rms(own.faces + own.by_faces * step), covariance};
 }
 
-bool Disagrees(const Disagreement& disagreement) { return disagreement.cost > kMostCost; }
+double MeasureContradiction(const JointProblem& problem, const Solution& solution,
+                            const FreeSet& asked_for, std::size_t a, std::size_t b) {
+  if (!HasFaces(solution, a) || !HasFaces(solution, b)) return 0;
+  const OwnMeasurements of_a = Linearise(problem, solution, asked_for, a);
+  const SharedCost cost_a = CostOfShared(of_a);
+  const SharedCost cost_b = CostOfShared(Linearise(problem, solution, asked_for, b));
+  const Eigen::Index shared = cost_a.gradient.size();
+  const Eigen::VectorXd precisions = of_a.precisions.tail(shared);
+  const Eigen::VectorXd values = of_a.values.tail(shared);
+  const SharedCost both{cost_a.information + cost_b.information, cost_a.gradient + cost_b.gradient};
+  const SharedCost none{Eigen::MatrixXd::Zero(shared, shared), Eigen::VectorXd::Zero(shared)};
+  return cost_a.Gain(precisions, values) + cost_b.Gain(precisions, values) -
+         both.Gain(precisions, values) - none.Gain(precisions, values);
+}
+
+double UnlikelyCost(std::size_t unknowns) {
+  constexpr double kNormal = 3.0902;  // of a standard normal variable, in one of a thousand
+  const double spread = 2 / (9 * static_cast<double>(unknowns));
+  return 0.5 * static_cast<double>(unknowns) *
+         std::pow(1 - spread + kNormal * std::sqrt(spread), 3);
+}
+
+bool Disagrees(const Disagreement& disagreement, std::size_t boxes) {
+  const double unlikely = UnlikelyCost(3 * boxes + 1);
+  const double rise = disagreement.rms_together - disagreement.rms_alone;
+  return disagreement.cost > (rise > kMostRise ? unlikely : kMostOften * unlikely);
+}
+
+namespace {
+
+/// The frames of its still that a frame contradicts at least half as much as the one that it
+/// contradicts most.
+std::vector<int> FindContradicted(const JointProblem& problem, const Solution& solution,
+                                  const FreeSet& asked_for, std::size_t frame) {
+  std::vector<std::pair<double, int>> others;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (i == frame || solution.kept_initial[i] ||
+        problem.frame_of[i].still != problem.frame_of[frame].still)
+      continue;
+    const double cost = MeasureContradiction(problem, solution, asked_for, frame, i);
+    others.emplace_back(-cost, static_cast<int>(i));
+  }
+  std::sort(others.begin(), others.end());
+  std::vector<int> contradicted;
+  for (const auto& [cost, i] : others) {
+    if (cost < kShownBy * others.front().first) contradicted.push_back(i);
+  }
+  return contradicted;
+}
+
+/// What is left when a frame stays at its start pose and says nothing.
+std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
+                                     std::size_t frame, Solution solution) {
+  KeepInitial(problem, frame, &solution);
+  solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
+  solution.evidence[frame] = SensorEvidence();
+  solution.free = asked_for;
+  solution.state.scales = PriorScales();
+  UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
+  std::optional<State> solved = SolveFine(problem, solution);
+  if (!solved) return std::nullopt;
+  solution.state = std::move(*solved);
+  return ChooseEstimates(problem, std::move(solution));
+}
+
+}  // namespace
 
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution) {
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size())};
-  if (!asked_for.AllBoxes() || !asked_for.size) return agreed;
-  for (std::size_t aside = 0; 2 * (aside + 1) < problem.size(); ++aside) {
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size()),
+                std::vector<Disagreement>(problem.size())};
+  for (std::size_t aside = 0;; ++aside) {
     std::optional<std::size_t> worst;
-    Disagreement most;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.kept_initial[i] || !problem.HasStructureTerms(i)) continue;
-      const Disagreement of = MeasureDisagreement(problem, agreed.solution, asked_for, i);
-      if (!Disagrees(of) || (worst && of.cost <= most.cost)) continue;
-      worst = i;
-      most = of;
+      agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
+      if (!Disagrees(agreed.measured[i], problem.layout.boxes())) continue;
+      if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
-    if (!worst) break;
-    Solution without = agreed.solution;
-    const Pose together = without.state.poses[*worst].ToPose();
-    KeepInitial(problem, *worst, &without);
-    without.state.poses[*worst] = PoseBlock(problem.sensors[*worst].start);
-    without.evidence[*worst] = SensorEvidence();
-    without.free = asked_for;
-    without.state.scales = PriorScales();
-    UpdateLineTolerance(problem, without.state, without.free, &without.evidence);
-    std::optional<State> solved = SolveFine(problem, without);
-    if (!solved) break;
-    without.state = std::move(*solved);
-    agreed.solution = ChooseEstimates(problem, std::move(without));
-    agreed.of[*worst] = SetAside{together, most};
+    const bool leaves_majority = 2 * (aside + 1) < problem.size();
+    if (!worst || !leaves_majority || !asked_for.AllBoxes() || !asked_for.size) break;
+    std::optional<Solution> without = SolveWithout(problem, asked_for, *worst, agreed.solution);
+    if (!without) break;
+    agreed.of[*worst] = SetAside{agreed.solution.state.poses[*worst].ToPose(),
+                                 FindContradicted(problem, agreed.solution, asked_for, *worst)};
+    agreed.solution = std::move(*without);
   }
   return agreed;
 }

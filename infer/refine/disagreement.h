@@ -11,7 +11,7 @@
 
 namespace volalign::refine_internal {
 
-/// What a sensor's own measurements lose by the joint solution.
+/// What a frame's own measurements lose by the joint solution.
 struct Disagreement {
   /// Half the square, in standard deviations, of the way from the joint solution to the one that
   /// its own measurements and the priors make most probable.
@@ -20,27 +20,41 @@ struct Disagreement {
   double rms_together = 0, rms_alone = 0;
   Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, by its own measurements
 };
-/// Of a sensor that takes part in the solution, by a linear approximation. What is not in
-/// `asked_for` is as it is in the solution.
+/// Of one that takes part in the solution, by a linear approximation; all zero of one without
+/// faces. What is not in `asked_for` is as it is in the solution.
 Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 const FreeSet& asked_for, std::size_t sensor);
+                                 const FreeSet& asked_for, std::size_t frame);
 
-/// Is it more than the noise of both would make?
-bool Disagrees(const Disagreement& disagreement);
+/// How much less probable, as half a square in standard deviations, what two frames of one still
+/// saw of the boxes and of their size is if these are the same for both than if each had its own,
+/// by the same approximation.
+double MeasureContradiction(const JointProblem& problem, const Solution& solution,
+                            const FreeSet& asked_for, std::size_t a, std::size_t b);
 
-/// What a sensor that was set aside would have had to accept.
+/// What Disagreement::cost exceeds by chance in one of a thousand: half a chi-square with as many
+/// degrees of freedom as a sensor has unknowns in common with the others (approximated as Wilson
+/// and Hilferty have it, "The Distribution of Chi-Square", 1931).
+double UnlikelyCost(std::size_t unknowns);
+
+/// Is it more than the noise of both would make? The size and three unknowns of each of the boxes
+/// are what sensors have in common.
+bool Disagrees(const Disagreement& disagreement, std::size_t boxes);
+
+/// What a frame that was set aside would have had to accept.
 struct SetAside {
-  Pose together;  ///< its pose in the joint solution with it
-  Disagreement disagreement;
+  Pose together;                 ///< its pose in the joint solution with it
+  std::vector<int> contradicts;  ///< the frames that show it, the clearest first
 };
 struct Agreed {
-  Solution solution;                        ///< of the sensors that agree
-  std::vector<std::optional<SetAside>> of;  ///< of each sensor; nothing where it agrees
+  Solution solution;                        ///< of the frames that agree
+  std::vector<std::optional<SetAside>> of;  ///< of each frame; nothing where it agrees
+  /// Of each frame, in the last solution that it took part in.
+  std::vector<Disagreement> measured;
 };
-/// Sets aside, one after the other, the sensor that disagrees most: it stays at its start pose, and
+/// Sets aside, one after the other, the frame that disagrees most: it stays at its start pose, and
 /// the others are solved again without its evidence, beginning with everything in `asked_for` free.
-/// Takes at least three sensors, as between two nothing tells which one is wrong, and leaves a
-/// majority.
+/// Takes at least three frames, as between two nothing tells which one is wrong, and leaves a
+/// majority. Where the boxes or their size are not to be estimated, none is set aside.
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution);
 

@@ -70,7 +70,7 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
     }
   }
   for (std::size_t i = 0; i < layout.frames(); ++i)
-    kept.gain[i] = free.gain[i] && observable(layout.Nuisance(i, kDepthGain), priors.gain);
+    kept.gain[i] = free.gain[i] && observable(layout.Gain(i), priors.gain);
   // A gain that is held leaves the offset to stand for both at the structure's distance.
   FreeSet without_gain = free;
   without_gain.gain = kept.gain;

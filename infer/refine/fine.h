@@ -5,16 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "infer/refine/association.h"
 #include "infer/refine/evidence.h"
 #include "infer/refine/problem.h"
-#include "infer/refine/solver.h"
 
 namespace volalign::refine_internal {
-
-/// Gates of the fine stage's associations, and of pairs. Overlap that the structure does not hold
-/// may be farther apart, see fine.cc.
-Gates FineGates();
 
 /// Standard deviation of an edge's place in the fine stage (NoiseModel::line), given what is free:
 /// an edge of a box that is held where the structure has it strays as its faces do.
@@ -31,26 +25,12 @@ std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const St
 void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
                          std::vector<SensorEvidence>* evidence);
 
-/// Prior standard deviations of all parameters, under the noise models of `evidence`, as the
-/// options have them.
-Eigen::VectorXd PriorSigmas(const JointProblem& problem,
-                            const std::vector<SensorEvidence>& evidence);
-
-/// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
-/// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
-/// constant has no terms of its own. `kept_initial`: sensors whose overlap with others no longer
-/// counts.
-CeresProblem BuildFineProblem(const JointProblem& problem,
-                              const std::vector<SensorEvidence>& evidence,
-                              const std::vector<char>& kept_initial,
-                              const std::vector<char>& constant, State* state);
-
 /// Values of all parameters, and what they rest on.
 struct Solution {
   FreeSet free;
   State state;
   std::vector<SensorEvidence> evidence;
-  /// Sensors that stay at their fallbacks: there is no better pose of them.
+  /// Frames that stay at their fallbacks: there is no better pose of them.
   std::vector<char> kept_initial;
 };
 
@@ -58,13 +38,13 @@ struct Solution {
 /// computed.
 std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution);
 
-/// Can a sensor be part of a solution: are its pose, its residuals and their covariance finite?
-bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t sensor);
+/// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
+bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
 
-/// Puts a sensor at its fallback pose, to stay there.
-void KeepInitial(const JointProblem& problem, std::size_t sensor, Solution* solution);
+/// Puts a frame at its fallback pose, to stay there.
+void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution);
 
-/// From `solution.state` on, options.fine_iterations times: gathers evidence and solves. Sensors
+/// From `solution.state` on, options.fine_iterations times: gathers evidence and solves. Frames
 /// that are not usable are kept at their fallbacks and say nothing; all of them where even that
 /// does not make the problem solvable.
 Solution IterateFine(const JointProblem& problem, Solution solution);

@@ -1,4 +1,5 @@
 #include "infer/refine/model_choice.h"
+#include "infer/refine/fine_problem.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>

@@ -154,7 +154,7 @@ Linearised Linearise(const BuildModel& model, const SensorEvidence& evidence,
   const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
   linear.residuals -= known * SharedValues(parameters, boxes);
   linear.shared = known * sigmas.asDiagonal();
-  linear.seam = known.col(1 + kMultipath);
+  linear.seam = known.col(SensorColumns::kNuisance + kMultipath - SensorColumns::kOffset);
   return linear;
 }
 

@@ -37,13 +37,13 @@ Priors PriorsOf(const RefineOptions& options) {
 }
 
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
-  Eigen::VectorXd sigmas(1 + kNuisances + kLensParameters + 1 + 3 * boxes);
+  Eigen::VectorXd sigmas(2 + kNuisances + kLensParameters + 1 + 3 * boxes);
   sigmas[0] = priors.offset;
-  sigmas[1 + kDepthGain] = priors.gain;
-  sigmas[1 + kMultipath] = multipath;
-  sigmas[1 + kEdgeShift] = sigmas[2 + kEdgeShift] = priors.edge_shift;
-  sigmas.segment<kLensParameters>(1 + kNuisances) = priors.lens;
-  sigmas[1 + kNuisances + kLensParameters] = priors.size;
+  sigmas[1] = priors.gain;
+  sigmas[2 + kMultipath] = multipath;
+  sigmas[2 + kEdgeShift] = sigmas[3 + kEdgeShift] = priors.edge_shift;
+  sigmas.segment<kLensParameters>(2 + kNuisances) = priors.lens;
+  sigmas[2 + kNuisances + kLensParameters] = priors.size;
   auto of_boxes = sigmas.tail(3 * boxes);
   for (int b = 0; b < boxes; ++b) {
     of_boxes[BuildModel::X(b)] = of_boxes[BuildModel::Z(b)] = priors.box;
@@ -53,9 +53,10 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
 }
 
 Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes) {
-  Eigen::VectorXd values(1 + kNuisances + kLensParameters + 1 + 3 * boxes);
-  values << *parameters.offset, Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
-      LensChange::Zero(), *parameters.build.size,
+  Eigen::VectorXd values(2 + kNuisances + kLensParameters + 1 + 3 * boxes);
+  values << *parameters.offset, *parameters.gain,
+      Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
+      *parameters.build.size,
       Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
   return values;
 }
@@ -72,16 +73,17 @@ void State::UpdateBuilt(const BuildModel& model) {
 }
 
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frames,
+                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
                    const std::vector<Pose>& placements) {
   State state;
-  state.frames = frames.empty() ? EachItsOwn(poses.size()) : std::move(frames);
+  state.frame_of = frame_of.empty() ? EachItsOwn(poses.size()) : std::move(frame_of);
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   for (const Pose& placement : placements) state.placements.emplace_back(placement);
   std::size_t sensors = 0;
   for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
   state.offsets.assign(poses.size(), 0);
-  state.nuisances.assign(sensors, {});
+  state.gains.assign(sensors, 0);
+  state.nuisances.assign(poses.size(), {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
   state.built.assign(placements.size(), structure);
@@ -108,10 +110,10 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   return free;
 }
 
-ParameterLayout::ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
-                                 std::size_t lenses)
-    : frames_(std::move(frames)), stills_(stills), boxes_(boxes), lenses_(lenses) {
-  for (std::size_t i = 0; i < frames_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
+ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills,
+                                 std::size_t boxes, std::size_t lenses)
+    : frame_of_(std::move(frame_of)), stills_(stills), boxes_(boxes), lenses_(lenses) {
+  for (std::size_t i = 0; i < frame_of_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
 }
 
 std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const {
@@ -122,9 +124,10 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
     blocks.push_back({state->placements[still].values, Placement(still), 7, 6});
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
-  for (std::size_t s = 0; s < sensors_; ++s) {
-    blocks.push_back({state->nuisances[s].data(), NuisanceOfSensor(s, 0), kNuisances, kNuisances});
-  }
+  for (std::size_t s = 0; s < sensors_; ++s)
+    blocks.push_back({&state->gains[s], GainOfSensor(s), 1, 1});
+  for (std::size_t i = 0; i < frames(); ++i)
+    blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
@@ -139,15 +142,12 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
                                              const std::vector<SensorLens>& lenses) const {
   Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
   const auto boxes = static_cast<int>(boxes_);
-  std::vector<double> sums(sensors_, 0), counts(sensors_, 0);
+  std::vector<double> counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
-    sums[SensorOf(i)] += multipath[i];
     ++counts[SensorOf(i)];
-  }
-  for (std::size_t s = 0; s < sensors_; ++s) {
-    const Eigen::VectorXd shared =
-        SharedPriorSigmas(priors, sums[s] / std::max(1.0, counts[s]), boxes);
-    sigmas.segment<kNuisances>(NuisanceOfSensor(s, 0)) = shared.segment<kNuisances>(1);
+    const Eigen::VectorXd own = SharedPriorSigmas(priors, multipath[i], 0);
+    sigmas[Gain(i)] = own[1];
+    sigmas.segment<kNuisances>(Nuisance(i, 0)) = own.segment<kNuisances>(2);
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)
@@ -170,18 +170,18 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   std::vector<char> is_moved(sensors_, kept_initial.empty());
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset[i]) hold(Offset(i), 1);
-    if (!free.gain[i]) hold(Nuisance(i, kDepthGain), 1);
+    if (!free.gain[i]) hold(Gain(i), 1);
     if (kept_initial.empty()) continue;
     if (kept_initial[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
+      hold(Nuisance(i, 0), kNuisances);
     } else {
       is_moved[SensorOf(i)] = 1;
     }
   }
   for (std::size_t s = 0; s < sensors_; ++s) {
-    if (is_moved[s]) continue;
-    hold(NuisanceOfSensor(s, 0), kNuisances);
+    if (!is_moved[s]) hold(GainOfSensor(s), 1);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);
@@ -196,7 +196,7 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
   for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
-  for (std::size_t s = 0; s < sensors_; ++s) of[NuisanceOfSensor(s, kDepthGain)] = scales.gain;
+  for (std::size_t s = 0; s < sensors_; ++s) of[GainOfSensor(s)] = scales.gain;
   of[Size()] = scales.size;
   of.tail(size() - Boxes(0)).setConstant(scales.boxes);
   return of;

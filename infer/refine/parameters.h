@@ -18,10 +18,10 @@
 
 namespace volalign::refine_internal {
 
-/// A sensor's nuisance block: depth gain - 1, multipath in m, outward shift in px of silhouettes
-/// along image rows and along columns (a stereo matcher widens them along its baseline).
-inline constexpr int kNuisances = 4;
-inline constexpr int kDepthGain = 0, kMultipath = 1, kEdgeShift = 2;
+/// A frame's nuisance block: multipath in m, outward shift in px of silhouettes along image rows
+/// and along columns (a stereo matcher widens them along its baseline). All depend on what is seen.
+inline constexpr int kNuisances = 3;
+inline constexpr int kMultipath = 0, kEdgeShift = 1;
 
 /// What a frame is of: indices of its sensor, its still and its lens. The frames of one sensor are
 /// of different stills.
@@ -32,10 +32,11 @@ struct FrameOf {
 std::vector<FrameOf> EachItsOwn(std::size_t frames);
 
 /// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
-/// sensor's nuisances and lens (LensChange), and the build of its still.
+/// sensor's depth gain - 1 (1), its nuisances, its lens (LensChange), and the build of its still.
 struct SensorParameters {
   const double* pose;
   const double* offset;
+  const double* gain;
   const double* nuisance;
   const double* lens;
   BuildParameters build;
@@ -44,7 +45,7 @@ struct SensorParameters {
 /// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct SensorColumns {
-  static constexpr Eigen::Index kPose = 0, kOffset = 7, kNuisance = 8,
+  static constexpr Eigen::Index kPose = 0, kOffset = 7, kGain = 8, kNuisance = 9,
                                 kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
                                 kBoxes = kSize + 1;
   /// How many columns are the sensor's own depth and silhouette errors.
@@ -68,8 +69,8 @@ Priors PriorsOf(const RefineOptions& options);
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// SensorColumns: offset, nuisances, lens, size, boxes. `multipath`, m, belongs to the frame's
-/// noise model.
+/// SensorColumns: offset, gain, nuisances, lens, size, boxes. `multipath`, m, belongs to the
+/// frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.
@@ -96,11 +97,12 @@ struct SensorState {
 
 /// Values of all parameters. A frame's sensor is short for the sensor that it is of.
 struct State {
-  std::vector<FrameOf> frames;
+  std::vector<FrameOf> frame_of;
   std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
   std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
-  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each sensor
+  std::vector<double> gains;          ///< of each sensor, depth gain - 1
+  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
   std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
   double size = 0;                                        ///< of all boxes, scale - 1
   std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
@@ -109,24 +111,24 @@ struct State {
   /// matched with.
   std::vector<Structure> built;
 
-  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].sensor); }
-  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].still); }
-  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frames[i].lens); }
+  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
+  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].still); }
+  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
 
   // Of a frame.
   const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
-  double* Nuisance(std::size_t i) { return nuisances[SensorOf(i)].data(); }
+  double* Gain(std::size_t i) { return &gains[SensorOf(i)]; }
   SensorState Sensor(std::size_t i) const { return Sensor(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   SensorState Sensor(std::size_t i, const Pose& pose) const {
-    return {pose, nuisances[SensorOf(i)][kDepthGain], offsets[i]};
+    return {pose, gains[SensorOf(i)], offsets[i]};
   }
   BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
   SensorParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], nuisances[SensorOf(i)].data(), Lens(i).data(),
-            Build(StillOf(i))};
+    return {poses[i].values,     &offsets[i],    &gains[SensorOf(i)],
+            nuisances[i].data(), Lens(i).data(), Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
   void UpdateBuilt(const BuildModel& model);
@@ -136,7 +138,7 @@ struct State {
 /// have one lens, which is known.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses = {SensorLens()},
-                   std::vector<FrameOf> frames = {},
+                   std::vector<FrameOf> frame_of = {},
                    const std::vector<Pose>& placements = {Pose::Identity()});
 
 /// What is estimated beside the poses and the nuisances that are always free.
@@ -156,18 +158,18 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
-/// offsets, the sensors' nuisances (kNuisances each), the lenses (kLensParameters each), the size,
-/// the boxes of each still.
+/// offsets, the sensors' depth gains, the frames' nuisances (kNuisances each), the lenses
+/// (kLensParameters each), the size, the boxes of each still.
 class ParameterLayout {
  public:
   /// `boxes`: of one still.
-  ParameterLayout(std::vector<FrameOf> frames, std::size_t stills, std::size_t boxes,
+  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, std::size_t boxes,
                   std::size_t lenses);
   /// One still, each frame of a sensor of its own.
   ParameterLayout(std::size_t frames, std::size_t boxes, std::size_t lenses = 1)
       : ParameterLayout(EachItsOwn(frames), 1, boxes, lenses) {}
 
-  std::size_t frames() const { return frames_.size(); }
+  std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
   std::size_t stills() const { return stills_; }
   std::size_t boxes() const { return boxes_; }  ///< of one still
@@ -182,16 +184,17 @@ class ParameterLayout {
   Eigen::Index Offset(std::size_t frame) const {
     return Placement(stills_) + static_cast<Eigen::Index>(frame);
   }
-  Eigen::Index NuisanceOfSensor(std::size_t sensor, int which) const {
-    return Offset(frames()) + static_cast<Eigen::Index>(kNuisances * sensor) + which;
+  Eigen::Index GainOfSensor(std::size_t sensor) const {
+    return Offset(frames()) + static_cast<Eigen::Index>(sensor);
   }
-  /// Of a frame's sensor. `which`: kDepthGain, kMultipath, kEdgeShift or kEdgeShift + 1.
+  /// Of a frame's sensor.
+  Eigen::Index Gain(std::size_t frame) const { return GainOfSensor(SensorOf(frame)); }
+  /// `which`: kMultipath, kEdgeShift or kEdgeShift + 1.
   Eigen::Index Nuisance(std::size_t frame, int which) const {
-    return NuisanceOfSensor(SensorOf(frame), which);
+    return GainOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
-  /// Of the lens of this index.
   Eigen::Index Lens(std::size_t lens) const {
-    return NuisanceOfSensor(sensors_, 0) + static_cast<Eigen::Index>(kLensParameters * lens);
+    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
   /// Of all boxes.
   Eigen::Index Size() const { return Lens(lenses_); }
@@ -211,8 +214,8 @@ class ParameterLayout {
   std::vector<Block> Blocks(State* state) const;
 
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
-  /// `multipath`: m, of each frame; a sensor's is the mean of its frames'. Offsets of n frames of
-  /// one sensor have a prior that is wider by the root of n: they are tied, see DriftCost.
+  /// `multipath`: m, of each frame. Offsets of n frames of one sensor have a prior that is wider by
+  /// the root of n: they are tied, see DriftCost.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
@@ -231,10 +234,10 @@ class ParameterLayout {
 
  private:
   std::size_t SensorOf(std::size_t frame) const {
-    return static_cast<std::size_t>(frames_[frame].sensor);
+    return static_cast<std::size_t>(frame_of_[frame].sensor);
   }
 
-  std::vector<FrameOf> frames_;
+  std::vector<FrameOf> frame_of_;
   std::size_t sensors_ = 0, stills_, boxes_, lenses_;
 };
 

@@ -1,4 +1,5 @@
 #include "infer/refine/posterior.h"
+#include "infer/refine/fine_problem.h"
 
 #include <ceres/crs_matrix.h>
 #include <ceres/problem.h>
@@ -11,7 +12,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// px, standard deviation of the shift of silhouettes that all sensors have in common.
+/// px, standard deviation of the shift of silhouettes that all frames have in common.
 constexpr double kCommonEdgeShift = 0.3;
 
 double Square(double x) { return x * x; }
@@ -96,9 +97,9 @@ Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const Parame
                                 const Eigen::VectorXd& prior_sigmas) {
   // What pulls on each shift, but its own prior.
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(information.rows());
-  for (std::size_t s = 0; s < layout.sensors(); ++s) {
+  for (std::size_t i = 0; i < layout.frames(); ++i) {
     for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
-      const Eigen::Index column = layout.NuisanceOfSensor(s, shift);
+      const Eigen::Index column = layout.Nuisance(i, shift);
       pull += information.col(column);
       pull[column] -= 1 / Square(prior_sigmas[column]);
     }

@@ -14,7 +14,7 @@ namespace volalign {
 
 /// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the
 /// structure where it stands in that still.
-struct RefineSensor {
+struct RefineFrame {
   const SensorPoints* points = nullptr;
   /// What a refined pose has to explain held-out points better than. A pose that was fitted to the
   /// sensor's own points would win against better ones: it has absorbed the sensor's warp and where
@@ -38,38 +38,38 @@ inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 
 /// What is given and stays as it is while the parameters are sought. Refers to its arguments.
 struct JointProblem {
-  JointProblem(const Structure& structure, const std::vector<RefineSensor>& sensors,
+  JointProblem(const Structure& structure, const std::vector<RefineFrame>& frames,
                const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
                std::size_t stills = 1);
 
   const Structure& structure;  ///< as described
-  const std::vector<RefineSensor>& sensors;
+  const std::vector<RefineFrame>& frames;
   const RefineOptions& options;
   BuildModel model;
   Priors priors;  ///< without a lens's
   /// Those given, then one for all sensors whose lens is known, where there are any.
   std::vector<SensorLens> lenses;
-  std::vector<FrameOf> frames;  ///< what each of `sensors` is of
+  std::vector<FrameOf> frame_of;  ///< what each of `frames` is of
   ParameterLayout layout;
   std::vector<std::vector<int>> overlap_points;  ///< of each frame, see ChooseOverlapPoints
 
-  std::size_t size() const { return sensors.size(); }
+  std::size_t size() const { return frames.size(); }
   /// For what a sensor's points alone are to tell: with the standard deviations of its lens about
   /// where all evidence together has it, which are not those of a lens of which nothing is known.
   Priors PriorsOf(std::size_t i) const {
     Priors own = priors;
-    const auto lens = static_cast<std::size_t>(frames[i].lens);
+    const auto lens = static_cast<std::size_t>(frame_of[i].lens);
     own.lens = lenses[lens].prior_sigmas.cwiseMin(kFoundLens);
     return own;
   }
-  bool HasStructureTerms(std::size_t i) const { return sensors[i].use_structure_terms; }
+  bool HasStructureTerms(std::size_t i) const { return frames[i].use_structure_terms; }
   /// Does the overlap of two frames count? They have to be of one still, and no earlier one may
   /// have both sensors: what stands about the structure would be measured again with the same
   /// errors.
   bool OverlapCounts(std::size_t a, std::size_t b) const;
   /// One frame's part in its overlap with others.
   OverlapView Overlap(std::size_t i, const State& state) const {
-    return {sensors[i].points, &overlap_points[i], state.Sensor(i)};
+    return {frames[i].points, &overlap_points[i], state.Sensor(i)};
   }
 };
 

@@ -13,6 +13,7 @@
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
+#include "infer/refine/gauge.h"
 #include "infer/refine/model_choice.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/refine_result.h"
@@ -27,10 +28,10 @@ using namespace refine_internal;  // NOLINT(google-build-using-namespace): its o
 Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
-  for (const RefineSensor& sensor : problem.sensors) starts.push_back(sensor.start);
+  for (const RefineFrame& frame : problem.frames) starts.push_back(frame.start);
   Solution solution{
       asked_for,
-      NominalState(problem.structure, starts, problem.lenses, problem.frames, placements),
+      NominalState(problem.structure, starts, problem.lenses, problem.frame_of, placements),
       {},
       std::vector<char>(problem.size(), 0)};
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -39,54 +40,12 @@ Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
   return solution;
 }
 
-void CheckPoses(const std::vector<RefineSensor>& sensors) {
-  for (std::size_t i = 0; i < sensors.size(); ++i) {
-    if (sensors[i].to_beat.matrix().allFinite() && sensors[i].fallback.matrix().allFinite())
-      continue;
+void CheckPoses(const std::vector<RefineFrame>& frames) {
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (frames[i].to_beat.matrix().allFinite() && frames[i].fallback.matrix().allFinite()) continue;
     throw DataError(fmt::format(
-        "sensor {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
+        "frame {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
   }
-}
-
-/// Makes the mean displacement of a still's estimated boxes zero. Returns it.
-Eigen::Vector3d TakeMeanOut(const char* estimated, std::vector<double>* boxes) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  double count = 0;
-  const auto at = [&](int k) -> double& { return (*boxes)[static_cast<std::size_t>(k)]; };
-  const int all = static_cast<int>(boxes->size()) / 3;
-  for (int b = 0; b < all; ++b) {
-    if (!estimated[b]) continue;
-    mean += Eigen::Vector3d(at(BuildModel::X(b)), 0, at(BuildModel::Z(b)));
-    ++count;
-  }
-  mean /= std::max(1.0, count);
-  for (int b = 0; b < all; ++b) {
-    if (!estimated[b]) continue;
-    at(BuildModel::X(b)) -= mean.x();
-    at(BuildModel::Z(b)) -= mean.z();
-  }
-  return mean;
-}
-
-/// Gauge: in each still, the mean displacement of the estimated boxes is zero. The priors all but
-/// see to it.
-void CentreBoxes(const JointProblem& problem, Solution* solution) {
-  State* state = &solution->state;
-  std::vector<Eigen::Vector3d> means;
-  for (std::size_t still = 0; still < state->boxes.size(); ++still) {
-    means.push_back(TakeMeanOut(solution->free.boxes.data() + still * problem.layout.boxes(),
-                                &state->boxes[still]));
-  }
-  for (std::size_t still = 1; still < means.size(); ++still) {
-    Pose placement = state->placements[still].ToPose();
-    placement.translation() += placement.linear() * means[still] - means[0];
-    state->placements[still] = PoseBlock(placement);
-  }
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution->kept_initial[i]) continue;
-    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->StillOf(i)];
-  }
-  state->UpdateBuilt(problem.model);
 }
 
 /// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
@@ -129,11 +88,11 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
   return names;
 }
 
-RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
+RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& frames,
                     const RefineOptions& options, const std::vector<SensorLens>& lenses,
                     const std::vector<Pose>& placements) {
   const EstimateSet asked = ParseEstimate(options.estimate);
-  if (sensors.empty()) {
+  if (frames.empty()) {
     RefineResult nothing;
     for (const Pose& placement : placements) {
       nothing.placements.push_back({placement, Matrix6d::Zero(),
@@ -142,9 +101,9 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
     for (const SensorLens& lens : lenses) nothing.lenses.push_back({lens.change});
     return nothing;
   }
-  CheckPoses(sensors);
-  const JointProblem problem(structure, sensors, options, lenses, placements.size());
-  const FreeSet asked_for = AskedFor(asked, problem.priors, sensors.size(),
+  CheckPoses(frames);
+  const JointProblem problem(structure, frames, options, lenses, placements.size());
+  const FreeSet asked_for = AskedFor(asked, problem.priors, frames.size(),
                                      placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
@@ -153,7 +112,8 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.kept_initial;
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(sensors.size())};
+  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),
+                std::vector<Disagreement>(frames.size())};
   if (options.choose_estimates) {
     agreed = SetAsideDisagreeing(problem, asked_for,
                                  ChooseEstimates(problem, std::move(agreed.solution)));
@@ -161,7 +121,7 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>&
   Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
   const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
-  return MakeResult(problem, accepted, unsolved, posterior, agreed.of, lenses.size());
+  return MakeResult(problem, accepted, unsolved, posterior, agreed, lenses.size());
 }
 
 }  // namespace volalign

@@ -12,20 +12,26 @@
 
 namespace volalign {
 
-/// What a sensor that contradicts the others would have had to accept to fit to them.
+/// What a frame that contradicts the others would have had to accept to fit to them.
 struct RefusedFit {
   Pose structure_from_sensor = Pose::Identity();  ///< of the joint solution with it
-  /// m: of its observations, at the joint solution and at the one that fits it alone.
-  double rms_together = 0, rms_alone = 0;
+  std::vector<int> contradicts;  ///< indices of the frames that show it, the clearest first
 };
 
 /// Of a frame; poses in the structure of its still.
-struct RefinedSensor {
+struct RefinedFrame {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted = false;  ///< false: the pose is RefineSensor::fallback
-  /// Of a sensor that disagrees with the others. Its pose is then RefineSensor::start, and they are
+  bool accepted = false;  ///< false: the pose is RefineFrame::fallback
+  /// Of a sensor that disagrees with the others. Its pose is then RefineFrame::start, and they are
   /// solved without it; it counts as accepted.
   std::optional<RefusedFit> refused_fit;
+  /// Half the square, in standard deviations, of how far its own measurements are from the joint
+  /// solution (of a sensor that disagrees: the one with it).
+  double disagreement = 0;
+  /// m, root mean square by which its observations of sides are off: at the joint solution (of a
+  /// sensor that disagrees: the one with it), and at the one that fits it alone. Zero of a frame
+  /// without structure terms.
+  double rms_together = 0, rms_alone = 0;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
   /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
@@ -75,7 +81,7 @@ struct RefinedPlacement {
 };
 
 struct RefineResult {
-  std::vector<RefinedSensor> sensors;  ///< of the frames that were given
+  std::vector<RefinedFrame> frames;  ///< of the frames that were given
   std::vector<RefinedPair> pairs;
   std::vector<RefinedPlacement> placements;  ///< of the stills, the first with the identity
   std::vector<RefinedLens> lenses;           ///< of those given
@@ -99,14 +105,14 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// gain, and an error in concave seams; silhouettes may be shifted outwards. Together with each
 /// box's place and turn and the size of all boxes these are parameters with priors. Between
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
-/// by its overlap alone. Sensors whose RefineSensor::lens is an index into `lenses` look through
+/// by its overlap alone. Sensors whose RefineFrame::lens is an index into `lenses` look through
 /// that lens, whose change from SensorLens::change is a parameter, too, with the evidence that
 /// large planes give; sensors may share one.
 ///
 /// Several stills of the same sensors have the stack in several places. `placements`, one a still,
 /// are about first_from_placement, the first the identity. Each is a parameter, as are the boxes of
 /// each still; a sensor's depth gain, its lens and the size are the same in all. The frames of a
-/// sensor (RefineSensor::sensor) have a pose each, which differ by the placements and by as little
+/// sensor (RefineFrame::sensor) have a pose each, which differ by the placements and by as little
 /// as options.sensor_moved_sigma_m and _deg allow.
 ///
 /// A parameter is estimated where its posterior is clearly tighter than its prior and the
@@ -122,7 +128,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// back to its fallback is widened by how far the refused pose was from it. A prior of 1 m and 1
 /// rad bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate,
 /// DataError for a pose to beat or to fall back to that is not finite.
-RefineResult Refine(const Structure& structure, const std::vector<RefineSensor>& sensors,
+RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& frames,
                     const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
                     const std::vector<Pose>& placements = {Pose::Identity()});
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "infer/refine/fine.h"
+#include "infer/refine/fine_problem.h"
 
 namespace volalign::refine_internal {
 
@@ -32,7 +33,7 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
                            const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
   const Matrix6d turned = Adjoint(placement);
   Matrix6d in_first = turned * covariance * turned.transpose();
-  const auto still = static_cast<std::size_t>(problem.frames[frame].still);
+  const auto still = static_cast<std::size_t>(problem.frame_of[frame].still);
   if (still == 0) return in_first;
   const Eigen::Index p = problem.layout.Placement(still), t = problem.layout.Pose(frame);
   const Matrix6d cross = posterior.covariance.block<6, 6>(p, t) * turned.transpose();
@@ -40,37 +41,38 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
   return (in_first + in_first.transpose()) / 2;
 }
 
-RefinedSensor SensorResult(const JointProblem& problem, const Acceptance& accepted,
-                           const std::vector<char>& unsolved, const Posterior& posterior,
-                           const std::optional<SetAside>& set_aside, std::size_t i) {
+RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted,
+                         const std::vector<char>& unsolved, const Posterior& posterior,
+                         const Agreed& agreed, std::size_t i) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
-  RefinedSensor sensor;
-  sensor.accepted = !kept_initial[i];
-  sensor.structure_from_sensor =
-      sensor.accepted ? state.poses[i].ToPose() : problem.sensors[i].fallback;
-  const std::size_t own = state.SensorOf(i);
-  if (free.offset[i] && sensor.accepted) sensor.depth_offset = state.offsets[i];
-  if (free.gain[i] && sensor.accepted) sensor.depth_gain = 1 + state.nuisances[own][kDepthGain];
-  sensor.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
-  sensor.sigma_depth_gain = posterior.Sigma(layout.Nuisance(i, kDepthGain));
-  sensor.held_out_before = accepted.before[i].misfit;
-  sensor.held_out_after = accepted.after[i].misfit;
+  RefinedFrame frame;
+  frame.accepted = !kept_initial[i];
+  frame.structure_from_sensor =
+      frame.accepted ? state.poses[i].ToPose() : problem.frames[i].fallback;
+  if (free.offset[i] && frame.accepted) frame.depth_offset = state.offsets[i];
+  if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
+  frame.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
+  frame.sigma_depth_gain = posterior.Sigma(layout.Gain(i));
+  frame.held_out_before = accepted.before[i].misfit;
+  frame.held_out_after = accepted.after[i].misfit;
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
-  sensor.covariance =
+  frame.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
-  sensor.problem = Problem(unsolved[i], posterior.exact);
-  if (set_aside) {
-    sensor.accepted = true;
-    sensor.covariance = set_aside->disagreement.covariance;
-    sensor.structure_from_sensor = problem.sensors[i].start;
-    sensor.refused_fit = RefusedFit{set_aside->together, set_aside->disagreement.rms_together,
-                                    set_aside->disagreement.rms_alone};
+  frame.problem = Problem(unsolved[i], posterior.exact);
+  frame.disagreement = agreed.measured[i].cost;
+  frame.rms_together = agreed.measured[i].rms_together;
+  frame.rms_alone = agreed.measured[i].rms_alone;
+  if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
+    frame.accepted = true;
+    frame.covariance = agreed.measured[i].covariance;
+    frame.structure_from_sensor = problem.frames[i].start;
+    frame.refused_fit = RefusedFit{set_aside->together, set_aside->contradicts};
   }
   const Pose placement = state.placements[state.StillOf(i)].ToPose();
-  sensor.first_from_sensor = placement * sensor.structure_from_sensor;
-  sensor.first_covariance = CovarianceInFirst(problem, posterior, placement, i, sensor.covariance);
-  return sensor;
+  frame.first_from_sensor = placement * frame.structure_from_sensor;
+  frame.first_covariance = CovarianceInFirst(problem, posterior, placement, i, frame.covariance);
+  return frame;
 }
 
 /// Does a sensor that was refined see the box in a still?
@@ -149,16 +151,15 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
-                        const std::vector<std::optional<SetAside>>& set_aside,
-                        std::size_t given_lenses) {
+                        const Agreed& agreed, std::size_t given_lenses) {
   const auto& [free, state, evidence, kept_initial] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.sensors.push_back(SensorResult(problem, accepted, unsolved, posterior, set_aside[i], i));
+    result.frames.push_back(FrameResult(problem, accepted, unsolved, posterior, agreed, i));
   result.placements = PlacementResults(problem, accepted, posterior);
   result.size_estimated =
-      free.size && std::any_of(result.sensors.begin(), result.sensors.end(),
-                               [](const RefinedSensor& sensor) { return sensor.accepted; });
+      free.size && std::any_of(result.frames.begin(), result.frames.end(),
+                               [](const RefinedFrame& frame) { return frame.accepted; });
   result.size_scale = 1 + state.size;
   result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
   result.pairs = PairResults(problem, state);

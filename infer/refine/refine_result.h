@@ -14,11 +14,11 @@
 
 namespace volalign::refine_internal {
 
-/// `unsolved`: frames whose part of the problem could not be solved. `set_aside`: those that were,
-/// of all. `given_lenses`: how many of the problem's lenses the caller gave.
+/// `unsolved`: frames whose part of the problem could not be solved. `agreed`: but for its
+/// solution, which `accepted` has. `given_lenses`: how many of the problem's lenses the caller
+/// gave.
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
-                        const std::vector<std::optional<SetAside>>& set_aside,
-                        std::size_t given_lenses);
+                        const Agreed& agreed, std::size_t given_lenses);
 
 }  // namespace volalign::refine_internal

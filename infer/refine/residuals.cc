@@ -51,7 +51,7 @@ class Scene {
   }
 
   double TrueDepth(const FaceObservation& face) const {
-    return face.p.z() * (1 + nuisance(kDepthGain)) + parameters_.offset[0] -
+    return face.p.z() * (1 + parameters_.gain[0]) + parameters_.offset[0] -
            nuisance(kMultipath) * face.multipath;
   }
 
@@ -115,7 +115,7 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     jacobian->row(row) = scene.Derivative(plane, p, at);
     const double along = plane.normal.dot(scene.rotation() * ray);
     (*jacobian)(row, SensorColumns::kOffset) = along;
-    (*jacobian)(row, SensorColumns::kNuisance + kDepthGain) = along * face.p.z();
+    (*jacobian)(row, SensorColumns::kGain) = along * face.p.z();
     (*jacobian)(row, SensorColumns::kNuisance + kMultipath) = -along * face.multipath;
     jacobian->row(row).segment<kLensParameters>(SensorColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
@@ -174,17 +174,22 @@ void Residuals(const BuildModel& model, const SensorEvidence& evidence,
 SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
     : model_(model), evidence_(evidence) {
   set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
-  *mutable_parameter_block_sizes() = {7, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
+  *mutable_parameter_block_sizes() = {
+      7, 1, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
   Eigen::VectorXd r;
   Eigen::MatrixXd j;
-  Residuals(
-      model_, evidence_,
-      {parameters[0], parameters[1], parameters[2], parameters[3], {parameters[4], parameters[5]}},
-      &r, jacobians ? &j : nullptr);
+  Residuals(model_, evidence_,
+            {parameters[0],
+             parameters[1],
+             parameters[2],
+             parameters[3],
+             parameters[4],
+             {parameters[5], parameters[6]}},
+            &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
   const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());
   const auto face_root = evidence_.face_root.triangularView<Eigen::Lower>();

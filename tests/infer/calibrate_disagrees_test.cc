@@ -61,6 +61,10 @@ void ExpectOddOneSetAside(const Rig& rig, const std::vector<SensorCode>& codes) 
           << ToString(sensor.code) << ": " << sensor.reason;
       ASSERT_TRUE(sensor.together.has_value());
       EXPECT_GT(ComparePoses(*sensor.together, *sensor.structure_from_sensor).translation_m, 1e-4);
+      EXPECT_FALSE(sensor.disagrees_with.empty());
+      EXPECT_EQ(std::count(sensor.disagrees_with.begin(), sensor.disagrees_with.end(), sensor.name),
+                0);
+      EXPECT_GT(sensor.disagreement, 17);
     } else {
       EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.name << ": " << sensor.reason;
       EXPECT_FALSE(sensor.together.has_value());

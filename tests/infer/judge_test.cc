@@ -41,11 +41,11 @@ struct Stages {
             PlacedSensor{*rig.frames[i].ground_truth,
                          SamplePoints(results.views[i], view.segmentation, rig.structure, {}),
                          std::nullopt, std::nullopt});
-        RefinedSensor refined;
+        RefinedFrame refined;
         refined.accepted = true;
         refined.structure_from_sensor = *rig.frames[i].ground_truth;
         refined.covariance = 1e-6 * Matrix6d::Identity();
-        results.refined.sensors.push_back(refined);
+        results.refined.frames.push_back(refined);
       }
       results.labelled.push_back(std::move(view));
     }
@@ -76,8 +76,8 @@ TEST(JudgeSensors, EverySensorGetsWhatIsItsOwn) {
 
 TEST(JudgeSensors, ASensorThatCouldNotBeSolvedIsWeak) {
   Stages stages;
-  stages.results.refined.sensors[1].accepted = false;
-  stages.results.refined.sensors[1].problem = "its solution is no number";
+  stages.results.refined.frames[1].accepted = false;
+  stages.results.refined.frames[1].problem = "its solution is no number";
   const CalibrationResult result = stages.Judge();
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
   EXPECT_EQ(result.sensors[2].status, SensorStatus::kWeak);
@@ -87,7 +87,7 @@ TEST(JudgeSensors, ASensorThatCouldNotBeSolvedIsWeak) {
 
 TEST(JudgeSensors, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
   Stages stages;
-  Pose& refined = stages.results.refined.sensors[1].structure_from_sensor;
+  Pose& refined = stages.results.refined.frames[1].structure_from_sensor;
   refined.translation().y() += 0.1;
   const SensorView view = stages.results.views[2];
   const StructureView seen = CastView(stages.rig.structure, view.rays, refined);
@@ -107,7 +107,7 @@ TEST(JudgeSensors, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
 TEST(JudgeSensors, DepthsAreJudgedAsTheyWereCorrected) {
   // What the sensor measured is 2 % and 30 mm short, as was found out.
   Stages stages;
-  RefinedSensor& refined = stages.results.refined.sensors[1];
+  RefinedFrame& refined = stages.results.refined.frames[1];
   refined.depth_gain = 1 / 0.98;
   refined.depth_offset = 0.03;
   for (float& z : stages.results.views[2].depth) {
@@ -152,8 +152,8 @@ TEST(JudgeSensors, ALensThatWasEstimatedIsCalledSo) {
 
 TEST(JudgeSensors, SensorsInOnePlaceNameEachOther) {
   Stages stages;
-  stages.results.refined.sensors[1].structure_from_sensor =
-      stages.results.refined.sensors[0].structure_from_sensor;
+  stages.results.refined.frames[1].structure_from_sensor =
+      stages.results.refined.frames[0].structure_from_sensor;
   const CalibrationResult result = stages.Judge();
   for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);

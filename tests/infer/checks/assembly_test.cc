@@ -17,9 +17,11 @@ namespace volalign {
 namespace {
 
 using testing_infer::Certain;
+using testing_infer::FlipFrame;
 using testing_infer::Kinect;
 using testing_infer::PaperStructure;
 using testing_infer::Render;
+using testing_infer::Rig;
 using testing_infer::RingPose;
 
 /// Footprint of a box, mm, in its place from the floor.
@@ -131,6 +133,34 @@ TEST(InspectAssembly, AStackThatHangsUpsideDownIsNotSeen) {
   EXPECT_GT(overlap(pose), 0.98);
   ASSERT_GT(MeasureOverlap(view, labels, structure, over->motion * pose, 0.5).ratio(), 0.9);
   EXPECT_EQ(overlap(over->motion * pose), 0);
+}
+
+TEST(InspectAssembly, AFrameIsMirroredOnlyBesideOneThatShowsTheStackAsDescribed) {
+  // The first frame is mirrored. Beside a frame of a stack of which a box was pushed aside by 15
+  // cm, nothing says that the stack is as described, though no single arrangement explains both
+  // frames.
+  const Structure described = PaperStructure();
+  const Structure pushed = Stack({kBottom, {-430, -100, -390, 165}, kMidTop, kTop});
+  for (const bool as_described : {true, false}) {
+    Rig rig{described, {}, {}};
+    rig.Add("mirrored", RingPose(20, 2.1), {true, 3.5});
+    FlipFrame(described, &rig.frames[0], &rig.labels[0]);
+    rig.structure = as_described ? described : pushed;
+    rig.Add("other", RingPose(140, 2.1), {true, 3.5});
+    const std::vector<SensorView> views = MakeSensorViews(rig.frames, 1);
+    std::vector<SegmentationResult> segmentations;
+    std::vector<InitialPose> initial;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      segmentations.push_back(Certain(rig.labels[i]));
+      initial.push_back(
+          EstimateInitialPose(views[i], segmentations[i], described, InitialPoseOptions()));
+    }
+    const AssemblyReport report = InspectAssembly(
+        {{&views[0], &segmentations[0], &initial[0]}, {&views[1], &segmentations[1], &initial[1]}},
+        described, {}, {}, 2);
+    const std::vector<std::size_t> first{0}, none;
+    EXPECT_EQ(report.mirrored_frames, as_described ? first : none) << report.arrangement.sentence;
+  }
 }
 
 }  // namespace

@@ -160,21 +160,21 @@ TEST(InspectStack, NamesMirroredFramesByTheirPlaceInTheCapture) {
   EXPECT_EQ(report->mirrored_frames, (std::vector<std::size_t>{2}));
 }
 
-TEST(SensorsToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {
+TEST(FramesToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {
   const Rig rig = NarrowRig();
   Labelled frames(rig);
   frames.options.refine.without_structure = {"S1"};
   std::vector<Placement> placements = frames.Place(rig, std::nullopt);
-  std::vector<RefineSensor> sensors = SensorsToRefine(
-      rig.frames, frames.labelled, placements, GivenLenses(rig.frames), frames.options.refine);
+  std::vector<RefineFrame> sensors = FramesToRefine(rig.frames, frames.labelled, placements,
+                                                    GivenLenses(rig.frames), frames.options.refine);
   ASSERT_EQ(sensors.size(), 2u);
   EXPECT_TRUE(sensors[0].use_structure_terms);
   EXPECT_FALSE(sensors[1].use_structure_terms);
   // Only overlap is to hold it: its initial pose is where it begins.
   EXPECT_TRUE(sensors[1].start.isApprox(frames.labelled[1].initial.structure_from_sensor));
   placements[0] = Finding{SensorCode::kNoStructure, "", ""};
-  sensors = SensorsToRefine(rig.frames, frames.labelled, placements, GivenLenses(rig.frames),
-                            frames.options.refine);
+  sensors = FramesToRefine(rig.frames, frames.labelled, placements, GivenLenses(rig.frames),
+                           frames.options.refine);
   ASSERT_EQ(sensors.size(), 1u);
   EXPECT_EQ(sensors[0].points, &std::get<PlacedSensor>(placements[1]).points);
 }

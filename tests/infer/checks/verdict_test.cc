@@ -42,9 +42,9 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        "79 %"},
       {SensorCode::kDisagrees,
        [](PlacedEvidence* e) {
-         e->refused_fit = RefusedFit{Pose::Identity(), 0.0174, 0.0061};
+         e->contradiction = ContradictedSensors{{"S4", "S1"}, {0.0174, 0.61}};
        },
-       "17.4 mm RMS off, alone 6.1 mm"},
+       "its pairs with S4, S1 show: they would move it by 17.4 mm and 0.61 deg"},
       {SensorCode::kAmbiguous, [](PlacedEvidence* e) { e->other_pose = "upside down"; },
        "upside down"},
       {SensorCode::kByNeighbours,

@@ -93,7 +93,7 @@ TEST(FitToStructure, IsTheMisfitUnderWhatIsUnknown) {
 struct TwoSensors {
   testing_infer::Rig rig{PaperStructure(), {}, {}};
   std::vector<SensorPoints> points;
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   RefineOptions options;
 
   TwoSensors() {
@@ -103,7 +103,7 @@ struct TwoSensors {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose away = testing_infer::Displaced(truth, 0.005, 0.2, i);
-      sensors.push_back({&points[i], away, away, truth, true});
+      frames.push_back({&points[i], away, away, truth, true});
     }
     options.estimate = "none";
   }
@@ -113,12 +113,12 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   TwoSensors two;
   // The first was to be kept where the truth is and "refined" away from it; the second the other
   // way round.
-  two.sensors[0].to_beat = two.sensors[0].fallback = *two.rig.frames[0].ground_truth;
-  two.sensors[0].start = two.sensors[0].fallback;
-  two.sensors[0].start.translation().y() += 0.005;
-  const JointProblem problem(two.rig.structure, two.sensors, two.options);
+  two.frames[0].to_beat = two.frames[0].fallback = *two.rig.frames[0].ground_truth;
+  two.frames[0].start = two.frames[0].fallback;
+  two.frames[0].start.translation().y() += 0.005;
+  const JointProblem problem(two.rig.structure, two.frames, two.options);
   Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
-                    NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start}),
+                    NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start}),
                     std::vector<SensorEvidence>(2),
                     {0, 0}};
   for (SensorEvidence& evidence : solution.evidence) evidence.noise.warp = 0.001;
@@ -126,7 +126,7 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{1, 0}));
   const Pose& truth = *two.rig.frames[0].ground_truth;
   EXPECT_TRUE(accepted.solution.state.poses[0].ToPose().isApprox(truth, 1e-12));
-  EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.sensors[0].start, 1e-9));
+  EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.frames[0].start, 1e-9));
   EXPECT_EQ(accepted.refused[1].norm(), 0);
   EXPECT_EQ(accepted.after[0].misfit, accepted.before[0].misfit);
   EXPECT_LT(accepted.after[1].misfit, accepted.before[1].misfit);
@@ -142,10 +142,10 @@ TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
       auto& edges = points.edge_points;
       edges.erase(std::remove_if(edges.begin(), edges.end(), out), edges.end());
     }
-    if (!improved) std::swap(two.sensors[0].to_beat, two.sensors[0].start);
-    const JointProblem problem(two.rig.structure, two.sensors, two.options);
+    if (!improved) std::swap(two.frames[0].to_beat, two.frames[0].start);
+    const JointProblem problem(two.rig.structure, two.frames, two.options);
     const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
-    State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
+    State state = NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start});
     std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
     const Acceptance accepted = AcceptImproved(problem, {free, state, evidence, {0, 0}});
     EXPECT_EQ(accepted.before[0].observations, 0);
@@ -165,9 +165,9 @@ TEST(HeldOutObservations, WhatFitsDoesNotAcceptPoses) {
   }
   const auto count = [](const SensorEvidence& of) { return of.faces.size() + of.edges.size(); };
   const auto observations = [&](const TwoSensors& of) {
-    const JointProblem problem(of.rig.structure, of.sensors, of.options);
+    const JointProblem problem(of.rig.structure, of.frames, of.options);
     const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
-    const State state = NominalState(of.rig.structure, {of.sensors[0].start, of.sensors[1].start});
+    const State state = NominalState(of.rig.structure, {of.frames[0].start, of.frames[1].start});
     const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
     return std::make_pair(count(evidence[0]),
                           count(GatherHeldOut(problem, {free, state, evidence, {0, 0}})[0]));
@@ -179,9 +179,9 @@ TEST(HeldOutObservations, WhatFitsDoesNotAcceptPoses) {
 
 TEST(HeldOutObservations, AreWeighedByTheNoiseThatWasFound) {
   const TwoSensors two;
-  const JointProblem problem(two.rig.structure, two.sensors, two.options);
+  const JointProblem problem(two.rig.structure, two.frames, two.options);
   const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
-  const State state = NominalState(two.rig.structure, {two.sensors[0].start, two.sensors[1].start});
+  const State state = NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start});
   const auto covariance = [&](double warp) {
     std::vector<SensorEvidence> evidence(2);
     for (SensorEvidence& of : evidence) of.noise.warp = warp;
@@ -227,11 +227,11 @@ TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
   AddPlane(1, 2.03, facing, BlockUse::kFit, &others);
   const SensorPoints own_points({}, {}, own), other_points({}, {}, others);
   const Pose pose = RingPose(40);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (const SensorPoints* of : {&own_points, &other_points})
-    sensors.push_back({of, pose, pose, pose, false});
+    frames.push_back({of, pose, pose, pose, false});
   const RefineOptions options;
-  const JointProblem problem(structure, sensors, options);
+  const JointProblem problem(structure, frames, options);
   const State state = NominalState(structure, {pose, pose});
   const auto fit = [&](double nearer, BlockUse use) {
     return FitToNeighbours(problem, state, 0, pose * Eigen::Translation3d(0, 0, nearer), use);

@@ -33,15 +33,15 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(85));
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 3, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
   const RefineOptions options;
-  const JointProblem problem(rig.structure, sensors, options);
-  const State state = SolveCoarse(
-      problem, {0, 0}, NominalState(rig.structure, {sensors[0].start, sensors[1].start}));
+  const JointProblem problem(rig.structure, frames, options);
+  const State state =
+      SolveCoarse(problem, {0, 0}, NominalState(rig.structure, {frames[0].start, frames[1].start}));
   for (std::size_t i = 0; i < 2; ++i) {
     const PoseError error = ComparePoses(state.poses[i].ToPose(), *rig.frames[i].ground_truth);
     EXPECT_FALSE(!(error.translation_m < 5e-3)) << error.translation_m;

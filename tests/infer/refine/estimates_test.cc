@@ -47,8 +47,8 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
   Handmade made;
   // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
   made.Measure(made.layout.Size(), 1.1);
-  made.Measure(made.layout.Nuisance(0, kDepthGain), 1.1);
-  made.Measure(made.layout.Nuisance(1, kDepthGain), 0.9);
+  made.Measure(made.layout.Gain(0), 1.1);
+  made.Measure(made.layout.Gain(1), 0.9);
   made.Measure(made.layout.Offset(1), 1.1);
   for (const Eigen::Index b : {0, 1, 3}) {
     made.Measure(made.layout.Boxes() + 3 * b, 5);
@@ -65,16 +65,19 @@ TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
 }
 
 TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
-  // Depths at 2 m: offset + 2 gain is measured to 0.5 mm, neither alone.
+  // Depths at 2.3 m, where a gain moves them as far as the offset does: their sum is measured to
+  // half of what each may be. Either is then known to sqrt(1.25 / 2.25) = 0.75 of its prior, over
+  // the limit of 0.7; the offset, where the gain is none, to sqrt(0.25 / 1.25) = 0.45 of it.
   Handmade made;
-  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Nuisance(0, kDepthGain);
+  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
+  const double depth = made.priors.offset / made.priors.gain, sigma = made.priors.offset / 2;
   Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
-  row[offset] = 1 / 0.0005;
-  row[gain] = 2 / 0.0005;
+  row[offset] = 1 / sigma;
+  row[gain] = depth / sigma;
   made.normal.information += row * row.transpose();
   const Eigen::MatrixXd both = made.normal.information.inverse();
-  ASSERT_GT(std::sqrt(both(offset, offset)), 0.5 * made.priors.offset);
-  ASSERT_GT(std::sqrt(both(gain, gain)), 0.7 * made.priors.gain);
+  ASSERT_NEAR(std::sqrt(both(offset, offset)) / made.priors.offset, 0.745, 0.001);
+  ASSERT_NEAR(std::sqrt(both(gain, gain)) / made.priors.gain, 0.745, 0.001);
   const FreeSet kept = made.Kept();
   EXPECT_FALSE(kept.gain[0]);
   EXPECT_TRUE(kept.offset[0]);

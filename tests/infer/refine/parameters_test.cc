@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "infer/refine/fine.h"
+#include "infer/refine/fine_problem.h"
 #include "infer/refine/problem.h"
 #include "tests/infer/refine/points_and_evidence.h"
 
@@ -57,10 +58,14 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                    [i](State* s, double h) { s->offsets[i] += h; }});
   }
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
-    const std::string of = " of sensor " + std::to_string(i);
-    for (const int k : {kDepthGain, kMultipath, kEdgeShift, kEdgeShift + 1}) {
+    all.push_back({"gain of sensor " + std::to_string(i), layout.GainOfSensor(i),
+                   [i](State* s, double h) { s->gains[i] += h; }});
+  }
+  for (std::size_t i = 0; i < layout.frames(); ++i) {
+    const std::string of = " of frame " + std::to_string(i);
+    for (const int k : {kMultipath, kEdgeShift, kEdgeShift + 1}) {
       all.push_back(
-          {"nuisance" + std::to_string(k) + of, layout.NuisanceOfSensor(i, k),
+          {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
@@ -95,20 +100,20 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   rig.Add("B", RingPose(100));
   rig.Add("A", placement.inverse() * RingPose(40));
   std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   std::vector<SensorLens> lenses(2);
   for (std::size_t i = 0; i < 3; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
     const int sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    sensors.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
+    frames.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   RefineOptions options;
   options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
-  const JointProblem problem(rig.structure, sensors, options, lenses, 2);
-  State state = NominalState(rig.structure, {sensors[0].start, sensors[1].start, sensors[2].start},
-                             lenses, problem.frames, {Pose::Identity(), placement});
+  const JointProblem problem(rig.structure, frames, options, lenses, 2);
+  State state = NominalState(rig.structure, {frames[0].start, frames[1].start, frames[2].start},
+                             lenses, problem.frame_of, {Pose::Identity(), placement});
   const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
   const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
@@ -138,6 +143,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     // Into the memory that Ceres refers to.
     std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
     std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
+    std::copy(before.gains.begin(), before.gains.end(), state.gains.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
@@ -171,7 +177,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
     EXPECT_EQ(sigmas[layout.Offset(i)], 0.007);
-    EXPECT_EQ(sigmas[layout.Nuisance(i, kDepthGain)], 0.003);
+    EXPECT_EQ(sigmas[layout.Gain(i)], 0.003);
     EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
   }
@@ -200,14 +206,14 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
 
   State state = NominalState(structure, {RingPose(10), RingPose(20)});
   for (double& x : state.offsets) x = 1;
+  for (double& x : state.gains) x = 1;
   for (auto& nuisances : state.nuisances) nuisances.fill(1);
   state.size = 1;
   for (double& x : state.boxes[0]) x = 1;
   state.lenses[0].setOnes();
   layout.SetNominal(free, &state);
   EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
-  EXPECT_EQ(state.nuisances[0][kDepthGain], 1);
-  EXPECT_EQ(state.nuisances[1][kDepthGain], 0);
+  EXPECT_EQ(state.gains, (std::vector<double>{1, 0}));
   EXPECT_EQ(state.nuisances[1][kMultipath], 1);
   EXPECT_TRUE(state.lenses[0].isZero());
   EXPECT_EQ(state.size, 1);

@@ -35,6 +35,25 @@ inline Pose Displaced(const Pose& pose, double translation, double rotation_deg,
   return moved;
 }
 
+/// Two neighbours that see the structure and the floor, where they stand.
+struct Neighbours {
+  Rig rig{PaperStructure(), {}, {}};
+  std::vector<SensorPoints> points;
+  std::vector<RefineFrame> frames;
+  std::vector<Pose> poses;
+
+  Neighbours() {
+    rig.Add("A", RingPose(40));
+    rig.Add("B", RingPose(85));
+    points = PointsOf(rig);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Pose& truth = *rig.frames[i].ground_truth;
+      poses.push_back(truth);
+      frames.push_back({&points[i], truth, truth, truth, true});
+    }
+  }
+};
+
 /// Parameters of one sensor and the build, as one vector in the order of SensorColumns.
 struct ParameterPoint {
   Eigen::VectorXd x;
@@ -48,6 +67,7 @@ struct ParameterPoint {
     using Columns = refine_internal::SensorColumns;
     return {x.data(),
             x.data() + Columns::kOffset,
+            x.data() + Columns::kGain,
             x.data() + Columns::kNuisance,
             x.data() + Columns::kLens,
             {x.data() + Columns::kSize, x.data() + Columns::kBoxes}};

@@ -22,27 +22,27 @@ using testing_infer::RingPose;
 TEST(Refine, NoiseFreeRigComesBackExactly) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
-  const RefineResult result = Refine(rig.structure, sensors, {});
-  for (const RefineResult& of : {result, Refine(rig.structure, sensors, poses_alone)}) {
+  const RefineResult result = Refine(rig.structure, frames, {});
+  for (const RefineResult& of : {result, Refine(rig.structure, frames, poses_alone)}) {
     for (std::size_t i = 0; i < points.size(); ++i) {
       const PoseError error =
-          ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth);
-      EXPECT_TRUE(of.sensors[i].accepted);
+          ComparePoses(of.frames[i].structure_from_sensor, *rig.frames[i].ground_truth);
+      EXPECT_TRUE(of.frames[i].accepted);
       // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
       EXPECT_FALSE(!(error.translation_m < 1.5e-3)) << i << ": " << error.translation_m;
       EXPECT_FALSE(!(error.rotation_deg < 0.05)) << i << ": " << error.rotation_deg;
     }
   }
   // Boxes that turn out to stand where they should leave no doubt about where that is.
-  for (const RefinedSensor& sensor : result.sensors)
-    EXPECT_LT(std::sqrt(sensor.covariance.diagonal().head<3>().maxCoeff()), 5e-3);
+  for (const RefinedFrame& frame : result.frames)
+    EXPECT_LT(std::sqrt(frame.covariance.diagonal().head<3>().maxCoeff()), 5e-3);
   // Neighbours on the ring see the same sides.
   int neighbours = 0;
   for (const RefinedPair& pair : result.pairs) {
@@ -59,16 +59,16 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
   for (const std::size_t lost : {0, 3, 6}) {
-    std::vector<RefineSensor> sensors;
+    std::vector<RefineFrame> frames;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      sensors.push_back({&points[i], start, start, start, i != lost});
+      frames.push_back({&points[i], start, start, start, i != lost});
     }
-    const RefineResult result = Refine(rig.structure, sensors, {});
+    const RefineResult result = Refine(rig.structure, frames, {});
     const PoseError error =
-        ComparePoses(result.sensors[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
-    EXPECT_TRUE(result.sensors[lost].accepted) << lost;
+        ComparePoses(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
+    EXPECT_TRUE(result.frames[lost].accepted) << lost;
     EXPECT_FALSE(!(error.translation_m < 5e-3)) << lost << ": " << error.translation_m;
     EXPECT_FALSE(!(error.rotation_deg < 0.2)) << lost << ": " << error.rotation_deg;
   }
@@ -90,7 +90,7 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
     start.translation() += shift;
     const RefineResult result =
         Refine(rig.structure, {{&points[0], start, start, start, true}}, {});
-    const PoseError error = ComparePoses(result.sensors[0].structure_from_sensor, truth);
+    const PoseError error = ComparePoses(result.frames[0].structure_from_sensor, truth);
     // Half a pixel of silhouette.
     EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
   }
@@ -104,22 +104,22 @@ TEST(Refine, FindsADepthOffset) {
     if (z > 0) z += 0.008f;
   }
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
-  const RefineResult result = Refine(rig.structure, sensors, {});
+  const RefineResult result = Refine(rig.structure, frames, {});
   for (std::size_t i = 0; i < points.size(); ++i) {
-    EXPECT_NEAR(result.sensors[i].depth_offset, i == 3 ? -0.008 : 0, 2e-3) << i;
-    EXPECT_LT(ComparePoses(result.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
+    EXPECT_NEAR(result.frames[i].depth_offset, i == 3 ? -0.008 : 0, 2e-3) << i;
+    EXPECT_LT(ComparePoses(result.frames[i].structure_from_sensor, *rig.frames[i].ground_truth)
                   .translation_m,
               2e-3)
         << i;
   }
   RefineOptions trusting;
   trusting.depth_offset_sigma_m = 0;
-  const RefinedSensor without = Refine(rig.structure, sensors, trusting).sensors[3];
+  const RefinedFrame without = Refine(rig.structure, frames, trusting).frames[3];
   EXPECT_EQ(without.depth_offset, 0);
   EXPECT_GT(ComparePoses(without.structure_from_sensor, *rig.frames[3].ground_truth).translation_m,
             4e-3);
@@ -144,21 +144,21 @@ std::vector<SensorPoints> MisledPointsOf(const Rig& rig) {
 TEST(Refine, NeverWorse) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
-  const RefineResult result = Refine(rig.structure, sensors, {});
-  EXPECT_FALSE(result.sensors[0].accepted);
-  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
-  EXPECT_DOUBLE_EQ(result.sensors[0].held_out_after, result.sensors[0].held_out_before);
+  const RefineResult result = Refine(rig.structure, frames, {});
+  EXPECT_FALSE(result.frames[0].accepted);
+  EXPECT_TRUE(result.frames[0].structure_from_sensor.isApprox(frames[0].fallback, 1e-12));
+  EXPECT_DOUBLE_EQ(result.frames[0].held_out_after, result.frames[0].held_out_before);
   // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
-  EXPECT_GT((result.sensors[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
-  EXPECT_LT((result.sensors[1].covariance.topLeftCorner<3, 3>().trace()), 0.008 * 0.008);
-  EXPECT_TRUE(result.sensors[1].accepted);
-  EXPECT_LT(result.sensors[1].held_out_after, result.sensors[1].held_out_before);
-  EXPECT_LT(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
+  EXPECT_GT((result.frames[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
+  EXPECT_LT((result.frames[1].covariance.topLeftCorner<3, 3>().trace()), 0.008 * 0.008);
+  EXPECT_TRUE(result.frames[1].accepted);
+  EXPECT_LT(result.frames[1].held_out_after, result.frames[1].held_out_before);
+  EXPECT_LT(ComparePoses(result.frames[1].structure_from_sensor, *rig.frames[1].ground_truth)
                 .translation_m,
             2e-3);
 }
@@ -166,21 +166,21 @@ TEST(Refine, NeverWorse) {
 TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose& truth = *rig.frames[i].ground_truth;
-    sensors.push_back({&points[i], truth, truth, truth, true});
+    frames.push_back({&points[i], truth, truth, truth, true});
   }
   // It has to beat the truth and falls back to 15 mm nearer to the structure.
-  const Pose& truth = sensors[0].to_beat;
-  sensors[0].fallback.translation() += 0.015 * truth.linear().col(2);
-  const RefineResult result = Refine(rig.structure, sensors, {});
-  ASSERT_FALSE(result.sensors[0].accepted);
-  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
+  const Pose& truth = frames[0].to_beat;
+  frames[0].fallback.translation() += 0.015 * truth.linear().col(2);
+  const RefineResult result = Refine(rig.structure, frames, {});
+  ASSERT_FALSE(result.frames[0].accepted);
+  EXPECT_TRUE(result.frames[0].structure_from_sensor.isApprox(frames[0].fallback, 1e-12));
   // What it says of its uncertainty reaches from there to the refused pose, 2 cm behind the truth.
   const Eigen::Vector3d along = truth.linear().col(2);
   const double sigma =
-      std::sqrt(along.dot(result.sensors[0].covariance.topLeftCorner<3, 3>() * along));
+      std::sqrt(along.dot(result.frames[0].covariance.topLeftCorner<3, 3>() * along));
   EXPECT_GT(sigma, 0.025);
   // Its neighbour sees the same sides 15 mm off.
   ASSERT_EQ(result.pairs.size(), 1u);
@@ -190,22 +190,22 @@ TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
 TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
-  sensors[0].start.translation().x() = std::nan("");
-  const RefineResult result = Refine(rig.structure, sensors, {});
-  EXPECT_FALSE(result.sensors[0].accepted);
-  EXPECT_NE(result.sensors[0].problem, "");
-  EXPECT_TRUE(result.sensors[0].structure_from_sensor.isApprox(sensors[0].fallback, 1e-12));
-  EXPECT_TRUE(result.sensors[0].covariance.allFinite());
-  EXPECT_GT(std::sqrt(result.sensors[0].covariance(0, 0)), 0.1) << "nothing is known of it";
-  EXPECT_TRUE(result.sensors[1].accepted);
-  EXPECT_EQ(result.sensors[1].problem, "");
-  EXPECT_TRUE(result.sensors[1].covariance.allFinite());
-  EXPECT_FALSE(!(ComparePoses(result.sensors[1].structure_from_sensor, *rig.frames[1].ground_truth)
+  frames[0].start.translation().x() = std::nan("");
+  const RefineResult result = Refine(rig.structure, frames, {});
+  EXPECT_FALSE(result.frames[0].accepted);
+  EXPECT_NE(result.frames[0].problem, "");
+  EXPECT_TRUE(result.frames[0].structure_from_sensor.isApprox(frames[0].fallback, 1e-12));
+  EXPECT_TRUE(result.frames[0].covariance.allFinite());
+  EXPECT_GT(std::sqrt(result.frames[0].covariance(0, 0)), 0.1) << "nothing is known of it";
+  EXPECT_TRUE(result.frames[1].accepted);
+  EXPECT_EQ(result.frames[1].problem, "");
+  EXPECT_TRUE(result.frames[1].covariance.allFinite());
+  EXPECT_FALSE(!(ComparePoses(result.frames[1].structure_from_sensor, *rig.frames[1].ground_truth)
                      .translation_m < 3e-3));
 }
 
@@ -216,8 +216,8 @@ TEST(Refine, PointsThatAreNotFiniteAreNone) {
   for (std::size_t k = 0; k < points[0].side_points.size(); k += 10)
     points[0].side_points[k].p.z() = std::nan("");
   const Pose start = Displaced(*rig.frames[0].ground_truth, 0.01, 0.5, 1);
-  const RefinedSensor sensor =
-      Refine(rig.structure, {{&points[0], start, start, start, true}}, {}).sensors[0];
+  const RefinedFrame sensor =
+      Refine(rig.structure, {{&points[0], start, start, start, true}}, {}).frames[0];
   EXPECT_TRUE(sensor.accepted);
   EXPECT_FALSE(
       !(ComparePoses(sensor.structure_from_sensor, *rig.frames[0].ground_truth).translation_m <
@@ -228,21 +228,21 @@ TEST(Refine, ASensorThatGoesBackPullsNoOther) {
   // One that is refused, and whose boxes are not estimated, leaves the other as if it were alone.
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
   RefineOptions options;
   options.inner_iterations = 50;
   options.estimate = "boxes";
   options.choose_estimates = false;
-  const RefineResult both = Refine(rig.structure, sensors, options);
-  ASSERT_FALSE(both.sensors[0].accepted);
-  ASSERT_TRUE(both.sensors[1].accepted);
-  const RefineResult alone = Refine(rig.structure, {sensors[1]}, options);
+  const RefineResult both = Refine(rig.structure, frames, options);
+  ASSERT_FALSE(both.frames[0].accepted);
+  ASSERT_TRUE(both.frames[1].accepted);
+  const RefineResult alone = Refine(rig.structure, {frames[1]}, options);
   const PoseError apart =
-      ComparePoses(both.sensors[1].structure_from_sensor, alone.sensors[0].structure_from_sensor);
+      ComparePoses(both.frames[1].structure_from_sensor, alone.frames[0].structure_from_sensor);
   EXPECT_FALSE(!(apart.translation_m < 3e-4)) << apart.translation_m;
   EXPECT_FALSE(!(apart.rotation_deg < 0.01)) << apart.rotation_deg;
 }
@@ -250,25 +250,25 @@ TEST(Refine, ASensorThatGoesBackPullsNoOther) {
 TEST(Refine, IsTheSameOnAnyNumberOfThreads) {
   Rig rig = RingOfEight({true, 3.5});
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 4; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.02, 1, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
   RefineOptions options;
   options.threads = 1;
-  const RefineResult one = Refine(rig.structure, sensors, options);
+  const RefineResult one = Refine(rig.structure, frames, options);
   options.threads = 2;
-  const RefineResult many = Refine(rig.structure, sensors, options);
+  const RefineResult many = Refine(rig.structure, frames, options);
   for (std::size_t i = 0; i < 4; ++i) {
     // Ceres adds up in another order.
-    EXPECT_LT((one.sensors[i].structure_from_sensor.matrix() -
-               many.sensors[i].structure_from_sensor.matrix())
+    EXPECT_LT((one.frames[i].structure_from_sensor.matrix() -
+               many.frames[i].structure_from_sensor.matrix())
                   .cwiseAbs()
                   .maxCoeff(),
               1e-9);
-    EXPECT_TRUE(one.sensors[i].covariance.isApprox(many.sensors[i].covariance, 1e-6));
-    EXPECT_EQ(one.sensors[i].accepted, many.sensors[i].accepted);
+    EXPECT_TRUE(one.frames[i].covariance.isApprox(many.frames[i].covariance, 1e-6));
+    EXPECT_EQ(one.frames[i].accepted, many.frames[i].accepted);
   }
   EXPECT_EQ(one.size_estimated, many.size_estimated);
 }
@@ -293,12 +293,12 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   for (int i = 0; i < 8; ++i)
     rig.Add("S" + std::to_string(i), RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), {true, 3.5});
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
-  const RefineResult result = Refine(nominal, sensors, {});
+  const RefineResult result = Refine(nominal, frames, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (std::size_t b = 0; b < shift.size(); ++b) {
     EXPECT_TRUE(result.placements[0].boxes[b].estimated);
@@ -322,7 +322,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
     double most = 0;
     for (std::size_t i = 0; i < points.size(); ++i)
       most = std::max(most,
-                      ComparePoses(of.sensors[i].structure_from_sensor, *rig.frames[i].ground_truth)
+                      ComparePoses(of.frames[i].structure_from_sensor, *rig.frames[i].ground_truth)
                           .translation_m);
     return most;
   };
@@ -330,7 +330,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
 
   RefineOptions nothing;
   nothing.estimate = "none";
-  const RefineResult fixed = Refine(nominal, sensors, nothing);
+  const RefineResult fixed = Refine(nominal, frames, nothing);
   EXPECT_FALSE(fixed.size_estimated);
   EXPECT_EQ(fixed.size_scale, 1);
   for (std::size_t b = 0; b < shift.size(); ++b) {
@@ -342,7 +342,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_GT(worst(fixed), worst(result));
   RefineOptions size_alone;
   size_alone.estimate = "size";
-  const RefineResult sized = Refine(nominal, sensors, size_alone);
+  const RefineResult sized = Refine(nominal, frames, size_alone);
   EXPECT_TRUE(sized.size_estimated);
   EXPECT_FALSE(sized.placements[0].boxes[0].estimated);
 }
@@ -350,22 +350,22 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
 TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineSensor> sensors;
+  std::vector<RefineFrame> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     // As far off as some points are from their sides by one gate and not by the other.
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
-    sensors.push_back({&points[i], start, start, start, true});
+    frames.push_back({&points[i], start, start, start, true});
   }
   RefineOptions options;
   options.coarse = false;
   options.fine_iterations = 1;
   options.outer_iterations = 1;
-  const RefineResult one = Refine(rig.structure, sensors, options);
+  const RefineResult one = Refine(rig.structure, frames, options);
   options.outer_iterations = 5;
-  const RefineResult five = Refine(rig.structure, sensors, options);
+  const RefineResult five = Refine(rig.structure, frames, options);
   for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(one.sensors[i].structure_from_sensor.matrix(),
-              five.sensors[i].structure_from_sensor.matrix());
+    EXPECT_EQ(one.frames[i].structure_from_sensor.matrix(),
+              five.frames[i].structure_from_sensor.matrix());
   }
   ASSERT_EQ(one.pairs.size(), five.pairs.size());
   for (std::size_t k = 0; k < one.pairs.size(); ++k)
@@ -472,8 +472,8 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
     const std::vector<SensorPoints> points = PointsOf(rig);
     const Pose& truth = *rig.frames[0].ground_truth;
     const Pose start = Displaced(truth, 0.01, 0.5, index);
-    const RefinedSensor sensor =
-        Refine(nominal, {{&points[0], start, start, start, true}}, options).sensors[0];
+    const RefinedFrame sensor =
+        Refine(nominal, {{&points[0], start, start, start, true}}, options).frames[0];
     EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
     const Eigen::LLT<Matrix6d> root(sensor.covariance);
     EXPECT_EQ(root.info(), Eigen::Success);

@@ -120,7 +120,7 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, evidence);
   const SensorParameters p = at.Parameters();
-  const std::array<const double*, 6> blocks = {p.pose, p.offset,     p.nuisance,
+  const std::array<const double*, 7> blocks = {p.pose, p.offset,     p.gain,       p.nuisance,
                                                p.lens, p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));

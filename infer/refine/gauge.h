@@ -1,0 +1,16 @@
+#pragma once
+
+// What no measurement tells: all boxes may move as one, and everything with them. Not for callers
+// of Refine.
+
+#include "infer/refine/fine.h"
+#include "infer/refine/problem.h"
+
+namespace volalign::refine_internal {
+
+/// Makes the mean displacement of the estimated boxes zero in each still, which the priors all but
+/// see to. Poses and placements go with the boxes: every sensor stays where it is among the boxes
+/// and the other sensors, except those that are kept at their fallbacks.
+void CentreBoxes(const JointProblem& problem, Solution* solution);
+
+}  // namespace volalign::refine_internal
