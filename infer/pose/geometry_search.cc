@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "infer/pose/box_fit.h"
+#include "infer/pose/floor.h"
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/stack_search.h"
 #include "infer/pose/standing_guesses.h"
@@ -94,7 +95,7 @@ class Search {
     if (table_height_m_ < 0) return found;
     for (const StandingGuess& guess : GuessFloors(planes_, table_height_m_)) {
       Poses poses = Look(SearchStack(points_, outline_, guess, kMostLookedAt));
-      Append(Verify(FitRoughly(std::move(poses), true)), &found);
+      Append(OnTheFloor(Verify(FitRoughly(std::move(poses), true))), &found);
       const bool certain = std::any_of(found.begin(), found.end(), [](const auto& pose) {
         return pose.shape.explained_share() > kCertain;
       });
@@ -136,6 +137,16 @@ class Search {
   template <class T>
   static void Append(std::vector<T> more, std::vector<T>* all) {
     std::move(more.begin(), more.end(), std::back_inserter(*all));
+  }
+
+  /// Those with floor round them: a side of the structure itself may have been taken for one.
+  Poses OnTheFloor(Poses poses) const {
+    const auto off = [&](const GeometricPose& pose) {
+      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
+                   .share() > 0);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());
+    return poses;
   }
 
   Poses Look(const std::vector<StackCandidate>& candidates) const {

@@ -313,6 +313,14 @@ void UpdateInitialPoses(const std::vector<SensorView>& views, const Structure& s
     LabelledView& of = (*labelled)[i];
     if (!of.initial.found) return;
     const Pose near = of.initial.structure_from_sensor;
+    if (of.source == PoseSource::kGeometry) {
+      LabelledPose again = LabelByPose(views[i], structure, near, initial);
+      if (again.initial.found) {
+        of.segmentation = std::move(again.segmentation);
+        of.initial = std::move(again.initial);
+      }
+      return;
+    }
     InitialPose updated = EstimateInitialPose(views[i], of.segmentation, structure, initial, &near);
     if (updated.found) of.initial = std::move(updated);
   });

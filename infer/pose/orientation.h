@@ -82,8 +82,8 @@ std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
                                      const OrientationOptions& options, int threads,
                                      StageClock* clock);
 
-/// Finds the initial poses again with the labels as they are, near where they were: for views whose
-/// rays have changed.
+/// Finds the initial poses again, near where they were, for views whose rays have changed: with the
+/// network's labels as they are; what geometry has found is labelled again by its pose.
 void UpdateInitialPoses(const std::vector<SensorView>& views, const Structure& structure,
                         const InitialPoseOptions& initial, int threads,
                         std::vector<LabelledView>* labelled);

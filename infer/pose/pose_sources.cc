@@ -11,6 +11,11 @@ namespace volalign {
 
 namespace {
 
+/// Labels follow the pose that they led to, so often at most, and while it moves farther than this,
+/// m.
+constexpr int kLabelRounds = 3;
+constexpr double kLabelsStay = 0.005;
+
 /// Which of both sources a pose comes from makes no difference: shape, floor and the network's
 /// labels are compared at every one.
 void JudgeAlike(const SensorView& view, const Structure& structure,
@@ -93,8 +98,14 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
 LabelledPose LabelByPose(const SensorView& view, const Structure& structure, const Pose& pose,
                          const InitialPoseOptions& options) {
   LabelledPose labelled;
-  labelled.segmentation = LabelsFromPose(view, structure, pose, kInitialTolerance);
-  labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &pose);
+  Pose at = pose;
+  for (int round = 0; round < kLabelRounds; ++round) {
+    labelled.segmentation = LabelsFromPose(view, structure, at, kInitialTolerance);
+    labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &at);
+    if (!labelled.initial.found) break;
+    const Pose before = std::exchange(at, labelled.initial.structure_from_sensor);
+    if (ComparePoses(before, at).translation_m < kLabelsStay) break;
+  }
   return labelled;
 }
 
