@@ -94,12 +94,12 @@ TEST(FindPosesByGeometry, TheFloorDecidesBetweenThePapersStackAndItUpsideDown) {
 }
 
 TEST(FindPosesByGeometry, AnyStackOfBoxes) {
-  for (std::uint64_t seed = 0; seed < 8; ++seed) {
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
     const Structure structure = RandomStack(seed);
     const Eigen::Vector3d middle(0, structure.Height() / 2, 0);
     for (int i = 0; i < 3; ++i) {
       SCOPED_TRACE(std::to_string(seed) + ": " + std::to_string(i));
-      const Pose truth = RingPose(20.0 + 120 * i, 2.2, 1.2, 90, middle);
+      const Pose truth = RingPose(20.0 + 90 * i, 1.8 + 0.4 * i, 1.2, 90, middle);
       ExpectChosen(Choose(See(structure, truth), structure), truth);
     }
   }
@@ -116,7 +116,8 @@ TEST(FindPosesByGeometry, ASensorMayBeRolledByAnyAngle) {
 
 TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
   const Structure structure = PaperStructure();
-  for (const double phi : {10.0, 100.0, 215.0}) {
+  // From where sides that face in three directions are seen.
+  for (const double phi : {35.0, 215.0}) {
     SCOPED_TRACE(phi);
     const Pose truth = RingPose(phi, 2.2, 0.4);
     const SensorView view = See(structure, truth, {false, 0});
@@ -143,7 +144,7 @@ TEST(FindPosesByGeometry, NothingInARoomWithoutTheStack) {
   Structure elsewhere =
       structure.Displaced(std::vector<Pose>(4, Pose(Eigen::Translation3d(100, 0, 0))));
   for (const bool floor : {true, false}) {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 2; ++i) {
       SCOPED_TRACE(i);
       EXPECT_TRUE(Find(See(elsewhere, RingPose(50.0 * i), {floor, 2.5}), structure).empty());
     }
@@ -155,9 +156,9 @@ TEST(FindPosesByGeometry, NothingAmongOtherBoxes) {
       Structure::FromBoxes("others", {Standing("a", {0.7, 0.5, 0.5}, {0.3, -0.81, 0.4}, 20),
                                       Standing("b", {0.4, 1.1, 0.4}, {-0.5, -0.81, -0.2}, 70),
                                       Standing("c", {0.5, 0.3, 0.8}, {0.3, -0.31, 0.4}, 35)});
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < 3; ++i) {
     SCOPED_TRACE(i);
-    EXPECT_TRUE(Find(See(others, RingPose(60.0 * i, 2.3)), PaperStructure()).empty());
+    EXPECT_TRUE(Find(See(others, RingPose(120.0 * i, 2.3)), PaperStructure()).empty());
   }
 }
 
