@@ -85,8 +85,17 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
   });
   if (agree) return network;
   if (!HasShape(MeasureShape(PrepareSurface(view, structure), structure, best), structure,
-                initial.geometry))
-    return geometry;
+                initial.geometry)) {
+    // Labels that fit no better there contradict geometry: a mirrored frame, a stack built
+    // otherwise.
+    std::vector<PoseEvidence> both = geometry;
+    PoseEvidence own;
+    own.structure_from_sensor = best;
+    both.push_back(own);
+    JudgeAlike(view, structure, trials, initial, &both);
+    const double own_score = both.back().network_score;
+    return both.front().network_score > own_score ? geometry : network;
+  }
   network.insert(network.end(), geometry.begin(), geometry.end());
   JudgeAlike(view, structure, trials, initial, &network);
   DropMisfits(initial.geometry.rival_margin, &network);

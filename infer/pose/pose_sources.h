@@ -26,8 +26,8 @@ std::vector<PoseEvidence> ProposeByGeometry(const SensorView& view, const Struct
 
 /// The poses that compete when network and geometry have proposed theirs for a view: the network's
 /// where geometry has none, or has the network's best one too; geometry's where the network's best
-/// one does not have the structure's shape; and else those of both, judged alike.
-/// `trials`: those that the network's poses come from.
+/// one does not have the structure's shape and its labels fit geometry's better; and else those of
+/// both, judged alike. `trials`: those that the network's poses come from.
 std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structure& structure,
                                            const std::vector<PoseTrial>& trials,
                                            std::vector<PoseEvidence> network,
