@@ -75,17 +75,6 @@ RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted
   return frame;
 }
 
-/// Does a sensor that was refined see the box in a still?
-bool IsSeen(const JointProblem& problem, const Acceptance& accepted, std::size_t still, int box) {
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (accepted.solution.kept_initial[i] || accepted.solution.state.StillOf(i) != still) continue;
-    for (const FaceObservation& face : accepted.solution.evidence[i].faces) {
-      if (problem.structure.SideOfLabel(face.label).box == box) return true;
-    }
-  }
-  return false;
-}
-
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
                                    const Posterior& posterior, std::size_t still) {
   const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
@@ -95,7 +84,7 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated = free[b] && IsSeen(problem, accepted, still, b);
+    box.estimated = free[b] && IsSeen(problem, accepted.solution, still, b);
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
