@@ -188,11 +188,26 @@ std::vector<int> FindContradicted(const JointProblem& problem, const Solution& s
   return contradicted;
 }
 
-/// What is left when a frame stays at its start pose and says nothing.
+/// What a frame's own measurements and the priors make most probable, the lens being known.
+std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
+                                std::size_t frame, Solution solution) {
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (i == frame) continue;
+    KeepInitial(problem, i, &solution);
+    solution.evidence[i] = SensorEvidence();
+  }
+  solution.free = asked_for;
+  std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
+  solution.state.scales = PriorScales();
+  UpdateLineTolerance(problem, solution.state, solution.free, &solution.evidence);
+  return SolveFine(problem, solution);
+}
+
+/// What is left when a frame stays at a pose and says nothing.
 std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
-                                     std::size_t frame, Solution solution) {
+                                     std::size_t frame, const PoseBlock& pose, Solution solution) {
   KeepInitial(problem, frame, &solution);
-  solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
+  solution.state.poses[frame] = pose;
   solution.evidence[frame] = SensorEvidence();
   solution.free = asked_for;
   solution.state.scales = PriorScales();
@@ -219,10 +234,14 @@ Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for
     }
     const bool leaves_majority = 2 * (aside + 1) < problem.size();
     if (!worst || !leaves_majority || !asked_for.AllBoxes() || !asked_for.size) break;
-    std::optional<Solution> without = SolveWithout(problem, asked_for, *worst, agreed.solution);
+    std::optional<State> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);
+    if (!alone) break;
+    std::optional<Solution> without =
+        SolveWithout(problem, asked_for, *worst, alone->poses[*worst], agreed.solution);
     if (!without) break;
-    agreed.of[*worst] = SetAside{agreed.solution.state.poses[*worst].ToPose(),
-                                 FindContradicted(problem, agreed.solution, asked_for, *worst)};
+    agreed.of[*worst] =
+        SetAside{agreed.solution.state.poses[*worst].ToPose(),
+                 FindContradicted(problem, agreed.solution, asked_for, *worst), std::move(*alone)};
     agreed.solution = std::move(*without);
   }
   return agreed;

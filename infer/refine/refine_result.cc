@@ -66,8 +66,11 @@ RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted
   if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
     frame.accepted = true;
     frame.covariance = agreed.measured[i].covariance;
-    frame.structure_from_sensor = problem.frames[i].start;
-    frame.refused_fit = RefusedFit{set_aside->together, set_aside->contradicts};
+    frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
+    frame.depth_offset = set_aside->alone.offsets[i];
+    frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
+    frame.refused_fit =
+        RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
   }
   const Pose placement = state.placements[state.StillOf(i)].ToPose();
   frame.first_from_sensor = placement * frame.structure_from_sensor;
