@@ -57,7 +57,8 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   const Pose& pose = *sensor->structure_from_sensor;
   const PoseQuality quality = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
-      labelled.initial.evidence, built, pose, options.min_confidence);
+      labelled.initial.evidence, refined.refused_fit ? refined.refused_fit->built : built, pose,
+      options.min_confidence);
   sensor->points = quality.surface.points;
   sensor->rms_to_structure_m = quality.surface.rms_m;
   sensor->inlier_share = quality.surface.inlier_share;

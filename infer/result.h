@@ -50,7 +50,8 @@ struct SensorOutcome {
   /// RMS by which what it measured of the sides is off: at the joint solution, and at the one that
   /// fits it alone; without what single pixels are off. Zero where overlap alone holds the sensor.
   double rms_together_m = 0, rms_alone_m = 0;
-  // Of a placed sensor, at the reported pose, of the structure as built.
+  // Of a placed sensor, at the reported pose, of the structure as built; as it saw it itself where
+  // it disagrees with the others.
   std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
   int points = 0;                  ///< side-labelled pixels with depth
   double rms_to_structure_m = 0;

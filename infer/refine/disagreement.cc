@@ -188,11 +188,52 @@ std::vector<int> FindContradicted(const JointProblem& problem, const Solution& s
   return contradicted;
 }
 
-/// What is left when a frame stays at its start pose and says nothing.
-std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
-                                     std::size_t frame, Solution solution) {
-  KeepInitial(problem, frame, &solution);
+/// Of a frame that disagrees: the one to set aside. That a sensor has moved pulls on all its
+/// frames. Of three or more it is the one that begins farthest from the others.
+std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
+  const State& state = agreed.solution.state;
+  std::vector<std::size_t> frames;
+  std::vector<Eigen::Vector3d> places;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (state.SensorOf(i) != state.SensorOf(worst) || agreed.solution.kept_initial[i]) continue;
+    frames.push_back(i);
+    places.push_back(state.placements[state.StillOf(i)].ToPose() *
+                     problem.frames[i].start.translation());
+  }
+  if (frames.size() < 3) return worst;
+  double farthest = 0;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (!Disagrees(agreed.measured[frames[k]], problem.layout.boxes())) continue;
+    double sum = 0;
+    for (const Eigen::Vector3d& other : places) sum += (other - places[k]).norm();
+    if (sum <= farthest) continue;
+    farthest = sum;
+    worst = frames[k];
+  }
+  return worst;
+}
+
+/// What a frame's own measurements and the priors make most probable, the lens being known. It
+/// begins at the frame's start: others may have pulled it out of reach of what it measured.
+std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
+                                std::size_t frame, Solution solution) {
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (i != frame) KeepInitial(problem, i, &solution);
+  }
   solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
+  solution.free = asked_for;
+  std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
+  solution.state.scales = PriorScales();
+  Solution alone = IterateFine(problem, std::move(solution));
+  if (alone.kept_initial[frame]) return std::nullopt;
+  return std::move(alone.state);
+}
+
+/// What is left when a frame stays at a pose and says nothing.
+std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
+                                     std::size_t frame, const PoseBlock& pose, Solution solution) {
+  KeepInitial(problem, frame, &solution);
+  solution.state.poses[frame] = pose;
   solution.evidence[frame] = SensorEvidence();
   solution.free = asked_for;
   solution.state.scales = PriorScales();
@@ -217,12 +258,17 @@ Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for
       if (!Disagrees(agreed.measured[i], problem.layout.boxes())) continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
+    if (worst) worst = FindOddOne(problem, agreed, *worst);
     const bool leaves_majority = 2 * (aside + 1) < problem.size();
     if (!worst || !leaves_majority || !asked_for.AllBoxes() || !asked_for.size) break;
-    std::optional<Solution> without = SolveWithout(problem, asked_for, *worst, agreed.solution);
+    std::optional<State> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);
+    if (!alone) break;
+    std::optional<Solution> without =
+        SolveWithout(problem, asked_for, *worst, alone->poses[*worst], agreed.solution);
     if (!without) break;
-    agreed.of[*worst] = SetAside{agreed.solution.state.poses[*worst].ToPose(),
-                                 FindContradicted(problem, agreed.solution, asked_for, *worst)};
+    agreed.of[*worst] =
+        SetAside{agreed.solution.state.poses[*worst].ToPose(),
+                 FindContradicted(problem, agreed.solution, asked_for, *worst), std::move(*alone)};
     agreed.solution = std::move(*without);
   }
   return agreed;

@@ -44,6 +44,7 @@ bool Disagrees(const Disagreement& disagreement, std::size_t boxes);
 struct SetAside {
   Pose together;                 ///< its pose in the joint solution with it
   std::vector<int> contradicts;  ///< the frames that show it, the clearest first
+  State alone;                   ///< what its own measurements and the priors make most probable
 };
 struct Agreed {
   Solution solution;                        ///< of the frames that agree
@@ -51,10 +52,11 @@ struct Agreed {
   /// Of each frame, in the last solution that it took part in.
   std::vector<Disagreement> measured;
 };
-/// Sets aside, one after the other, the frame that disagrees most: it stays at its start pose, and
-/// the others are solved again without its evidence, beginning with everything in `asked_for` free.
-/// Takes at least three frames, as between two nothing tells which one is wrong, and leaves a
-/// majority. Where the boxes or their size are not to be estimated, none is set aside.
+/// Sets aside, one after the other, the frame that disagrees most: it stays where its own
+/// measurements have it, and the others are solved again without its evidence, beginning with
+/// everything in `asked_for` free. Takes at least three frames, as between two nothing tells which
+/// one is wrong, and leaves a majority. Where the boxes or their size are not to be estimated, none
+/// is set aside.
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution);
 

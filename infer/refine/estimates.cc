@@ -94,7 +94,7 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   const PriorScales scales =
       MostProbableScales(CostAround(problem, *kept), problem.layout, kept->free);
   chosen.state.scales = scales;
-  if (scales.boxes == 0) Clear(&chosen.free.boxes);
+  if (scales.places == 0 && scales.turns == 0) Clear(&chosen.free.boxes);
   if (scales.size == 0) chosen.free.size = false;
   if (scales.gain == 0) Clear(&chosen.free.gain);
   if (scales.offset == 0) Clear(&chosen.free.offset);

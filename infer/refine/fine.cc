@@ -47,6 +47,16 @@ void UpdateLineTolerance(const JointProblem& problem, const State& state, const 
   }
 }
 
+bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box) {
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (solution.kept_initial[i] || solution.state.StillOf(i) != still) continue;
+    for (const FaceObservation& face : solution.evidence[i].faces) {
+      if (problem.structure.SideOfLabel(face.label).box == box) return true;
+    }
+  }
+  return false;
+}
+
 std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution) {
   State state = solution.state;
   const CeresProblem ceres =

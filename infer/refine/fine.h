@@ -34,6 +34,9 @@ struct Solution {
   std::vector<char> kept_initial;
 };
 
+/// Does a frame of a still, other than those at their fallbacks, see a side of a box?
+bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box);
+
 /// The most probable values of what is free, from those of `solution` on; nothing if they cannot be
 /// computed.
 std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution);

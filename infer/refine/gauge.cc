@@ -27,12 +27,24 @@ Eigen::Vector3d TakeMeanOut(const char* estimated, std::vector<double>* boxes) {
   return mean;
 }
 
+bool IsHeldByABox(const JointProblem& problem, const Solution& solution, std::size_t still) {
+  const char* estimated = solution.free.boxes.data() + still * problem.layout.boxes();
+  for (int b = 0; b < static_cast<int>(problem.layout.boxes()); ++b) {
+    if (!estimated[b] && IsSeen(problem, solution, still, b)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void CentreBoxes(const JointProblem& problem, Solution* solution) {
   State* state = &solution->state;
   std::vector<Eigen::Vector3d> means;
   for (std::size_t still = 0; still < state->boxes.size(); ++still) {
+    if (IsHeldByABox(problem, *solution, still)) {
+      means.push_back(Eigen::Vector3d::Zero());
+      continue;
+    }
     means.push_back(TakeMeanOut(solution->free.boxes.data() + still * problem.layout.boxes(),
                                 &state->boxes[still]));
   }

@@ -1,11 +1,13 @@
 #include "infer/refine/model_choice.h"
-#include "infer/refine/fine_problem.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "infer/refine/fine_problem.h"
 
 namespace volalign::refine_internal {
 
@@ -18,32 +20,19 @@ constexpr double kNegligible = 1e-3;  // weight of one combination, of the best 
 
 /// All combinations, the nominal one first.
 std::vector<PriorScales> AllScales() {
-  std::vector<PriorScales> all;
-  for (const double boxes : kScales) {
-    for (const double size : kScales) {
-      for (const double gain : kScales) {
-        for (const double offset : kScales) all.push_back({boxes, size, gain, offset});
+  std::vector<PriorScales> all{{0, 0, 0, 0, 0}};
+  for (double PriorScales::*kind : {&PriorScales::places, &PriorScales::turns, &PriorScales::size,
+                                    &PriorScales::gain, &PriorScales::offset}) {
+    const std::vector<PriorScales> without = std::move(all);
+    all.clear();
+    for (const PriorScales& scales : without) {
+      for (const double scale : kScales) {
+        all.push_back(scales);
+        all.back().*kind = scale;
       }
     }
   }
   return all;
-}
-
-/// Rows and columns of a matrix, or elements of a vector.
-Eigen::MatrixXd Part(const Eigen::MatrixXd& of, const std::vector<Eigen::Index>& indices) {
-  const auto n = static_cast<Eigen::Index>(indices.size());
-  Eigen::MatrixXd part(n, n);
-  for (Eigen::Index j = 0; j < n; ++j) {
-    for (Eigen::Index i = 0; i < n; ++i)
-      part(i, j) = of(indices[static_cast<std::size_t>(i)], indices[static_cast<std::size_t>(j)]);
-  }
-  return part;
-}
-Eigen::VectorXd Part(const Eigen::VectorXd& of, const std::vector<Eigen::Index>& indices) {
-  Eigen::VectorXd part(static_cast<Eigen::Index>(indices.size()));
-  for (std::size_t i = 0; i < indices.size(); ++i)
-    part[static_cast<Eigen::Index>(i)] = of[indices[i]];
-  return part;
 }
 
 /// The cost with narrower priors.
@@ -89,8 +78,8 @@ ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool
   const Narrowed narrowed = Narrow(cost, scales, open);
   const Eigen::VectorXd moved = narrowed.information * fit.step;
   const double held_cost = fit.step.dot(narrowed.gradient + 0.5 * moved);
-  const Eigen::VectorXd pull = Part(Eigen::VectorXd(narrowed.gradient + moved), open);
-  const Eigen::MatrixXd inner = Part(narrowed.information, open);
+  const Eigen::VectorXd pull = (narrowed.gradient + moved)(open);
+  const Eigen::MatrixXd inner = narrowed.information(open, open);
   const Eigen::LLT<Eigen::MatrixXd> root(inner);
   if (root.info() != Eigen::Success || !inner.allFinite() || !pull.allFinite()) {
     fit.log_evidence = -std::numeric_limits<double>::infinity();
@@ -100,30 +89,44 @@ ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool
   const double log_root = root.matrixLLT().diagonal().array().log().sum();
   fit.log_evidence =
       -(narrowed.constant + held_cost + 0.5 * pull.dot(step)) - log_root - narrowed.log_priors;
-  for (std::size_t i = 0; i < open.size(); ++i)
-    fit.step[open[i]] = step[static_cast<Eigen::Index>(i)];
+  fit.step(open) = step;
   if (!with_covariance) return fit;
   const Eigen::MatrixXd inverse = root.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
   fit.covariance = Eigen::MatrixXd::Zero(scales.size(), scales.size());
-  for (std::size_t i = 0; i < open.size(); ++i) {
-    for (std::size_t j = 0; j < open.size(); ++j)
-      fit.covariance(open[i], open[j]) =
-          inverse(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-  }
+  fit.covariance(open, open) = inverse;
   return fit;
+}
+
+MarginalCost WithoutAlwaysFree(const QuadraticCost& cost, const ParameterLayout& layout) {
+  std::vector<Eigen::Index> free, others;
+  for (Eigen::Index k = 0; k < layout.size(); ++k)
+    (layout.IsAlwaysFree(k) ? free : others).push_back(k);
+  const Eigen::MatrixXd& h = cost.normal.information;
+  const Eigen::VectorXd& g = cost.normal.gradient;
+  const Eigen::MatrixXd cross = h(free, others);
+  const Eigen::LLT<Eigen::MatrixXd> root(h(free, free));
+  MarginalCost marginal;
+  marginal.cost.normal.information = h(others, others) - cross.transpose() * root.solve(cross);
+  marginal.cost.normal.gradient =
+      g(others) - cross.transpose() * root.solve(Eigen::VectorXd(g(free)));
+  marginal.cost.prior_sigmas = cost.prior_sigmas(others);
+  marginal.cost.values = cost.values(others);
+  marginal.columns = std::move(others);
+  return marginal;
 }
 
 PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
                                const FreeSet& free) {
   const std::vector<char> constant = layout.Constant(free);
-  PriorScales best{0, 0, 0, 0};
+  const MarginalCost marginal = WithoutAlwaysFree(cost, layout);
+  PriorScales best{0, 0, 0, 0, 0};
   double most = -std::numeric_limits<double>::infinity();
   for (const PriorScales& scales : AllScales()) {
     Eigen::VectorXd of_all = layout.Scales(scales);
     for (Eigen::Index k = 0; k < of_all.size(); ++k) {
       if (constant[static_cast<std::size_t>(k)]) of_all[k] = 0;
     }
-    const double evidence = FitModel(cost, of_all, false).log_evidence;
+    const double evidence = FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence;
     if (evidence > most) {
       most = evidence;
       best = scales;
@@ -136,8 +139,11 @@ Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterL
   const std::vector<PriorScales> all = AllScales();
   std::vector<double> evidence;
   evidence.reserve(all.size());
-  for (const PriorScales& scales : all)
-    evidence.push_back(FitModel(cost, layout.Scales(scales), false).log_evidence);
+  const MarginalCost marginal = WithoutAlwaysFree(cost, layout);
+  for (const PriorScales& scales : all) {
+    const Eigen::VectorXd of_all = layout.Scales(scales);
+    evidence.push_back(FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence);
+  }
   const double most = *std::max_element(evidence.begin(), evidence.end());
   if (!std::isfinite(most)) return {};
   const Eigen::VectorXd common =

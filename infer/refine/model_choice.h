@@ -35,6 +35,15 @@ struct ModelFit {
 /// mean. Without `with_covariance` there is none.
 ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool with_covariance);
 
+/// A cost of some of the parameters, all others being unknown: FitModel's evidence of it differs
+/// from that of the cost of all by the same constant for all scales.
+struct MarginalCost {
+  QuadraticCost cost;
+  std::vector<Eigen::Index> columns;  ///< of the parameters that are left
+};
+/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree).
+MarginalCost WithoutAlwaysFree(const QuadraticCost& cost, const ParameterLayout& layout);
+
 /// The scales under which the measurements are most probable, where only `free` may stray.
 PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
                                const FreeSet& free);

@@ -198,7 +198,11 @@ Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
   for (std::size_t s = 0; s < sensors_; ++s) of[GainOfSensor(s)] = scales.gain;
   of[Size()] = scales.size;
-  of.tail(size() - Boxes(0)).setConstant(scales.boxes);
+  of.tail(size() - Boxes(0)).setConstant(scales.places);
+  for (std::size_t still = 0; still < stills_; ++still) {
+    for (int b = 0; b < static_cast<int>(boxes_); ++b)
+      of[Boxes(still) + BuildModel::Yaw(b)] = scales.turns;
+  }
   return of;
 }
 

@@ -79,7 +79,8 @@ Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes);
 /// How far each kind of what is estimated beside the poses strays from its nominal value, as a
 /// factor on its prior standard deviation; 0: not at all.
 struct PriorScales {
-  double boxes = 1, size = 1, gain = 1, offset = 1;
+  double places = 1, turns = 1;  ///< of boxes
+  double size = 1, gain = 1, offset = 1;
 };
 
 /// How a sensor stands and how it measures depth.
@@ -218,6 +219,11 @@ class ParameterLayout {
   /// the root of n: they are tied, see DriftCost.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
+
+  /// Is a column one of a pose, a placement or a frame's nuisances, which are never held?
+  bool IsAlwaysFree(Eigen::Index column) const {
+    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Lens(0));
+  }
 
   /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
   Eigen::VectorXd Scales(const PriorScales& scales) const;

@@ -16,14 +16,16 @@ namespace volalign {
 struct RefusedFit {
   Pose structure_from_sensor = Pose::Identity();  ///< of the joint solution with it
   std::vector<int> contradicts;  ///< indices of the frames that show it, the clearest first
+  Structure built;               ///< as the frame itself has it
 };
 
 /// Of a frame; poses in the structure of its still.
 struct RefinedFrame {
   Pose structure_from_sensor = Pose::Identity();
   bool accepted = false;  ///< false: the pose is RefineFrame::fallback
-  /// Of a sensor that disagrees with the others. Its pose is then RefineFrame::start, and they are
-  /// solved without it; it counts as accepted.
+  /// Of a frame that disagrees with the others. Its pose and depth errors are then those that its
+  /// own measurements and the priors make most probable, and the others are solved without it; it
+  /// counts as accepted.
   std::optional<RefusedFit> refused_fit;
   /// Half the square, in standard deviations, of how far its own measurements are from the joint
   /// solution (of a sensor that disagrees: the one with it).

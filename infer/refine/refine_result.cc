@@ -66,24 +66,16 @@ RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted
   if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
     frame.accepted = true;
     frame.covariance = agreed.measured[i].covariance;
-    frame.structure_from_sensor = problem.frames[i].start;
-    frame.refused_fit = RefusedFit{set_aside->together, set_aside->contradicts};
+    frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
+    frame.depth_offset = set_aside->alone.offsets[i];
+    frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
+    frame.refused_fit =
+        RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
   }
   const Pose placement = state.placements[state.StillOf(i)].ToPose();
   frame.first_from_sensor = placement * frame.structure_from_sensor;
   frame.first_covariance = CovarianceInFirst(problem, posterior, placement, i, frame.covariance);
   return frame;
-}
-
-/// Does a sensor that was refined see the box in a still?
-bool IsSeen(const JointProblem& problem, const Acceptance& accepted, std::size_t still, int box) {
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (accepted.solution.kept_initial[i] || accepted.solution.state.StillOf(i) != still) continue;
-    for (const FaceObservation& face : accepted.solution.evidence[i].faces) {
-      if (problem.structure.SideOfLabel(face.label).box == box) return true;
-    }
-  }
-  return false;
 }
 
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
@@ -95,7 +87,7 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated = free[b] && IsSeen(problem, accepted, still, b);
+    box.estimated = free[b] && IsSeen(problem, accepted.solution, still, b);
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];

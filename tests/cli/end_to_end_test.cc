@@ -240,8 +240,12 @@ class RealCaptures : public testing::Test {
     }
   }
 
-  static void ExpectFit(const SensorResult& sensor, double measured_rms_mm) {
-    EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.name << ": " << sensor.reason;
+  /// `weakness`: what it may be weak for.
+  static void ExpectFit(const SensorResult& sensor, double measured_rms_mm,
+                        SensorCode weakness = SensorCode::kNone) {
+    EXPECT_TRUE(sensor.status == SensorStatus::kOk ||
+                (sensor.status == SensorStatus::kWeak && sensor.code == weakness))
+        << sensor.name << ": " << sensor.reason;
     EXPECT_GT(sensor.points, 10000) << sensor.name;
     EXPECT_GT(sensor.inlier_share, 0.98) << sensor.name;
     EXPECT_FALSE(!(1000 * sensor.rms_to_structure_m < 1.25 * measured_rms_mm))
@@ -285,8 +289,10 @@ TEST_F(RealCaptures, FourAzureKinects) {
   const CalibrationResult named = CalibrateFrames(frames);
   const double unknown_mm[] = {6.1, 6.9, 6.4, 6.8}, named_mm[] = {5.6, 7.2, 6.5, 5.1};
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    ExpectFit(unknown.sensors[i], unknown_mm[i]);
-    ExpectFit(named.sensors[i], named_mm[i]);
+    // The last one's boxes are not quite those of the others.
+    const SensorCode weakness = i == 3 ? SensorCode::kDisagrees : SensorCode::kNone;
+    ExpectFit(unknown.sensors[i], unknown_mm[i], weakness);
+    ExpectFit(named.sensors[i], named_mm[i], weakness);
     EXPECT_EQ(pinhole.sensors[i].code, SensorCode::kLensSuspect) << pinhole.sensors[i].name;
     EXPECT_EQ(unknown.sensors[i].intrinsics.distortion.size(), 8u) << "a Kinect's curve";
   }
@@ -300,11 +306,13 @@ TEST_F(RealCaptures, FourAzureKinects) {
   }
 }
 
+// A stereo matcher's wide edges make the stack too high and too narrow: the refined pose may be
+// refused, and the one that stands is uncertain.
 TEST_F(RealCaptures, RealSense) {
   const Intrinsics intrinsics = FromPool("realsense_d415", 1280, 0).Resized(320, 180);
   SensorFrame frame = RealFrame("input", intrinsics);
   frame.sensor = "realsense_d415";
-  ExpectFit(CalibrateFrames({frame}).sensors[0], 11.0);
+  ExpectFit(CalibrateFrames({frame}).sensors[0], 11.0, SensorCode::kUncertain);
 }
 
 }  // namespace

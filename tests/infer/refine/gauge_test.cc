@@ -39,6 +39,7 @@ struct Handmade {
     solution.state.UpdateBuilt(problem.model);
     solution.free.boxes = {1, 1, 0, 1, 1, 1, 1, 1};
     solution.kept_initial = {0, 0, 1};
+    solution.evidence.resize(3);
   }
   JointProblem Problem() const { return {structure, frames, options, {}, 2}; }
 
@@ -86,6 +87,20 @@ TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
   EXPECT_TRUE(second_from_first(after).isApprox(second_from_first(before), 1e-12));
   EXPECT_TRUE(after.placements[0].ToPose().isApprox(Pose::Identity(), 1e-15));
   EXPECT_TRUE(after.poses[2].ToPose().isApprox(made.frames[2].fallback, 1e-12));
+}
+
+TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {
+  Handmade made;
+  // A side of the box that is not estimated.
+  FaceObservation face;
+  for (face.label = 1; made.structure.SideOfLabel(face.label).box != 2;) ++face.label;
+  made.solution.evidence[0].faces = {face};
+  const State before = made.solution.state;
+  CentreBoxes(made.Problem(), &made.solution);
+  const State& after = made.solution.state;
+  EXPECT_EQ(after.boxes[0], before.boxes[0]);
+  EXPECT_TRUE(after.poses[0].ToPose().isApprox(before.poses[0].ToPose(), 1e-15));
+  EXPECT_NE(after.boxes[1], before.boxes[1]) << "all boxes of the other still are estimated";
 }
 
 }  // namespace

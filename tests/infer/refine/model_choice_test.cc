@@ -97,7 +97,8 @@ struct Measured {
 TEST(MostProbableScales, AreNominalWhereNothingStrays) {
   const Measured measured;
   const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
-  EXPECT_EQ(scales.boxes, 0);
+  EXPECT_EQ(scales.places, 0);
+  EXPECT_EQ(scales.turns, 0);
   EXPECT_EQ(scales.size, 0);
   EXPECT_EQ(scales.gain, 0);
   EXPECT_EQ(scales.offset, 0);
@@ -110,15 +111,37 @@ TEST(MostProbableScales, FollowWhatStrays) {
   };
   stray(measured.layout.Offset(0), 1.2);
   stray(measured.layout.Offset(1), -0.9);
-  for (Eigen::Index k = 0; k < 12; ++k) stray(measured.layout.Boxes() + k, k % 2 ? 0.3 : -0.35);
+  for (int box = 0; box < 4; ++box) {
+    stray(measured.layout.Boxes() + BuildModel::X(box), 0.3);
+    stray(measured.layout.Boxes() + BuildModel::Z(box), -0.35);
+  }
   const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
   EXPECT_EQ(scales.offset, 1);
-  EXPECT_EQ(scales.boxes, 0.3);
+  EXPECT_EQ(scales.places, 0.3);
+  EXPECT_EQ(scales.turns, 0) << "boxes out of their places are not turned";
   EXPECT_EQ(scales.size, 0);
   EXPECT_EQ(scales.gain, 0);
   measured.free.offset = {0, 0};
-  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free).boxes, 0.3)
+  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free).places, 0.3)
       << "whatever is held";
+}
+
+TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
+  const ParameterLayout layout(2, 3);
+  const auto n = static_cast<int>(layout.size());
+  const Linear linear(2 * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
+  const QuadraticCost all = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
+  const MarginalCost marginal = WithoutAlwaysFree(all, layout);
+  EXPECT_EQ(marginal.columns.size(), 2u + 2 + 3 + 1 + 9) << "offsets, gains, lens, size, boxes";
+  double constant = 0;
+  for (const PriorScales& scales :
+       {PriorScales{1, 1, 1, 1, 1}, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {
+    const Eigen::VectorXd of_all = layout.Scales(scales);
+    const double difference = FitModel(all, of_all, false).log_evidence -
+                              FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence;
+    if (scales.places == 1 && scales.turns == 1) constant = difference;
+    EXPECT_NEAR(difference, constant, 1e-8);
+  }
 }
 
 /// What is believed of a parameter of prior N(0, 1), measured as y with a standard deviation of
