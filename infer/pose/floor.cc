@@ -16,6 +16,23 @@ constexpr double kTolerance = 0.03, kRelativeTolerance = 0.02;
 constexpr double kClearlyBelow = 3;
 /// Every second pixel of every second row is looked at.
 constexpr int kStride = 2;
+/// px to each side of a point over which its surface's normal is taken, and the least cosine (of 45
+/// deg) of the angle between that of a floor and the vertical: depths are noisy.
+constexpr int kReach = 3;
+constexpr double kLevel = 0.7;
+
+/// Is the surface at this pixel level, at this pose? What has no depth beside it is not.
+bool IsLevel(const SensorView& view, int u, int v, const Pose& structure_from_sensor) {
+  const auto point = [&](int x, int y) {
+    const bool measured =
+        x >= 0 && x < view.width() && y >= 0 && y < view.height() && view.depth(x, y) > 0;
+    return measured ? view.Point(x, y) : view.Point(u, v);
+  };
+  const Eigen::Vector3d along_u = point(u + kReach, v) - point(u - kReach, v);
+  const Eigen::Vector3d along_v = point(u, v + kReach) - point(u, v - kReach);
+  const Eigen::Vector3d normal = structure_from_sensor.linear() * along_u.cross(along_v);
+  return normal.norm() > 0 && std::abs(normal.y()) >= kLevel * normal.norm();
+}
 
 }  // namespace
 
@@ -32,7 +49,7 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
       const double height = p.y() - floor;
       if (height < -kClearlyBelow * tolerance) {
         ++evidence.below;
-      } else if (std::abs(height) < tolerance &&
+      } else if (std::abs(height) < tolerance && IsLevel(view, u, v, structure_from_sensor) &&
                  DistanceToSurface(structure, p).distance > kTolerance) {
         ++evidence.on_floor;
       }

@@ -11,10 +11,13 @@ namespace volalign {
 
 /// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
 /// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so its labels
-/// and depths alone do not tell up from down. What lies around it does.
+/// and depths alone do not tell up from down. What lies around it does. A floor is level: at a pose
+/// that is off by a box, an upright side of the structure itself may reach down to where the floor
+/// would be.
 struct FloorEvidence {
   int pixels = 0;    ///< looked at: one in four of those with depth
-  int on_floor = 0;  ///< of those: on the plane that the structure stands on, off the structure
+  int on_floor = 0;  ///< of those: level, on the plane that the structure stands on, off the
+                     ///< structure
   int below = 0;     ///< of those: clearly under that plane, where no true pose has any
   int balance() const { return on_floor - 2 * below; }
   /// The balance as a share of the pixels looked at, in [-2, 1]; 0 where none has depth.
