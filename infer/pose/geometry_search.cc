@@ -8,6 +8,7 @@
 #include "infer/pose/box_fit.h"
 #include "infer/pose/floor.h"
 #include "infer/pose/initial_pose.h"
+#include "infer/pose/same_pose.h"
 #include "infer/pose/stack_search.h"
 #include "infer/pose/standing_guesses.h"
 
@@ -34,6 +35,12 @@ constexpr double kCertain = 0.88;
 /// sides are in one that face alike (8 deg) and are no farther apart, m.
 constexpr double kLargerThanStack = 1.3, kSameDirection = 0.99, kSamePlane = 0.04;
 
+/// Sensors are mounted upright, on a side or overhead.
+std::vector<Eigen::Vector3d> UsualUps() {
+  return {-Eigen::Vector3d::UnitY(), -Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitX(),
+          Eigen::Vector3d::UnitY()};
+}
+
 /// What a pose explains, less what contradicts it, m^2.
 double Gain(const ShapeEvidence& shape) {
   return shape.explained - shape.see_through - shape.larger - (shape.turned + shape.goes_on) / 2;
@@ -48,11 +55,11 @@ void SortByGain(std::size_t most, Poses* poses) {
 }
 
 /// Of poses that are about the same, the first.
-Poses Distinct(Poses poses) {
+Poses Distinct(Poses poses, const Structure& structure) {
   Poses distinct;
   for (GeometricPose& pose : poses) {
     const bool known = std::any_of(distinct.begin(), distinct.end(), [&](const auto& other) {
-      return SamePose(other.structure_from_sensor, pose.structure_from_sensor);
+      return SamePose(structure, other.structure_from_sensor, pose.structure_from_sensor);
     });
     if (!known) distinct.push_back(pose);
   }
@@ -107,7 +114,8 @@ class Search {
   Poses WithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
     std::vector<StackCandidate> candidates;
-    for (const StandingGuess& guess : GuessWithoutFloor(points_, planes_, structure_, coarse)) {
+    for (const StandingGuess& guess :
+         GuessWithoutFloor(points_, planes_, structure_, coarse, UsualUps())) {
       Append(SearchStack(points_, coarse, guess, kMostOfGuess), &candidates);
     }
     std::stable_sort(candidates.begin(), candidates.end(),
@@ -129,7 +137,9 @@ class Search {
     }
     SortByGain(moved.size(), &moved);
     Poses all = poses;
-    Append(Verify(Distinct(std::move(moved))), &all);
+    // Those need not pass the limits that their originals have passed: which of them explain as
+    // much is for Compete to say.
+    Append(FitWell(Distinct(std::move(moved), structure_)), &all);
     return all;
   }
 
@@ -169,20 +179,28 @@ class Search {
       pose.shape = MeasureShape(first_look_, structure_, pose.structure_from_sensor);
     }
     SortByGain(poses.size(), &poses);
-    return Distinct(std::move(poses));
+    return Distinct(std::move(poses), structure_);
   }
 
-  /// Those that have the structure's shape, fitted with more points.
-  Poses Verify(Poses poses) const {
+  /// Fitted with more points, and looked at with all rays.
+  Poses FitWell(Poses poses) const {
     if (poses.size() > kMostVerified) poses.resize(kMostVerified);
     const BoxFit fit{4, 1500, 0.05, 0.03, false};
-    Poses verified;
     for (GeometricPose& pose : poses) {
       pose.structure_from_sensor = FitToBoxes(points_, structure_, fit, pose.structure_from_sensor);
       pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
-      if (HasShape(pose.shape, structure_, options_)) verified.push_back(pose);
     }
-    return verified;
+    return poses;
+  }
+
+  /// Those that have the structure's shape.
+  Poses Verify(Poses poses) const {
+    poses = FitWell(std::move(poses));
+    const auto other = [&](const GeometricPose& pose) {
+      return !HasShape(pose.shape, structure_, options_);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), other), poses.end());
+    return poses;
   }
 
   const Structure& structure_;
@@ -196,7 +214,7 @@ class Search {
 };
 
 /// Without those that explain clearly less than the best one, the best first.
-Poses Compete(Poses poses, double margin) {
+Poses Compete(Poses poses, const Structure& structure, double margin) {
   double reference = 0, best = 0;
   for (const GeometricPose& pose : poses) reference = std::max(reference, pose.shape.explained);
   for (GeometricPose& pose : poses) {
@@ -207,7 +225,7 @@ Poses Compete(Poses poses, double margin) {
   poses.erase(std::remove_if(poses.begin(), poses.end(), misfit), poses.end());
   std::stable_sort(poses.begin(), poses.end(),
                    [](const auto& a, const auto& b) { return a.overlap > b.overlap; });
-  return Distinct(std::move(poses));
+  return Distinct(std::move(poses), structure);
 }
 
 }  // namespace
@@ -236,8 +254,8 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   const Search search(view, structure, table_height_m, options);
   Poses found = search.OnFloors();
   if (found.empty()) found = search.WithoutFloor();
-  found = Compete(std::move(found), options.rival_margin);
-  return Compete(search.WithAliases(found, aliases), options.rival_margin);
+  found = Compete(std::move(found), structure, options.rival_margin);
+  return Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
 }
 
 }  // namespace volalign

@@ -95,8 +95,4 @@ InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult
                                 const Structure& structure, const InitialPoseOptions& options,
                                 const Pose* near = nullptr);
 
-/// Are these two estimates of about the same pose, less than 20 cm and 15 deg apart? Steps and
-/// turns that make a structure look alike are larger.
-bool SamePose(const Pose& a, const Pose& b);
-
 }  // namespace volalign

@@ -6,6 +6,7 @@
 #include "infer/pose/agreement.h"
 #include "infer/pose/floor.h"
 #include "infer/pose/relabel.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -73,8 +74,9 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
   std::vector<std::pair<Pose, Pose>> known;  // before and after
   for (PoseEvidence& pose : *poses) {
     const Pose before = pose.structure_from_sensor;
-    const auto same = std::find_if(known.begin(), known.end(),
-                                   [&](const auto& pair) { return SamePose(pair.first, before); });
+    const auto same = std::find_if(known.begin(), known.end(), [&](const auto& pair) {
+      return SamePose(structure, pair.first, before);
+    });
     if (same != known.end()) {
       pose.structure_from_sensor = same->second;
     } else {
@@ -163,7 +165,8 @@ void DropMisfits(double margin, std::vector<PoseEvidence>* poses) {
   poses->erase(std::remove_if(poses->begin(), poses->end(), misfit), poses->end());
 }
 
-PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options) {
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const Structure& structure,
+                  const PoseChoiceOptions& options) {
   PoseChoice choice;
   double min_floor = -2 - options.floor_margin;
   for (const PoseEvidence& pose : poses)
@@ -179,7 +182,7 @@ PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOption
            choice.best.network_score - other.network_score >= options.score_margin;
   };
   for (const PoseEvidence& pose : poses) {
-    if (SamePose(pose.structure_from_sensor, chosen_pose)) {
+    if (SamePose(structure, pose.structure_from_sensor, chosen_pose)) {
       if (pose.label_score <= choice.best.label_score) continue;
       const double network_score = choice.best.network_score;
       choice.best = pose;
@@ -221,7 +224,7 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<PoseTrial>& trials, bool known_up,
                       const InitialPoseOptions& initial, const PoseChoiceOptions& options) {
   return Decide(FindCompetitors(view, structure, aliases, trials, known_up, initial, options),
-                options);
+                structure, options);
 }
 
 }  // namespace volalign

@@ -113,6 +113,7 @@ void DropMisfits(double margin, std::vector<PoseEvidence>* poses);
 
 /// Chooses among poses whose shape fits about equally well, by floor and labels. They are given in
 /// the order of their overlap, the best first.
-PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options);
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const Structure& structure,
+                  const PoseChoiceOptions& options);
 
 }  // namespace volalign

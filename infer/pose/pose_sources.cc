@@ -6,6 +6,7 @@
 #include "infer/pose/agreement.h"
 #include "infer/pose/floor.h"
 #include "infer/pose/geometry_search.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -77,11 +78,11 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
                                            const InitialPoseOptions& initial,
                                            const PoseChoiceOptions& options) {
   if (geometry.empty() || network.empty()) return geometry.empty() ? network : geometry;
-  const PoseChoice choice = Decide(network, options);
+  const PoseChoice choice = Decide(network, structure, options);
   const Pose& best =
       choice.found ? choice.best.structure_from_sensor : network.front().structure_from_sensor;
   const bool agree = std::any_of(geometry.begin(), geometry.end(), [&](const auto& other) {
-    return SamePose(other.structure_from_sensor, best);
+    return SamePose(structure, other.structure_from_sensor, best);
   });
   if (agree) return network;
   if (!HasShape(MeasureShape(PrepareSurface(view, structure), structure, best), structure,

@@ -10,6 +10,7 @@
 
 #include "core/kd_tree.h"
 #include "core/visibility.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -33,6 +34,8 @@ constexpr double kProbeRays = 400, kCloudRays = 6000;
 constexpr double kSharedDistance = 0.08;   // m, of points of one surface at poses not refined yet
 constexpr double kBesideStructure = 0.15;  // m from it
 constexpr int kMostSweeps = 10;
+/// The side of the picture that is up where it stands upright, and where it lies on its side.
+constexpr std::array<std::array<std::size_t, 2>, 4> kUpright = {{{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
 
 /// The index of the pose that each sensor has, of its options; -1: it has none.
 using Choice = std::vector<int>;
@@ -44,12 +47,12 @@ struct Option {
   int turns = 0;      // into the network's orientation
 };
 
-std::vector<Option> Distinct(const SensorCandidates& sensor) {
+std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
   std::vector<Option> distinct;
   for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
     const PoseEvidence& pose = sensor.poses[k];
     const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
-      return SamePose(option.pose.structure_from_sensor, pose.structure_from_sensor);
+      return SamePose(structure, option.pose.structure_from_sensor, pose.structure_from_sensor);
     });
     if (same == distinct.end()) {
       distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
@@ -109,7 +112,7 @@ class Rig {
       const PoseChoiceOptions& limits)
       : structure_(structure), limits_(limits) {
     for (const SensorCandidates& sensor : sensors) {
-      options_.push_back(Distinct(sensor));
+      options_.push_back(Distinct(sensor, structure));
       clouds_.push_back(sensor.poses.empty() ? nullptr : std::make_unique<Cloud>(*sensor.view));
     }
   }
@@ -159,7 +162,7 @@ class Rig {
   Choice Best(std::size_t fixed, int k, bool to_choose) {
     Choice best;
     double best_score = 0;
-    for (int upright = 0; upright < 4; ++upright) {
+    for (const auto& upright : kUpright) {
       Choice start = AllUpright(upright, to_choose);
       if (fixed < size()) start[fixed] = k;
       Choice choice = Improve(std::move(start), fixed, to_choose);
@@ -195,17 +198,19 @@ class Rig {
     return score;
   }
 
-  /// What speaks against sensors that are mounted otherwise than most.
+  /// What speaks against sensors that are mounted otherwise than most: than most of those whose
+  /// picture stands on the same axis, and for those on the other axis than most.
   double Deviations(const Choice& choice) const {
     std::array<int, 4> mounted{};
-    int all = 0;
     for (std::size_t i = 0; i < size(); ++i) {
-      if (choice[i] < 0) continue;
-      ++mounted[UprightOf(i, choice[i])];
-      ++all;
+      if (choice[i] >= 0) ++mounted[UprightOf(i, choice[i])];
     }
-    const int most = *std::max_element(mounted.begin(), mounted.end());
-    return (all - most) * (most > 1 ? kMountedAsOthers : kMountedAsOne);
+    const auto deviation = [](int count, int other) {
+      return std::min(count, other) *
+             (std::max(count, other) > 1 ? kMountedAsOthers : kMountedAsOne);
+    };
+    return deviation(mounted[0], mounted[2]) + deviation(mounted[1], mounted[3]) +
+           deviation(mounted[0] + mounted[2], mounted[1] + mounted[3]);
   }
 
   std::size_t UprightOf(std::size_t i, int k) const {
@@ -230,15 +235,15 @@ class Rig {
     return known->second;
   }
 
-  /// Every sensor's own best option with that side of the picture up, where it has one.
-  Choice AllUpright(int upright, bool to_choose) const {
+  /// Every sensor's own best option with one of these sides of the picture up, where it has one.
+  Choice AllUpright(const std::array<std::size_t, 2>& upright, bool to_choose) const {
     Choice choice;
     for (std::size_t i = 0; i < size(); ++i) {
       int best = -1;
       for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
         const auto rank = [&](int option) {
-          return std::make_pair(static_cast<int>(UprightOf(i, option)) == upright,
-                                Own(i, option, to_choose));
+          const std::size_t own = UprightOf(i, option);
+          return std::make_pair(own == upright[0] || own == upright[1], Own(i, option, to_choose));
         };
         if (best < 0 || rank(k) > rank(best)) best = k;
       }

@@ -16,14 +16,16 @@ constexpr std::size_t kMostFloors = 4;
 constexpr double kAlike = 0.966, kAtRightAngle = 0.26;
 /// rad: two turns that differ by less are one.
 constexpr double kSameTurn = 8 * M_PI / 180;
+/// Sine of the angle between what may be up and a plane that may be upright (35 deg).
+constexpr double kUpright = 0.57;
 /// Most directions that are taken for up.
 constexpr std::size_t kMostUps = 12;
 /// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
 /// the area that the highest count has.
 constexpr double kLevelCell = 0.2, kLeastLevel = 0.15;
 constexpr std::size_t kMostLevels = 4;
-/// Of a surface that faces up, its normal's upward part.
-constexpr double kFacesUp = 0.9;
+/// Of a surface that is level, its normal's upward part.
+constexpr double kLevel = 0.9;
 
 /// Different directions in which planes face, up to their sign.
 std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
@@ -44,7 +46,8 @@ void AddDirection(const Eigen::Vector3d& direction, std::vector<Eigen::Vector3d>
   if (!known) directions->push_back(direction);
 }
 
-std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes) {
+std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
+                                 const std::vector<Eigen::Vector3d>& usual) {
   std::vector<Eigen::Vector3d> ups;
   for (const Eigen::Vector3d& axis : axes) {
     AddDirection(axis, &ups);
@@ -56,6 +59,13 @@ std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes) {
       const Eigen::Vector3d up = axes[i].cross(axes[j]).normalized();
       AddDirection(up, &ups);
       AddDirection(-up, &ups);
+    }
+  }
+  // One family of upright planes leaves a turn about their normal open.
+  for (const Eigen::Vector3d& up : usual) {
+    for (const Eigen::Vector3d& axis : axes) {
+      if (std::abs(axis.dot(up)) < kUpright)
+        AddDirection((up - axis.dot(up) * axis).normalized(), &ups);
     }
   }
   if (ups.size() > kMostUps) ups.resize(kMostUps);
@@ -72,8 +82,6 @@ void AddTurns(double turn, std::vector<double>* turns) {
     if (!known) turns->push_back(other);
   }
 }
-
-double Heading(const Eigen::Vector3d& normal) { return std::atan2(normal.z(), normal.x()); }
 
 /// Turns that bring a side of the structure to face as some plane does.
 std::vector<double> Turns(const Eigen::Vector3d& up, const std::vector<RoomPlane>& planes,
@@ -95,7 +103,7 @@ std::vector<double> Turns(const Eigen::Vector3d& up, const std::vector<RoomPlane
 std::vector<double> TopsOf(const Structure& structure) {
   std::vector<double> tops;
   for (const Side& side : structure.sides()) {
-    if (side.normal.y() < kFacesUp || !(side.exposed_area > 0)) continue;
+    if (side.normal.y() < kLevel || !(side.exposed_area > 0)) continue;
     const double top = side.centre.y() - structure.FloorHeight();
     const bool known = std::any_of(tops.begin(), tops.end(),
                                    [&](double other) { return std::abs(other - top) < 0.01; });
@@ -114,7 +122,7 @@ std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen
   }
   std::vector<double> areas(static_cast<std::size_t>((highest - lowest) / cell) + 3, 0);
   for (const OrientedPoint& point : points) {
-    if (up.dot(point.normal) > kFacesUp)
+    if (up.dot(point.normal) > kLevel)
       areas[static_cast<std::size_t>((up.dot(point.p) - lowest) / cell) + 1] += point.area;
   }
   std::vector<std::pair<double, double>> levels;  // area, height
@@ -167,9 +175,10 @@ std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes,
 std::vector<StandingGuess> GuessWithoutFloor(const std::vector<OrientedPoint>& points,
                                              const std::vector<RoomPlane>& planes,
                                              const Structure& structure,
-                                             const StackOutline& outline) {
+                                             const StackOutline& outline,
+                                             const std::vector<Eigen::Vector3d>& usual) {
   std::vector<StandingGuess> guesses;
-  for (const Eigen::Vector3d& up : Ups(Axes(planes))) {
+  for (const Eigen::Vector3d& up : Ups(Axes(planes), usual)) {
     const std::vector<double> turns = Turns(up, planes, structure);
     if (turns.empty()) continue;
     guesses.push_back({up, Feet(points, up, structure, outline), turns});

@@ -8,6 +8,8 @@
 
 #include "core/error.h"
 #include "infer/calibrate.h"
+#include "infer/io/report.h"
+#include "infer/pose/agreement.h"
 #include "tests/core/expect_error.h"
 #include "tests/infer/synthetic.h"
 
@@ -55,6 +57,7 @@ TEST(CalibrateByGeometry, AnyBoxesWithoutAModel) {
     EXPECT_LT(sensor.error->rotation_deg, 0.2);
     EXPECT_EQ(sensor.initial_source, PoseSource::kGeometry);
   }
+  EXPECT_NE(FormatReport(result).find("  geometry  "), std::string::npos) << FormatReport(result);
 }
 
 TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
@@ -73,6 +76,67 @@ TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
   options.initial.method = PoseMethod::kNetwork;
   const CalibrationResult alone = Calibrate(rig.frames, rig.structure, blind, options);
   EXPECT_EQ(alone.sensors[1].code, SensorCode::kNoStructure);
+}
+
+/// The paper's stack on a table, in a room whose floor is 0.7 m lower.
+Rig OnATable() {
+  const Structure stack = testing_infer::PaperStructure();
+  std::vector<Box> seen = stack.boxes();
+  seen.push_back(Box::FromMinMax("table", {-0.9, -1.51, -0.8}, {0.7, -0.81, 0.8}));
+  Rig rig{Structure::FromBoxes("on a table", seen), {}, {}};
+  for (int i = 0; i < 4; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.3, 0.5, 90, {-0.1, -0.2, 0}),
+            {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    SensorFrame& frame = rig.frames.back();
+    frame.quarter_turns = kAutoTurns;
+    rig.labels[static_cast<std::size_t>(i)] =
+        LabelsFromPose(MakeSensorView(frame.depth, frame.intrinsics), stack, *frame.ground_truth,
+                       0.03)
+            .labels;
+  }
+  rig.structure = stack;
+  return rig;
+}
+
+void ExpectNoWrongOk(const CalibrationResult& result) {
+  for (const SensorResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + sensor.reason);
+    if (sensor.status != SensorStatus::kOk) continue;
+    EXPECT_LT(sensor.error->translation_m, 0.02);
+    EXPECT_LT(sensor.error->rotation_deg, 1);
+  }
+}
+
+TEST(OnATable, OfWhichNothingIsSaidNoSensorIsTurnedOver) {
+  const Rig rig = OnATable();
+  ExpectNoWrongOk(testing_infer::CalibrateRig(rig));
+  ExpectNoWrongOk(
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions()));
+}
+
+TEST(OnATable, OfAKnownHeightEverySensorIsPlaced) {
+  const Rig rig = OnATable();
+  CalibrateOptions options;
+  options.initial.table_height_m = 0.7;
+  for (const bool model : {true, false}) {
+    const CalibrationResult result =
+        model ? testing_infer::CalibrateRig(rig, options)
+              : Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options);
+    EXPECT_EQ(result.verdict(), SensorStatus::kOk) << model;
+    ExpectNoWrongOk(result);
+  }
+}
+
+TEST(OnATable, OfUnknownHeightAStackThatLooksTheSameUpsideDownIsAmbiguous) {
+  const Rig rig = OnATable();
+  CalibrateOptions options;
+  options.initial.table_height_m = -1;
+  for (const SensorResult& sensor :
+       Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options).sensors) {
+    EXPECT_NE(sensor.status, SensorStatus::kOk) << sensor.name;
+    EXPECT_TRUE(sensor.code == SensorCode::kAmbiguous) << sensor.reason;
+  }
 }
 
 TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {

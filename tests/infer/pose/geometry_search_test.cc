@@ -38,7 +38,7 @@ std::vector<GeometricPose> Find(const SensorView& view, const Structure& structu
 PoseChoice Choose(const SensorView& view, const Structure& structure, double table_height_m = 0) {
   InitialPoseOptions options;
   options.table_height_m = table_height_m;
-  return Decide(ProposeByGeometry(view, structure, FindAliases(structure), options),
+  return Decide(ProposeByGeometry(view, structure, FindAliases(structure), options), structure,
                 PoseChoiceOptions());
 }
 
