@@ -97,7 +97,7 @@ class Measurement {
       const Eigen::Vector3d p = ray.origin + t * ray.direction;
       const double beyond = Beyond(side, p);
       if (beyond < kBeyondFrom || beyond > kBeyondTo || p.y() < foot_ + kFloorDistance) continue;
-      if (ray.measured > t + 2 * tolerance) {
+      if (!(ray.measured > 0) || ray.measured > t + 2 * tolerance) {
         shapes_[index].ends += Area(ray, side, t);
       } else if (std::abs(ray.measured - t) < tolerance &&
                  ray.normal.dot(side.normal) > kGoesOnAlike) {
@@ -153,7 +153,6 @@ ShapeEvidence MeasureShape(const SurfaceView& surface, const Structure& structur
 
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
-      if (!(view.depth(u, v) > 0)) continue;
       const Eigen::Vector3d direction(view.rays.at(u, v).x(), view.rays.at(u, v).y(), 1);
       const double along = direction.dot(centre);
       if (clearance > 0 && (along < 0 || along * along < clearance * direction.squaredNorm())) {
@@ -166,7 +165,7 @@ ShapeEvidence MeasureShape(const SurfaceView& surface, const Structure& structur
                     model.labels(u, v),
                     structure_from_sensor.linear() * surface.normals(u, v).cast<double>(),
                     surface.room(u, v) != 0};
-      if (ray.expected > 0) measurement.AddStructure(ray);
+      if (ray.expected > 0 && ray.measured > 0) measurement.AddStructure(ray);
       measurement.AddBeyond(ray);
     }
   }

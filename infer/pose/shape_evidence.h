@@ -18,7 +18,7 @@ struct ShapeEvidence {
   double occluded = 0;     ///< something in front was measured
   // Just beyond the borders of the sides, where nothing of the structure is.
   double goes_on = 0;  ///< the surface goes on there, which contradicts the pose
-  double ends = 0;     ///< something behind was measured
+  double ends = 0;     ///< something behind was measured, or nothing
 
   double explained_share() const { return Share(explained, see_through + larger + turned / 2); }
   double visible_share() const { return Share(explained, occluded); }
