@@ -145,10 +145,11 @@ std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen
 std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::Vector3d& up,
                          const Structure& structure, const StackOutline& outline) {
   std::vector<double> feet;
+  if (points.empty()) return feet;
   for (const double level : Levels(points, up, kLevelCell * outline.slab)) {
     for (const double top : TopsOf(structure)) feet.push_back(level - top);
   }
-  if (!feet.empty() || points.empty()) return feet;
+  if (!feet.empty()) return feet;
   double lowest = 1e9, highest = -1e9;
   for (const OrientedPoint& point : points) {
     lowest = std::min(lowest, up.dot(point.p));

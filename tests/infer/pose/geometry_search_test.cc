@@ -126,6 +126,21 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
   }
 }
 
+// One family of upright planes tells nothing of a turn about their normal. The room's walls reach
+// under the structure, as round a table: that speaks for no pose.
+TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
+  const Structure structure = PaperStructure();
+  for (int i = 0; i < 4; ++i) {
+    for (const double wall : {0.0, 3.5}) {
+      SCOPED_TRACE(std::to_string(i) + (wall > 0 ? " in a room" : ""));
+      const Pose truth = RingPose(90.0 * i, 2.2, 0.2);
+      const SensorView view = See(structure, truth, {false, wall});
+      EXPECT_TRUE(Contains(Find(view, structure), truth));
+      EXPECT_TRUE(Choose(view, structure).ambiguous);
+    }
+  }
+}
+
 TEST(FindPosesByGeometry, OnATableOfKnownAndUnknownHeight) {
   const Structure stack =
       Structure::FromBoxes("stack", {Standing("low", {0.5, 0.3, 0.35}, {0, 0, 0}),
@@ -149,6 +164,13 @@ TEST(FindPosesByGeometry, NothingInARoomWithoutTheStack) {
       EXPECT_TRUE(Find(See(elsewhere, RingPose(50.0 * i), {floor, 2.5}), structure).empty());
     }
   }
+}
+
+TEST(FindPosesByGeometry, NothingBeforeAWall) {
+  const Structure structure = PaperStructure();
+  const SensorView wall = MakeSensorView(DepthImage(320, 288, 1.5f), Kinect());
+  EXPECT_TRUE(Find(wall, structure).empty());
+  EXPECT_TRUE(Find(MakeSensorView(DepthImage(320, 288, 0.0f), Kinect()), structure).empty());
 }
 
 TEST(FindPosesByGeometry, NothingAmongOtherBoxes) {
