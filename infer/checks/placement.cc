@@ -113,6 +113,7 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
   const InitialPose& initial = labelled.initial;
   const std::optional<BetterIntrinsics> better =
       CheckIntrinsics(view, seen.intrinsics, labelled, structure, options);
+  if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
   OwnPose own{initial.structure_from_sensor, 0};

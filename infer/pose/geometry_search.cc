@@ -29,7 +29,7 @@ constexpr std::size_t kMostVerified = 6;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
 /// A pose on a floor that explains so much of its view needs no other floor tried.
-constexpr double kCertain = 0.88;
+constexpr double kCertain = 0.97;
 
 /// A plane is of the room that has so many times the most that the structure has in one plane;
 /// sides are in one that face alike (8 deg) and are no farther apart, m.

@@ -14,7 +14,7 @@ namespace volalign {
 
 /// What geometry has to find for a pose to be the structure's.
 struct GeometryOptions {
-  double min_explained_share = 0.85;
+  double min_explained_share = 0.94;
   double min_visible_share = 0.3;
   double max_goes_on_share = 0.15;
   double min_area_share = 0.2;

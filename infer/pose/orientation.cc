@@ -145,6 +145,7 @@ LabelledView TakePose(const LabelContext& context, std::size_t i,
   if (trials.empty()) {
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
+    out.source = PoseSource::kGeometry;
     return out;
   }
   const bool trusted = choice.found && choice.best.overlap >= options.min_shape_overlap &&

@@ -62,8 +62,9 @@ struct LabelledView {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
-  bool floor_would_tell = true;              ///< whether it is that other pose
-  PoseSource source = PoseSource::kNetwork;  ///< of the initial pose
+  bool floor_would_tell = true;  ///< whether it is that other pose
+  /// Of the initial pose; where none was found, what was asked last.
+  PoseSource source = PoseSource::kNetwork;
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.

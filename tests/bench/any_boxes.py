@@ -130,7 +130,7 @@ def calibrate(options, seed, sensor):
     rows = []
     for one in capture["sensors"]:
         found = extrinsics["sensors"][one["name"]]
-        truth = capture["ground_truth"][one["name"]]
+        truth = capture.get("ground_truth", {}).get(one["name"])
         enough = not options.empty and sees_enough(folder, capture, one, truth)
         error = found.get("error", {})
         rows.append({"stack": seed, "sensor": sensor, "name": one["name"], "enough": enough, "status": found["status"],
@@ -143,7 +143,7 @@ def calibrate(options, seed, sensor):
 
 
 def distance(found, truth):
-    if "initial" not in found:
+    if "initial" not in found or truth is None:
         return math.nan
     return math.dist([found["initial"][i][3] for i in range(3)], [truth[i][3] for i in range(3)])
 

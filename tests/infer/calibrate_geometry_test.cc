@@ -139,6 +139,70 @@ TEST(OnATable, OfUnknownHeightAStackThatLooksTheSameUpsideDownIsAmbiguous) {
   }
 }
 
+CalibrationResult WithoutAModel(const std::vector<SensorFrame>& frames,
+                                const Structure& structure) {
+  return Calibrate(std::vector<Still>{{"", frames}}, structure, nullptr, CalibrateOptions());
+}
+
+/// What four sensors see of a stack that is not the one that is described.
+Rig FourThatSee(const Structure& built) {
+  Rig rig{built, {}, {}};
+  for (int i = 0; i < 4; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.2, 0.4, 90), {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  return rig;
+}
+
+/// `sees_no_difference`: a sensor may, and is placed by what stands as described.
+void ExpectTrueReasons(const CalibrationResult& result, bool sees_no_difference = false) {
+  for (const SensorResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + ToString(sensor.code) + ", " + sensor.reason);
+    if (sees_no_difference && sensor.status == SensorStatus::kOk) {
+      EXPECT_LT(sensor.error->translation_m, 0.02);
+      EXPECT_LT(sensor.error->rotation_deg, 1);
+      continue;
+    }
+    EXPECT_EQ(sensor.status, SensorStatus::kFailed);
+    EXPECT_TRUE(
+        sensor.code == SensorCode::kNoStructure || sensor.code == SensorCode::kAssemblyTurned ||
+        sensor.code == SensorCode::kAssemblyMirrored || sensor.code == SensorCode::kFrameMirrored);
+  }
+}
+
+TEST(CalibrateByGeometry, AStackThatIsBuiltOtherwiseIsNotFound) {
+  const Structure described = testing_infer::PaperStructure();
+  const std::vector<Box>& boxes = described.boxes();
+  const auto with = [&](std::size_t changed, const Pose& motion) {
+    std::vector<Pose> motions(boxes.size(), Pose::Identity());
+    motions[changed] = motion;
+    return described.Displaced(motions);
+  };
+  // Half a turn of the two upper boxes about the column; mid_bottom turned by a quarter.
+  std::vector<Pose> upper(4, Pose::Identity());
+  upper[2] = upper[3] = Eigen::Translation3d(-0.115, 0, 0) *
+                        Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()) *
+                        Eigen::Translation3d(0.115, 0, 0);
+  const Eigen::Vector3d middle = boxes[1].structure_from_box.translation();
+  const Pose turned(Eigen::Translation3d(middle) *
+                    Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()) *
+                    Eigen::Translation3d(-middle));
+  for (const Structure& built : {described.Displaced(upper), with(1, turned),
+                                 with(0, Pose(Eigen::Translation3d(0.3, 0, 0)))})
+    ExpectTrueReasons(WithoutAModel(FourThatSee(built).frames, described), true);
+}
+
+TEST(CalibrateByGeometry, MirroredFramesAreNotFound) {
+  Rig rig = FourThatSee(testing_infer::PaperStructure());
+  for (std::size_t i = 1; i < rig.frames.size(); ++i)
+    testing_infer::FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+  CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  result.sensors.erase(result.sensors.begin());
+  ExpectTrueReasons(result);
+}
+
 TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {
   Rig rig{Structure::FromBoxes("one", {Box::FromMinMax("one", {-0.3, 0, -0.2}, {0.3, 0.4, 0.2})}),
           {},
