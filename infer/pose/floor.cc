@@ -37,20 +37,25 @@ bool IsLevel(const SensorView& view, int u, int v, const Pose& structure_from_se
 }  // namespace
 
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor) {
+                        const Pose& structure_from_sensor, const std::vector<Pose>& rivals) {
+  const auto is_off = [&](const Eigen::Vector3d& measured, const Pose& pose) {
+    return DistanceToSurface(structure, pose * measured).distance > kTolerance;
+  };
   const double floor = structure.FloorHeight();
   FloorEvidence evidence;
   for (int v = kStride / 2; v < view.height(); v += kStride) {
     for (int u = kStride / 2; u < view.width(); u += kStride) {
       if (!(view.depth(u, v) > 0)) continue;
       ++evidence.pixels;
-      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+      const Eigen::Vector3d measured = view.Point(u, v);
       const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
-      const double height = p.y() - floor;
+      const double height = (structure_from_sensor * measured).y() - floor;
       if (height < -kClearlyBelow * tolerance) {
         ++evidence.below;
-      } else if (std::abs(height) < tolerance && IsLevel(view, u, v, structure_from_sensor) &&
-                 DistanceToSurface(structure, p).distance > kTolerance) {
+      } else if (std::abs(height) < tolerance && is_off(measured, structure_from_sensor) &&
+                 IsLevel(view, u, v, structure_from_sensor) &&
+                 std::all_of(rivals.begin(), rivals.end(),
+                             [&](const Pose& rival) { return is_off(measured, rival); })) {
         ++evidence.on_floor;
       }
     }
@@ -60,12 +65,12 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
 
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor) {
-  const double own = FindFloor(view, structure, structure_from_sensor).share();
+  std::vector<Pose> poses = {structure_from_sensor};
+  for (const StructureAlias& alias : aliases) poses.push_back(alias.motion * structure_from_sensor);
+  const double own = FindFloor(view, structure, structure_from_sensor, poses).share();
   double margin = 1;
-  for (const StructureAlias& alias : aliases) {
-    const Pose moved = alias.motion * structure_from_sensor;
-    margin = std::min(margin, own - FindFloor(view, structure, moved).share());
-  }
+  for (std::size_t a = 1; a < poses.size(); ++a)
+    margin = std::min(margin, own - FindFloor(view, structure, poses[a], poses).share());
   return margin;
 }
 

@@ -23,8 +23,10 @@ struct FloorEvidence {
   /// The balance as a share of the pixels looked at, in [-2, 1]; 0 where none has depth.
   double share() const { return pixels > 0 ? static_cast<double>(balance()) / pixels : 0; }
 };
+/// What lies on the structure at any of `rivals`, poses that compete with this one, is no floor: a
+/// pose that is off by a box may have a level side of it where the floor would be.
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor);
+                        const Pose& structure_from_sensor, const std::vector<Pose>& rivals = {});
 
 /// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
 /// FloorEvidence::share; 1 without aliases.

@@ -243,6 +243,7 @@ LabelledView TakePose(const Context& context, std::size_t i, const std::vector<T
     out.other_pose =
         DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
   }
+  out.up_unknown = choice.up_unknown;
   if (trusted) TakeChoice(context, from, choice.best, trials, trial, &out);
   return out;
 }

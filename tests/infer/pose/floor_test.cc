@@ -70,6 +70,18 @@ TEST(FindFloor, IsLevel) {
   EXPECT_EQ(FindFloor(speck, Cube(), Above(-0.5)).on_floor, 0);
 }
 
+// At a pose half a metre beside the true one the top of the cube, 0.4 m up, would be floor if the
+// cube were that much higher; at the true pose it is the cube.
+TEST(FindFloor, IsNotTheStructureAtAPoseThatCompetes) {
+  const Pose true_pose = Above(0.2);
+  Pose shifted = true_pose;
+  shifted.translation() += Eigen::Vector3d(-0.8, -0.4, 0);
+  const SensorView view = FromAbove(0.8f);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted).on_floor, 9);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted, true_pose}).on_floor, 0);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted}).on_floor, 9);
+}
+
 TEST(FindFloor, NothingMeasuredSaysNothing) {
   const FloorEvidence floor = FindFloor(FromAbove(0), Cube(), Above(-0.5));
   EXPECT_EQ(floor.pixels, 0);
