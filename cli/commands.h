@@ -21,6 +21,7 @@ Command AddConfigCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
+Command AddConvertCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

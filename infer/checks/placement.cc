@@ -106,6 +106,17 @@ OwnPose RefineWithItsLabels(const SeenView& seen, OwnPose own, const Structure& 
   return own;
 }
 
+Finding UpUnknown(const LabelledView& labelled) {
+  return {
+      SensorCode::kAmbiguous,
+      fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
+                  "two agrees with the other sensors: no floor, nothing else that they share, "
+                  "and none that is mounted like it",
+                  labelled.other_pose),
+      "let it see the floor under the structure, mount it as the others are mounted, or give "
+      "its quarter_turns"};
+}
+
 /// See PlaceSensors.
 Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool use_structure,
                       const Structure& structure, const PlacementOptions& options) {
@@ -136,6 +147,7 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
           VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
   }
+  if (labelled.up_unknown) return UpUnknown(labelled);
 
   PlacedSensor placed = PlaceAt(seen, structure, pose, options);
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);

@@ -75,7 +75,11 @@ double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
 }  // namespace
 
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor, double table_height_m) {
+                        const Pose& structure_from_sensor, const std::vector<Pose>& rivals,
+                        double table_height_m) {
+  const auto is_off = [&](const Eigen::Vector3d& measured, const Pose& pose) {
+    return DistanceToSurface(structure, pose * measured).distance > kTolerance;
+  };
   const double floor = structure.FloorHeight() - table_height_m;
   FloorEvidence evidence;
   std::vector<LowPoint> low;
@@ -84,14 +88,16 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
       if (!(view.depth(u, v) > 0)) continue;
       ++evidence.pixels;
       if (table_height_m < 0) continue;
-      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+      const Eigen::Vector3d measured = view.Point(u, v);
       const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
-      const double height = p.y() - floor;
+      const double height = (structure_from_sensor * measured).y() - floor;
       const auto faces_up = [&] { return FacesUp(view, u, v, structure_from_sensor); };
       if (height < -kClearlyBelow * tolerance) {
         low.push_back({-height, kClearlyBelow * tolerance, faces_up() >= kLevel});
-      } else if (std::abs(height) < tolerance && std::abs(faces_up()) >= kLevel &&
-                 DistanceToSurface(structure, p).distance > kTolerance) {
+      } else if (std::abs(height) < tolerance && is_off(measured, structure_from_sensor) &&
+                 std::abs(faces_up()) >= kLevel &&
+                 std::all_of(rivals.begin(), rivals.end(),
+                             [&](const Pose& rival) { return is_off(measured, rival); })) {
         ++evidence.on_floor;
       }
     }
@@ -104,12 +110,14 @@ FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
                    double table_height_m) {
-  const double own = FindFloor(view, structure, structure_from_sensor, table_height_m).share();
+  std::vector<Pose> poses = {structure_from_sensor};
+  for (const StructureAlias& alias : aliases) poses.push_back(alias.motion * structure_from_sensor);
+  const auto share = [&](const Pose& pose) {
+    return FindFloor(view, structure, pose, poses, table_height_m).share();
+  };
+  const double own = share(structure_from_sensor);
   double margin = 1;
-  for (const StructureAlias& alias : aliases) {
-    const Pose moved = alias.motion * structure_from_sensor;
-    margin = std::min(margin, own - FindFloor(view, structure, moved, table_height_m).share());
-  }
+  for (std::size_t a = 1; a < poses.size(); ++a) margin = std::min(margin, own - share(poses[a]));
   return margin;
 }
 

@@ -138,6 +138,7 @@ LabelledView TakePose(const LabelContext& context, std::size_t i,
     out.floor_would_tell =
         LeavesFloor(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
   }
+  out.up_unknown = choice.up_unknown;
   if (choice.found && choice.best.source == PoseSource::kGeometry) {
     TakeGeometry(context, from, choice.best.structure_from_sensor, &out);
     return out;

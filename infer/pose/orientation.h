@@ -65,6 +65,8 @@ struct LabelledView {
   bool floor_would_tell = true;  ///< whether it is that other pose
   /// Of the initial pose; where none was found, what was asked last.
   PoseSource source = PoseSource::kNetwork;
+  /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
+  bool up_unknown = false;
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.

@@ -88,15 +88,16 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
 
 /// Floor and labels at the pose.
 void Judge(const SensorView& view, const DecimatedTrials& coarse, const Structure& structure,
-           const std::vector<StructureAlias>& aliases, const InitialPoseOptions& initial,
-           PoseEvidence* pose) {
+           const std::vector<StructureAlias>& aliases, const std::vector<Pose>& rivals,
+           const InitialPoseOptions& initial, PoseEvidence* pose) {
   const auto score = [&](const SegmentationResult& labels) {
     return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
                            initial.evidence.min_confidence, kInitialTolerance)
         .score();
   };
   pose->floor =
-      FindFloor(view, structure, pose->structure_from_sensor, initial.table_height_m).share();
+      FindFloor(view, structure, pose->structure_from_sensor, rivals, initial.table_height_m)
+          .share();
   for (const SegmentationResult& labels : coarse.labels)
     pose->network_score = std::max(pose->network_score, score(labels));
   pose->label_score = score(ImpliedLabels(*pose, coarse.labels, aliases));
@@ -215,7 +216,9 @@ std::vector<PoseEvidence> FindCompetitors(const SensorView& view, const Structur
   for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, initial);
   DropMisfits(options.overlap_margin, &poses);
 
-  for (PoseEvidence& pose : poses) Judge(view, coarse, structure, aliases, initial, &pose);
+  std::vector<Pose> rivals;
+  for (const PoseEvidence& pose : poses) rivals.push_back(pose.structure_from_sensor);
+  for (PoseEvidence& pose : poses) Judge(view, coarse, structure, aliases, rivals, initial, &pose);
   return poses;
 }
 

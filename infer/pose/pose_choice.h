@@ -75,6 +75,9 @@ struct PoseChoice {
   /// Another pose that shape, floor and labels speak for about as much.
   bool ambiguous = false;
   PoseEvidence rival;
+  /// Upside down it would be as good, but then contradict the other sensors of the rig, or it
+  /// contradicts them now.
+  bool up_unknown = false;
 };
 
 /// The poses that compete for a view, judged: see ChoosePose. Those of which shape speaks for

@@ -26,16 +26,19 @@ void JudgeAlike(const SensorView& view, const Structure& structure,
   const SensorView coarse = Decimate(view, stride);
   const SurfaceView surface = PrepareSurface(view, structure);
   std::vector<ShapeEvidence> shapes;
+  std::vector<Pose> rivals;
   double reference = 0;
   for (const PoseEvidence& pose : *poses) {
     shapes.push_back(MeasureShape(surface, structure, pose.structure_from_sensor));
     reference = std::max(reference, shapes.back().explained);
+    rivals.push_back(pose.structure_from_sensor);
   }
   for (std::size_t k = 0; k < poses->size(); ++k) {
     PoseEvidence& pose = (*poses)[k];
     pose.overlap = shapes[k].overlap(reference);
     pose.floor =
-        FindFloor(view, structure, pose.structure_from_sensor, initial.table_height_m).share();
+        FindFloor(view, structure, pose.structure_from_sensor, rivals, initial.table_height_m)
+            .share();
     pose.network_score = 0;
     for (const PoseTrial& trial : trials) {
       const Agreement agreement = CompareWithView(
@@ -58,15 +61,20 @@ std::vector<PoseEvidence> ProposeByGeometry(const SensorView& view, const Struct
                                             const std::vector<StructureAlias>& aliases,
                                             const InitialPoseOptions& options) {
   std::vector<PoseEvidence> proposals;
+  std::vector<Pose> rivals;
   for (const GeometricPose& pose :
        FindPosesByGeometry(view, structure, aliases, options.table_height_m, options.geometry)) {
     PoseEvidence proposal;
     proposal.structure_from_sensor = pose.structure_from_sensor;
     proposal.source = PoseSource::kGeometry;
     proposal.overlap = proposal.network_score = pose.overlap;
-    proposal.floor =
-        FindFloor(view, structure, pose.structure_from_sensor, options.table_height_m).share();
     proposals.push_back(proposal);
+    rivals.push_back(pose.structure_from_sensor);
+  }
+  for (PoseEvidence& proposal : proposals) {
+    proposal.floor =
+        FindFloor(view, structure, proposal.structure_from_sensor, rivals, options.table_height_m)
+            .share();
   }
   return proposals;
 }

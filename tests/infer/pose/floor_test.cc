@@ -64,7 +64,7 @@ TEST(FindFloor, UnderATable) {
   Pose above = Above(-0.5);
   EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above).below, 0);
   // Nothing is under that floor, and a pose whose floor is known has none.
-  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, 0.5).below, 9);
+  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, {}, 0.5).below, 9);
   // A box is less high than a table.
   EXPECT_EQ(FindFloor(FromAbove(1.45f), Cube(), above).below, 9);
   // What is upside down shows the floor's other side: a ceiling is no floor of a table.
@@ -82,6 +82,18 @@ TEST(FindFloor, IsLevel) {
   SensorView speck = FromAbove(0);
   speck.depth(3, 3) = 1.2f;
   EXPECT_EQ(FindFloor(speck, Cube(), Above(-0.5)).on_floor, 0);
+}
+
+// At a pose half a metre beside the true one the top of the cube, 0.4 m up, would be floor if the
+// cube were that much higher; at the true pose it is the cube.
+TEST(FindFloor, IsNotTheStructureAtAPoseThatCompetes) {
+  const Pose true_pose = Above(0.2);
+  Pose shifted = true_pose;
+  shifted.translation() += Eigen::Vector3d(-0.8, -0.4, 0);
+  const SensorView view = FromAbove(0.8f);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted).on_floor, 9);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted, true_pose}).on_floor, 0);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted}).on_floor, 9);
 }
 
 TEST(FindFloor, NothingMeasuredSaysNothing) {

@@ -95,6 +95,29 @@ TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
   }
 }
 
+// Of two kinds of mounting with nothing that joins them, one is the network's: the others' up is
+// unknown, unless there is a floor.
+TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
+  const Evidence open{0, 0.8, 0, 0.75};
+  const std::vector<double> roll = {0, 90, 0, 90, 0, 90};
+  for (const bool floor : {false, true}) {
+    std::vector<Evidence> evidence(6, open);
+    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {0.2, 0.8, -0.2, 0.8};
+    const Candidates rig(evidence, roll);
+    std::vector<SensorCandidates> sensors;
+    for (std::size_t i = 0; i < rig.views.size(); ++i) {
+      sensors.push_back({&rig.views[i], rig.poses[i],
+                         roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
+    }
+    const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure, {});
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+      EXPECT_EQ(choices[i].ambiguous, !floor) << i;
+      EXPECT_EQ(choices[i].up_unknown, !floor && roll[i] == 0) << i;
+    }
+  }
+}
+
 TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
   const Evidence floor{0.2, 0.8, -0.2, 0.8}, misled{0, 0.2, 0, 0.9};
   for (const std::size_t count : {1u, 2u}) {
