@@ -2,13 +2,9 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
-#include <memory>
-#include <string>
 
-#include "core/structure.h"
-#include "train/batch.h"
 #include "train/train_config.h"
+#include "train/training_data.h"
 #include "train/validation.h"
 
 namespace volalign {
@@ -31,16 +27,6 @@ struct TrainResult {
   std::filesystem::path checkpoint;  ///< run_dir/model.pt
 };
 
-/// What the trainer needs of the world.
-struct TrainingData {
-  Structure structure;
-  /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
-  /// where samples depend on configuration and seed alone.
-  std::string identity;
-  /// A source that starts at sample `first_index` of the domain `seed`.
-  std::function<std::unique_ptr<SampleSource>(std::uint64_t seed, std::uint64_t first_index)> open;
-};
-
 /// Trains a network on samples rendered as it goes, or on run.dataset, and
 /// fills the run folder:
 ///   config.yaml    the resolved configuration
@@ -53,7 +39,7 @@ struct TrainingData {
 /// run is there already; loss or gradient is not finite), IoError, DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 
-/// The same on other samples than rendered ones.
+/// The same on other samples than the configuration's.
 TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options);
 

@@ -8,41 +8,10 @@
 #include <cmath>
 #include <vector>
 
-#include "core/network.h"
+#include "tests/train/tiny_net.h"
 
 namespace volalign {
 namespace {
-
-StructureNet TinyNet(Normalization normalization = Normalization::kNone) {
-  StructureNetOptions options;
-  options.base_channels = 1;
-  options.num_classes = 3;
-  options.residual_blocks = 1;
-  options.normalization = normalization;
-  return StructureNet(options);
-}
-
-TEST(FlatModule, KeepsValuesAndCollectsGradients) {
-  StructureNet net = TinyNet(Normalization::kBatch);
-  std::map<std::string, at::Tensor> before;
-  for (const auto& p : net->named_parameters()) before[p.key()] = p.value().detach().clone();
-  FlatModule flat(*net);
-  EXPECT_EQ(flat.parameters().numel(), CountParameters(*net));
-  std::map<std::string, at::Tensor> views;
-  flat.AddViews(flat.parameters(), "x/", &views);
-  ASSERT_EQ(views.size(), before.size());
-  for (const auto& [name, value] : before) EXPECT_TRUE(views.at("x/" + name).equal(value)) << name;
-
-  net->forward(at::rand({2, 1, 16, 16})).square().sum().backward();
-  double squares = 0;
-  for (const at::Tensor& p : net->parameters()) squares += p.grad().square().sum().item<double>();
-  EXPECT_GT(squares, 0);
-  EXPECT_NEAR(flat.gradients().square().sum().item<double>() / squares, 1, 1e-5);
-  const at::Tensor mean = net->named_buffers()["encoder1_1.running_mean"];
-  EXPECT_NE(mean.abs().max().item<double>(), 0);  // the statistics moved with the forward pass
-  flat.buffers().fill_(7);
-  EXPECT_EQ(mean[0].item<double>(), 7);
-}
 
 TEST(Adam, AgreesWithTheScalarAlgorithm) {
   for (const bool decay : {false, true}) {
@@ -80,21 +49,6 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
       }
     }
   }
-}
-
-TEST(LearningRate, FollowsTheSchedule) {
-  OptimConfig config;
-  config.lr = 1e-3;
-  EXPECT_EQ(LearningRate(config, 0, 1000), 1e-3);
-  EXPECT_EQ(LearningRate(config, 999, 1000), 1e-3);
-  config.schedule = "one_cycle";
-  config.warmup_samples = 99;
-  EXPECT_NEAR(LearningRate(config, 0, 1099), 1e-5, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 49, 1099), 5e-4, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 99, 1099), 1e-3, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 599, 1099), 5e-4, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 1099, 1099), 0, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 5000, 1099), 0, 1e-12);
 }
 
 }  // namespace

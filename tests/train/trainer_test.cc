@@ -267,9 +267,9 @@ TEST(Trainer, StopsCleanlyOnASignal) {
   };
   const TempFolder folder;
   TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const auto open = data.open;
-  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
-    return std::make_unique<Interrupting>(open(seed, first_index));
+  const auto open = data.open_training;
+  data.open_training = [&](std::int64_t first_sample) {
+    return std::make_unique<Interrupting>(open(first_sample));
   };
   const TrainResult result = TrainOn(data, TinyConfig(), Options(folder / "run"));
   EXPECT_FALSE(result.finished);
@@ -295,9 +295,9 @@ TEST(Trainer, StopsAtALossThatIsNotFinite) {
   TrainConfig config = TinyConfig();
   config.model.input = "depth";
   TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const auto open = data.open;
-  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
-    return std::make_unique<Poisoned>(open(seed, first_index));
+  const auto open = data.open_training;
+  data.open_training = [&](std::int64_t first_sample) {
+    return std::make_unique<Poisoned>(open(first_sample));
   };
   ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
                      {"step 15", "last.state", "optim.lr"});

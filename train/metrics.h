@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+
+#include "train/step.h"
+#include "train/validation.h"
+
+namespace volalign {
+
+/// A row of the training's log: means over the steps since the row before.
+struct TrainRow {
+  std::int64_t step = 0, samples = 0;  ///< so far
+  double lr = 0;                       ///< of the last step
+  double samples_per_s = 0;            ///< over the steps alone, validation and saving left out
+  StepReport mean;                     ///< but `degenerate`, which is a sum
+};
+
+struct ValidationRow {
+  std::int64_t step = 0, samples = 0;
+  ValidationResult result;
+};
+
+/// Collects steps for the next TrainRow.
+class StepMeans {
+ public:
+  void Add(const StepReport& step, std::int64_t samples);
+  bool empty() const { return steps_ == 0; }
+  /// The means; begins anew.
+  TrainRow Take(std::int64_t step, std::int64_t samples, double lr);
+
+ private:
+  std::int64_t steps_ = 0, samples_ = 0;
+  StepReport sum_;
+};
+
+}  // namespace volalign
