@@ -20,17 +20,14 @@ struct ValidationRow {
   ValidationResult result;
 };
 
-/// Collects steps for the next TrainRow.
-class StepMeans {
- public:
-  void Add(const StepReport& step, std::int64_t samples);
-  bool empty() const { return steps_ == 0; }
-  /// The means; begins anew.
-  TrainRow Take(std::int64_t step, std::int64_t samples, double lr);
+/// Sums over the steps since the last TrainRow.
+struct StepMeans {
+  std::int64_t steps = 0, samples = 0;
+  StepReport sum;
 
- private:
-  std::int64_t steps_ = 0, samples_ = 0;
-  StepReport sum_;
+  void Add(const StepReport& step, std::int64_t step_samples);
+  /// The means; begins anew.
+  TrainRow Take(std::int64_t step, std::int64_t samples_so_far, double lr);
 };
 
 }  // namespace volalign

@@ -13,12 +13,11 @@ namespace {
 
 /// Keys that may differ when a run is resumed: they change no sample and no step.
 const std::set<std::string>& FreeKeys() {
-  static const std::set<std::string> keys = {"run.samples",        "run.validation_samples",
-                                             "run.validate_every", "run.checkpoint_every",
-                                             "run.log_every",      "run.half_checkpoint",
-                                             "run.threads",        "run.loader_threads",
-                                             "run.prefetch",       "run.device",
-                                             "run.dataset",        "run.validation_dataset"};
+  static const std::set<std::string> keys = {
+      "run.samples",     "run.validation_samples", "run.validate_every", "run.checkpoint_every",
+      "run.keep_states", "run.best_metric",        "run.log_every",      "run.half_checkpoint",
+      "run.threads",     "run.loader_threads",     "run.prefetch",       "run.device",
+      "run.dataset",     "run.validation_dataset"};
   return keys;
 }
 
@@ -47,6 +46,14 @@ void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
         "{} = {} differs from {} in {}: resume with the run's own config.yaml, or start a new run",
         key, fmt::join(leaf.values, ", "), fmt::join(values, ", "), path));
   }
+}
+
+bool SameValidation(const std::string& saved_yaml, const TrainConfig& config) {
+  const auto before =
+      ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, "the saved configuration"));
+  return before.run.best_metric == config.run.best_metric &&
+         before.run.validation_samples == config.run.validation_samples &&
+         before.run.validation_dataset == config.run.validation_dataset;
 }
 
 }  // namespace volalign

@@ -14,4 +14,7 @@ bool ScheduleDependsOnLength(const OptimConfig& config);
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
                     const std::string& path);
 
+/// Whether validations under both configurations have comparable results.
+bool SameValidation(const std::string& saved_yaml, const TrainConfig& config);
+
 }  // namespace volalign

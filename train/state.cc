@@ -5,10 +5,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "core/checkpoint.h"
 #include "core/error.h"
 #include "train/same_run.h"
 
@@ -17,6 +17,42 @@ namespace {
 
 using nlohmann::json;
 
+json ToJson(const BestValidation& best) {
+  return {{"samples", best.samples}, {"value", best.value}, {"since", best.since}};
+}
+
+BestValidation BestFromJson(const json& j) {
+  return {j.at("samples").get<std::int64_t>(), j.at("value").get<double>(),
+          j.at("since").get<int>()};
+}
+
+json ToJson(const StepMeans& means) {
+  const StepReport& sum = means.sum;
+  const StepTimes& t = sum.times;
+  return {{"steps", means.steps},
+          {"samples", means.samples},
+          {"loss", sum.loss},
+          {"loss_seg", sum.loss_seg},
+          {"loss_3d", sum.loss_3d},
+          {"degenerate", sum.degenerate},
+          {"gradient_norm", sum.gradient_norm},
+          {"times", {t.data, t.forward, t.loss, t.backward, t.optim}}};
+}
+
+StepMeans MeansFromJson(const json& j) {
+  StepMeans means;
+  means.steps = j.at("steps").get<std::int64_t>();
+  means.samples = j.at("samples").get<std::int64_t>();
+  means.sum.loss = j.at("loss").get<double>();
+  means.sum.loss_seg = j.at("loss_seg").get<double>();
+  means.sum.loss_3d = j.at("loss_3d").get<double>();
+  means.sum.degenerate = j.at("degenerate").get<std::int64_t>();
+  means.sum.gradient_norm = j.at("gradient_norm").get<double>();
+  const auto times = j.at("times").get<std::array<double, 5>>();
+  means.sum.times = {times[0], times[1], times[2], times[3], times[4]};
+  return means;
+}
+
 json ToJson(const RunProgress& progress) {
   json sizes = json::array();
   for (const auto& [width, height] : progress.image_sizes) sizes.push_back({width, height});
@@ -24,19 +60,25 @@ json ToJson(const RunProgress& progress) {
           {"init_samples", progress.init_samples},
           {"lr", progress.lr},
           {"focal_px", {progress.focal_px.first, progress.focal_px.second}},
-          {"image_sizes", sizes}};
+          {"image_sizes", sizes},
+          {"validated", progress.validated},
+          {"best", ToJson(progress.best)},
+          {"means", ToJson(progress.means)}};
 }
 
 RunProgress FromJson(const json& meta) {
   RunProgress progress;
   progress.samples = meta.at("samples").get<std::int64_t>();
-  progress.init_samples = meta.value("init_samples", std::int64_t{0});
+  progress.init_samples = meta.at("init_samples").get<std::int64_t>();
   progress.lr = meta.at("lr").get<double>();
   progress.focal_px = {meta.at("focal_px").at(0).get<double>(),
                        meta.at("focal_px").at(1).get<double>()};
   for (const json& size : meta.at("image_sizes")) {
     progress.image_sizes.insert({size.at(0).get<int>(), size.at(1).get<int>()});
   }
+  progress.validated = meta.at("validated").get<std::int64_t>();
+  progress.best = BestFromJson(meta.at("best"));
+  progress.means = MeansFromJson(meta.at("means"));
   return progress;
 }
 
@@ -83,30 +125,57 @@ void SaveState(const std::filesystem::path& path, const TrainConfig& config,
   WriteTensorFile(path, state);
 }
 
-RunProgress LoadState(const std::filesystem::path& path, const TrainConfig& config,
-                      const std::string& data_identity, Learner* learner) {
-  const std::string name = path.string();
-  const TensorFile state = ReadTensorFile(path, kStateFormat);
-  RunProgress progress;
+namespace {
+
+SavedState ReadState(const std::filesystem::path& path, const TrainConfig& config,
+                     const std::string& data_identity) {
+  SavedState saved;
+  saved.path = path;
+  saved.file = ReadTensorFile(path, kStateFormat);
   try {
-    const json meta = json::parse(state.meta);
-    RequireSameRun(meta.at("config").get<std::string>(), config, name);
-    if (meta.value("data_identity", std::string()) != data_identity) {
+    const json meta = json::parse(saved.file.meta);
+    const auto yaml = meta.at("config").get<std::string>();
+    RequireSameRun(yaml, config, path.string());
+    if (meta.at("data_identity").get<std::string>() != data_identity) {
       throw ConfigError(fmt::format(
           "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
           "run's own dataset (config.yaml there names it), or start a new run",
-          name, config.run.dataset));
+          path.string(), config.run.dataset));
     }
-    progress = FromJson(meta);
-    learner->optimizer.set_steps(meta.at("steps").get<std::int64_t>());
+    saved.progress = FromJson(meta);
+    saved.steps = meta.at("steps").get<std::int64_t>();
+    if (!SameValidation(yaml, config)) saved.progress.best = BestValidation();
   } catch (const json::exception& e) {
-    throw DataError(fmt::format("{}: invalid metadata ({})", name, e.what()));
+    throw DataError(fmt::format("{}: invalid metadata ({})", path.string(), e.what()));
   }
-  CopyIntoModule(state.tensors, "model/", *learner->net, name);
-  CopyIntoModule(state.tensors, "average/", *learner->average.net(), name);
-  RestoreMoments(state, "adam_mean/", learner->flat, learner->optimizer.mean(), name);
-  RestoreMoments(state, "adam_square/", learner->flat, learner->optimizer.square(), name);
-  return progress;
+  return saved;
+}
+
+}  // namespace
+
+std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& config,
+                                    const std::string& data_identity,
+                                    std::vector<std::string>* damaged) {
+  const std::vector<std::int64_t> states = folder.States();
+  for (const std::int64_t samples : states) {
+    try {
+      return ReadState(folder.State(samples), config, data_identity);
+    } catch (const DataError& e) {
+      if (samples == states.back()) throw;
+      damaged->push_back(fmt::format("{}: the state before it is used instead", e.what()));
+    }
+  }
+  return std::nullopt;
+}
+
+void Restore(const SavedState& state, Learner* learner) {
+  const std::string name = state.path.string();
+  const std::map<std::string, at::Tensor>& tensors = state.file.tensors;
+  CopyIntoModule(tensors, "model/", *learner->net, name);
+  CopyIntoModule(tensors, "average/", *learner->average.net(), name);
+  RestoreMoments(state.file, "adam_mean/", learner->flat, learner->optimizer.mean(), name);
+  RestoreMoments(state.file, "adam_square/", learner->flat, learner->optimizer.square(), name);
+  learner->optimizer.set_steps(state.steps);
 }
 
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,

@@ -2,19 +2,24 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/checkpoint.h"
 #include "core/structure.h"
 #include "render/sample.h"
+#include "train/best.h"
 #include "train/learner.h"
+#include "train/metrics.h"
+#include "train/run_folder.h"
 #include "train/train_config.h"
 
 namespace volalign {
 
-inline constexpr char kStateFormat[] = "volalign.training/1";
+inline constexpr char kStateFormat[] = "volalign.training/2";
 
 /// How far a run is, beside its weights.
 struct RunProgress {
@@ -24,6 +29,9 @@ struct RunProgress {
   /// Least and largest focal length, px, and the image sizes that were seen.
   std::pair<double, double> focal_px{0, 0};
   std::set<std::pair<int, int>> image_sizes;
+  std::int64_t validated = -1;  ///< samples at the last validation; -1: there was none
+  BestValidation best;
+  StepMeans means;  ///< the steps since the last row of the log
 
   void NoteCameras(const std::vector<Sample>& drawn);
 };
@@ -33,10 +41,23 @@ struct RunProgress {
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
                const std::string& data_identity, Learner& learner, const RunProgress& progress);
 
-/// Restores it. Throws IoError, DataError for a damaged file, ConfigError for the state of a run
-/// with another configuration (RequireSameRun) or other samples.
-RunProgress LoadState(const std::filesystem::path& path, const TrainConfig& config,
-                      const std::string& data_identity, Learner* learner);
+/// A state as it was read, of the run that the caller wants to continue.
+struct SavedState {
+  std::filesystem::path path;
+  TensorFile file;
+  RunProgress progress;
+  std::int64_t steps = 0;
+};
+
+/// The newest state of `folder` that is whole, or none where there is no state; `damaged` gets a
+/// sentence for each newer one that is not. Throws ConfigError for the state of a run with another
+/// configuration (RequireSameRun) or other samples, DataError when every state is damaged.
+std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& config,
+                                    const std::string& data_identity,
+                                    std::vector<std::string>* damaged);
+
+/// Weights, average and optimiser as they were. Throws DataError where the state lacks one.
+void Restore(const SavedState& state, Learner* learner);
 
 /// Writes the deployable checkpoint (core/checkpoint.h) of the averaged weights. Throws IoError.
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,

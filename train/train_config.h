@@ -1,9 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "core/config.h"
+#include "core/config_word.h"
 #include "core/network.h"
 #include "core/structure.h"
 #include "render/sample_config.h"
@@ -85,6 +88,23 @@ struct OptimConfig {
   }
 };
 
+/// Metric of a validation by which runs and their checkpoints are compared.
+enum class BestMetric {
+  kLossSeg,
+  kMiou,
+  kMiouAuthors,
+  kKeypointRmse,
+  kTranslationError,
+  kRotationError
+};
+inline constexpr std::array<std::pair<const char*, BestMetric>, 6> kBestMetrics{
+    {{"loss_seg", BestMetric::kLossSeg},
+     {"miou", BestMetric::kMiou},
+     {"miou_authors", BestMetric::kMiouAuthors},
+     {"keypoint_rmse_m", BestMetric::kKeypointRmse},
+     {"median_translation_error_m", BestMetric::kTranslationError},
+     {"median_rotation_error_deg", BestMetric::kRotationError}}};
+
 struct RunConfig {
   std::int64_t samples = 3200000;
   int batch_size = 16;
@@ -94,6 +114,8 @@ struct RunConfig {
   int validation_samples = 256;
   std::int64_t validate_every = 50000;
   std::int64_t checkpoint_every = 20000;
+  int keep_states = 2;
+  BestMetric best_metric = BestMetric::kMiou;
   std::int64_t log_every = 160;
   std::string precision = "fp32";
   bool channels_last = false;
@@ -119,7 +141,10 @@ struct RunConfig {
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
        AtLeast(0));
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
-    ar("checkpoint_every", checkpoint_every, "samples between checkpoints", AtLeast(1));
+    ar("checkpoint_every", checkpoint_every, "samples between saved states", AtLeast(1));
+    ar("keep_states", keep_states, "number of the newest states that are kept", AtLeast(1));
+    DescribeWord(ar, "best_metric", best_metric, kBestMetrics,
+                 "of the validations: best.pt is the checkpoint of the best one");
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
     ar("precision", precision,
        "fp32, or bf16 for everything but depth, the first convolution and the soft Procrustes term",

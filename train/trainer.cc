@@ -7,6 +7,8 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -15,6 +17,8 @@
 #include "train/interrupt.h"
 #include "train/learner.h"
 #include "train/metrics.h"
+#include "train/run_folder.h"
+#include "train/same_run.h"
 #include "train/schedule.h"
 #include "train/sinks.h"
 #include "train/state.h"
@@ -29,73 +33,88 @@ bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
   return before / every != after / every;
 }
 
-/// Finds the run to continue, or makes sure that there is none. True: continue.
-bool HasState(const std::filesystem::path& state, const TrainOptions& options) {
-  const bool exists = std::filesystem::exists(state);
-  if (options.resume && !exists) {
-    throw IoError(fmt::format("{}: no such file, so there is nothing to resume: drop --resume",
-                              state.string()));
-  }
-  if (!options.resume && exists) {
+[[noreturn]] void NothingToResume(const std::filesystem::path& dir) {
+  throw IoError(fmt::format("{}: there is no run to resume here: drop --resume", dir.string()));
+}
+
+/// The state to continue, or none for a run that starts at its first sample.
+std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& data,
+                                const TrainConfig& config, bool resume,
+                                std::vector<std::string>* damaged) {
+  if (!resume) {
+    if (folder.States().empty()) return std::nullopt;
     throw Error(fmt::format("{} holds a run already: use --resume, or another --run-dir",
-                            options.run_dir.string()));
+                            folder.dir().string()));
   }
-  return exists;
+  std::optional<SavedState> state = FindState(folder, config, data.identity, damaged);
+  if (state) return state;
+  // A run that was killed before its first state left its configuration alone.
+  if (!std::filesystem::exists(folder.config())) NothingToResume(folder.dir());
+  RequireSameRun(ReadFile(folder.config()), config, folder.config().string());
+  return std::nullopt;
 }
 
 /// A run at work: its parts, and what joins them.
 class Run {
  public:
-  Run(const TrainingData& data, const TrainConfig& config, const TrainOptions& options)
+  Run(const TrainingData& data, const TrainConfig& config, const Compute& compute,
+      const RunFolder& folder, std::optional<SavedState> state, bool quiet)
       : data_(data),
         config_(config),
-        state_path_(options.run_dir / "last.state"),
-        model_path_(options.run_dir / "model.pt"),
-        compute_(ChooseCompute(config.run)),
+        folder_(folder),
+        compute_(compute),
         learner_(config, data.structure.num_classes(), compute_),
         loss_(config.loss, data.structure, compute_.device) {
-    if (HasState(state_path_, options)) {
-      progress_ = LoadState(state_path_, config, data.identity, &learner_);
+    if (state) {
+      Restore(*state, &learner_);
+      progress_ = state->progress;
+      saved_ = progress_.samples;
     } else if (!config.run.init.empty()) {
       progress_.init_samples = StartFrom(config.run.init, data.structure, &learner_);
     }
-    WriteFileAtomically(options.run_dir / "config.yaml", WriteConfig(config));
-    jsonl_.emplace(options.run_dir / "metrics.jsonl", progress_.samples);
+    folder.BeginAfter(progress_.samples);
+    WriteFileAtomically(folder.config(), WriteConfig(config));
+    jsonl_.emplace(folder.metrics(), progress_.samples);
     sinks_ = {&*jsonl_};
-    if (!options.quiet) sinks_.push_back(&bar_.emplace(config.run.samples));
+    if (!quiet) sinks_.push_back(&bar_.emplace(config.run.samples));
+  }
+
+  void Warn(const std::string& sentence) {
+    if (bar_) bar_->Line("warning: " + sentence);
   }
 
   TrainResult Train(std::int64_t stop) {
     const InterruptGuard guard;
     TrainResult result;
-    result.checkpoint = model_path_;
+    result.checkpoint = folder_.model();
+    const RunConfig& run = config_.run;
     std::unique_ptr<SampleSource> source;
     if (progress_.samples < stop) source = data_.open_training(progress_.samples);
-    std::int64_t saved = progress_.samples, validated = -1;
     while (progress_.samples < stop && !guard.Interrupted()) {
       const std::int64_t before = progress_.samples;
       result.loss = Step(*source);
-      const auto crossed = [&](std::int64_t every) {
-        return Crossed(before, progress_.samples, every);
+      const bool last = progress_.samples >= run.samples;
+      const auto due = [&](std::int64_t every) {
+        return last || Crossed(before, progress_.samples, every);
       };
-      if (crossed(config_.run.log_every) || progress_.samples >= stop) WriteTrainRow();
-      if (crossed(config_.run.validate_every)) {
-        result.validation = ValidateNow();
-        validated = progress_.samples;
-      }
-      if (crossed(config_.run.checkpoint_every)) {
-        Save();
-        saved = progress_.samples;
-      }
+      if (due(run.log_every)) WriteTrainRow();
+      if (due(run.validate_every)) result.validation = ValidateNow();
+      // After the rows of these samples, so that a run that goes on from here has them all.
+      if (due(run.checkpoint_every)) Save();
     }
     result.samples = progress_.samples;
-    result.finished = progress_.samples >= config_.run.samples;
-    if (result.finished && validated != progress_.samples) result.validation = ValidateNow();
-    if (saved != progress_.samples || !std::filesystem::exists(model_path_)) Save();
+    result.finished = progress_.samples >= run.samples;
+    // A run whose length was changed to what it had reached already.
+    if (result.finished && progress_.validated != progress_.samples) {
+      result.validation = ValidateNow();
+      saved_ = -1;
+    }
+    if (saved_ != progress_.samples) Save();
+    if (modelled_ != progress_.samples) SaveModelNow();
     if (bar_) {
       bar_->Line(fmt::format("{} after {} samples: {}",
                              result.finished ? "finished" : "stopped (continue with --resume)",
-                             progress_.samples, model_path_.string()));
+                             progress_.samples, folder_.model().string()));
     }
     return result;
   }
@@ -118,7 +137,7 @@ class Run {
     Synchronize(compute_.device);
     report.times.optim = Seconds(updating);
     progress_.samples += static_cast<std::int64_t>(drawn.size());
-    means_.Add(report, static_cast<std::int64_t>(drawn.size()));
+    progress_.means.Add(report, static_cast<std::int64_t>(drawn.size()));
     return report.loss;
   }
 
@@ -133,16 +152,17 @@ class Run {
         "step {} (samples {} to {}): loss {} with gradient norm {}: lower optim.lr or set "
         "optim.clip_norm; the last good state is {}",
         learner_.optimizer.steps() + 1, progress_.samples, progress_.samples + samples - 1,
-        report.loss, report.gradient_norm,
-        std::filesystem::exists(state_path_) ? state_path_.string() : "none"));
+        report.loss, report.gradient_norm, saved_ >= 0 ? folder_.State(saved_).string() : "none"));
   }
 
   void WriteTrainRow() {
-    const TrainRow row = means_.Take(learner_.optimizer.steps(), progress_.samples, progress_.lr);
+    const TrainRow row =
+        progress_.means.Take(learner_.optimizer.steps(), progress_.samples, progress_.lr);
     for (MetricSink* sink : sinks_) sink->Train(row);
   }
 
   ValidationResult ValidateNow() {
+    progress_.validated = progress_.samples;
     if (config_.run.validation_samples == 0) return {};
     learner_.average.Refresh(learner_.flat);
     const std::unique_ptr<SampleSource> source = data_.open_validation();
@@ -152,22 +172,33 @@ class Run {
     for (MetricSink* sink : sinks_) {
       sink->Validation({learner_.optimizer.steps(), progress_.samples, result});
     }
+    if (progress_.best.Note(config_.run.best_metric, result, progress_.samples)) {
+      SaveModel(folder_.best(), config_, data_.structure, learner_, progress_);
+    }
     return result;
   }
 
   void Save() {
-    SaveState(state_path_, config_, data_.identity, learner_, progress_);
-    SaveModel(model_path_, config_, data_.structure, learner_, progress_);
+    SaveState(folder_.State(progress_.samples), config_, data_.identity, learner_, progress_);
+    folder_.KeepStates(config_.run.keep_states);
+    saved_ = progress_.samples;
+    SaveModelNow();
+  }
+
+  void SaveModelNow() {
+    SaveModel(folder_.model(), config_, data_.structure, learner_, progress_);
+    modelled_ = progress_.samples;
   }
 
   const TrainingData& data_;
   const TrainConfig& config_;
-  std::filesystem::path state_path_, model_path_;
+  const RunFolder& folder_;
   Compute compute_;
   Learner learner_;
   TrainingLoss loss_;
   RunProgress progress_;
-  StepMeans means_;
+  std::int64_t saved_ = -1;     ///< samples of the newest state
+  std::int64_t modelled_ = -1;  ///< samples of the model.pt that this process wrote
   std::optional<JsonlSink> jsonl_;
   std::optional<ProgressSink> bar_;
   std::vector<MetricSink*> sinks_;
@@ -183,7 +214,13 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options) {
   ValidateConfig(config);
   config.Validate();
-  Run run(data, config, options);
+  const Compute compute = ChooseCompute(config.run);
+  if (options.resume && !std::filesystem::exists(options.run_dir)) NothingToResume(options.run_dir);
+  const RunFolder folder(options.run_dir);
+  std::vector<std::string> damaged;
+  std::optional<SavedState> state = Begin(folder, data, config, options.resume, &damaged);
+  Run run(data, config, compute, folder, std::move(state), options.quiet);
+  for (const std::string& sentence : damaged) run.Warn(sentence);
   const std::int64_t samples = config.run.samples;
   return run.Train(options.stop_at_samples > 0 ? std::min(options.stop_at_samples, samples)
                                                : samples);

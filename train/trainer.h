@@ -11,7 +11,8 @@ namespace volalign {
 
 struct TrainOptions {
   std::filesystem::path run_dir;
-  /// Continue run_dir/last.state: same samples, weights, optimiser and learning rate. Throws
+  /// Continue the run in run_dir from its newest state: same samples, weights, optimiser and
+  /// learning rate; from its beginning where it was killed before the first state. Throws
   /// ConfigError where run.samples differs and the schedule is one_cycle, which depends on it.
   bool resume = false;
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
@@ -20,10 +21,10 @@ struct TrainOptions {
 };
 
 struct TrainResult {
-  std::int64_t samples = 0;  ///< drawn in all, resumed ones included
-  bool finished = false;     ///< false: interrupted, can be resumed
-  double loss = 0;           ///< of the last step
-  ValidationResult validation;
+  std::int64_t samples = 0;          ///< drawn in all, resumed ones included
+  bool finished = false;             ///< false: interrupted, can be resumed
+  double loss = 0;                   ///< of the last step, where this call took one
+  ValidationResult validation;       ///< the last one, where this call made one
   std::filesystem::path checkpoint;  ///< run_dir/model.pt
 };
 
@@ -32,9 +33,13 @@ struct TrainResult {
 ///   config.yaml    the resolved configuration
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
-///   last.state     all that --resume needs (format volalign.training/1)
+///   states/        all that --resume needs, after so many samples as the name says (format
+///                  volalign.training/2); the run.keep_states newest ones
 ///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
-/// SIGINT and SIGTERM stop it after the current step, with the state saved.
+///   best.pt        that of the best validation
+/// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped
+/// or killed at any moment and is resumed ends with the weights of one that was not, bit for bit on
+/// a CPU with the same number of threads.
 /// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
 /// run is there already; loss or gradient is not finite), IoError, DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);

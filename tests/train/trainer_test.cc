@@ -2,8 +2,10 @@
 
 #include <ATen/TensorOperators.h>
 #include <c10/core/GradMode.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -20,6 +22,7 @@
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/train/synthetic_source.h"
+#include "train/state.h"
 
 namespace volalign {
 namespace {
@@ -61,6 +64,14 @@ TrainOptions Options(const std::filesystem::path& folder) {
   options.run_dir = folder;
   options.quiet = true;
   return options;
+}
+
+std::filesystem::path State(const std::filesystem::path& folder, int samples) {
+  return folder / "states" / fmt::format("{:012}.state", samples);
+}
+
+void Truncate(const std::filesystem::path& file) {
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
 }
 
 std::vector<json> Rows(const std::filesystem::path& folder, const std::string& type) {
@@ -123,6 +134,81 @@ TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
   const std::vector<json> rows = Rows(folder / "run", "train");
   ASSERT_EQ(rows.size(), 7u);
   for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i].at("samples"), 2 * (i + 1));
+}
+
+/// Names of the files in a folder, in order.
+std::vector<std::string> Names(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.push_back(entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.checkpoint_every = 10;
+  config.run.validate_every = 20;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOn(data, config, Options(folder / "whole"));
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 46;
+  TrainOn(data, config, options);
+  EXPECT_EQ(Names(folder / "run" / "states"),
+            (std::vector<std::string>{"000000000040.state", "000000000046.state"}));
+  Truncate(State(folder / "run", 46));
+  options.stop_at_samples = 44;
+  options.resume = true;
+  EXPECT_EQ(TrainOn(data, config, options).samples, 44);  // from 40, not from 46
+  EXPECT_EQ(Names(folder / "run" / "states"),
+            (std::vector<std::string>{"000000000040.state", "000000000044.state"}));
+  options.stop_at_samples = 0;
+  config.run.keep_states = 3;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  EXPECT_EQ(
+      Names(folder / "run" / "states"),
+      (std::vector<std::string>{"000000000060.state", "000000000070.state", "000000000080.state"}));
+  EXPECT_EQ(
+      Names(folder / "run"),
+      (std::vector<std::string>{"best.pt", "config.yaml", "metrics.jsonl", "model.pt", "states"}));
+  config.run.keep_states = 2;
+  for (const char* name : {"best.pt", "model.pt"}) {
+    const auto a = ReadTensorFile(folder / "whole" / name, kCheckpointFormat).tensors;
+    const auto b = ReadTensorFile(folder / "run" / name, kCheckpointFormat).tensors;
+    for (const auto& [tensor, value] : a) EXPECT_TRUE(value.equal(b.at(tensor))) << tensor;
+  }
+}
+
+TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.validate_every = 10;
+  config.run.best_metric = BestMetric::kLossSeg;
+  config.optim.schedule = "constant";
+  config.optim.lr = 0.05;  // too much: the loss goes up and down
+  TrainOn(SyntheticData(2, 32, 1u << 20), config, Options(folder / "run"));
+  double best = 1e9;
+  std::int64_t at = 0;
+  const std::vector<json> rows = Rows(folder / "run", "validation");
+  ASSERT_EQ(rows.size(), 8u);
+  for (const json& row : rows) {
+    if (row.at("loss_seg").get<double>() >= best) continue;
+    best = row.at("loss_seg").get<double>();
+    at = row.at("samples").get<std::int64_t>();
+  }
+  EXPECT_LT(at, 80) << "the last validation is the best: the test shows nothing";
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.pt").meta.samples, at);
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 80);
+}
+
+TEST(Trainer, TwoProcessesDoNotTrainInOneFolder) {
+  const TempFolder folder;
+  const RunFolder held(folder / "run");
+  ExpectError<Error>(
+      [&] { TrainOn(SyntheticData(2, 32, 8), TinyConfig(), Options(folder / "run")); },
+      {"another process", "run"});
 }
 
 TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
@@ -189,7 +275,7 @@ TEST(Trainer, AverageIsTheRunningMeanOfTheWeights) {
     options.stop_at_samples = stop;
     options.resume = stop > 2;
     TrainOn(data, config, options);
-    const TensorFile state = ReadTensorFile(folder / "run" / "last.state", "volalign.training/1");
+    const TensorFile state = ReadTensorFile(State(folder / "run", stop), kStateFormat);
     const auto batches = stop / 2;
     const auto t = static_cast<double>(batches);
     const double decay = (1 + t) / (10 + t);
@@ -211,7 +297,9 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   TrainOptions options = Options(folder / "run");
   options.stop_at_samples = 4;
   options.resume = true;
-  ExpectError<IoError>([&] { TrainOn(data, config, options); }, {"last.state", "--resume"});
+  ExpectError<IoError>([&] { TrainOn(data, config, options); },
+                       {"run", "no run to resume", "--resume"});
+  EXPECT_FALSE(std::filesystem::exists(folder / "run"));
   options.resume = false;
   TrainOn(data, config, options);
   ExpectError<Error>([&] { TrainOn(data, config, options); }, {"run", "--resume"});
@@ -233,9 +321,8 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   options.stop_at_samples = 8;
   EXPECT_EQ(TrainOn(data, other, options).samples, 8);
 
-  const std::string state = ReadFile(folder / "run" / "last.state");
-  WriteFileAtomically(folder / "run" / "last.state", state.substr(0, state.size() / 2));
-  ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"last.state"});
+  for (const int samples : {4, 8}) Truncate(State(folder / "run", samples));
+  ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"000000000004.state"});
 }
 
 TEST(Trainer, AConstantScheduleMayBeContinuedForLonger) {
@@ -300,7 +387,7 @@ TEST(Trainer, StopsAtALossThatIsNotFinite) {
     return std::make_unique<Poisoned>(open(first_sample));
   };
   ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
-                     {"step 15", "last.state", "optim.lr"});
+                     {"step 15", "states/000000000026.state", "optim.lr"});
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
 }
 
