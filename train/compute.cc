@@ -4,6 +4,10 @@
 #include <torch/cuda.h>
 
 #include <string>
+#if defined(__aarch64__)
+#include <asm/hwcap.h>
+#include <sys/auxv.h>
+#endif
 
 #include "core/error.h"
 
@@ -29,12 +33,33 @@ at::Device ParseDevice(const std::string& name) {
 
 }  // namespace
 
+bool ProcessorHasBf16() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx512bf16") != 0;
+#elif defined(__aarch64__) && defined(HWCAP2_BF16)
+  return (getauxval(AT_HWCAP2) & HWCAP2_BF16) != 0;
+#else
+  return false;
+#endif
+}
+
 Compute ChooseCompute(const RunConfig& run) {
   Compute compute;
   compute.device = ParseDevice(run.device);
-  compute.type = run.precision == "bf16" ? at::kBFloat16 : at::kFloat;
-  compute.channels_last = run.channels_last;
+  const bool bf16 = run.precision == Precision::kAuto
+                        ? compute.device.is_cpu() && ProcessorHasBf16()
+                        : run.precision == Precision::kBf16;
+  compute.type = bf16 ? at::kBFloat16 : at::kFloat;
+  compute.channels_last = run.channels_last == Layout::kAuto
+                              ? compute.device.is_cpu() || bf16
+                              : run.channels_last == Layout::kChannelsLast;
   return compute;
+}
+
+std::string ToString(const Compute& compute) {
+  return fmt::format("{}, {}, {}", compute.device.str(),
+                     compute.type == at::kBFloat16 ? "bf16" : "fp32",
+                     compute.channels_last ? "channels last" : "channels first");
 }
 
 at::Tensor EncodeFor(const Compute& compute, const at::Tensor& depth, InputEncoding input) {

@@ -2,6 +2,8 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <string>
+
 #include "core/network.h"
 #include "train/train_config.h"
 
@@ -14,9 +16,16 @@ struct Compute {
   bool channels_last = false;
 };
 
-/// As run.device, run.precision and run.channels_last say. Throws ConfigError for a device that
-/// this LibTorch does not have.
+/// As run.device, run.precision and run.channels_last say; `auto` is decided for this machine.
+/// Throws ConfigError for a device that this LibTorch does not have.
 Compute ChooseCompute(const RunConfig& run);
+
+/// Whether this processor has instructions for bfloat16 that LibTorch uses. Without them bfloat16
+/// takes longer than float32.
+bool ProcessorHasBf16();
+
+/// "cpu, bf16, channels last".
+std::string ToString(const Compute& compute);
 
 /// The network's input of depth maps [B,1,H,W], in the layout of `compute`.
 at::Tensor EncodeFor(const Compute& compute, const at::Tensor& depth, InputEncoding input);

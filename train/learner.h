@@ -26,7 +26,7 @@ class Learner {
 
   StructureNet net;
   FlatModule flat;  ///< the parameters of `net`
-  Adam optimizer;
+  Optimizer optimizer;
   WeightAverage average;
 };
 

@@ -3,16 +3,20 @@
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "train/flat_module.h"
 #include "train/train_config.h"
 
 namespace volalign {
 
-/// Adam (Kingma and Ba 2015) or AdamW (Loshchilov and Hutter 2019) on a FlatModule.
-class Adam {
+/// Adam (Kingma and Ba 2015), AdamW (Loshchilov and Hutter 2019) or stochastic gradient descent
+/// with momentum (as PyTorch's SGD) on a FlatModule.
+class Optimizer {
  public:
-  Adam(const OptimConfig& config, FlatModule* module);
+  Optimizer(const OptimConfig& config, FlatModule* module);
 
   /// Norm of the gradient, before clipping: float32 scalar on the module's device.
   at::Tensor GradientNorm() const;
@@ -20,16 +24,18 @@ class Adam {
   void Step(double lr, const at::Tensor& gradient_norm);
 
   std::int64_t steps() const { return steps_; }
-  /// First and second moments as [N] tensors, for saving and restoring together with the number of
-  /// steps.
-  at::Tensor& mean() { return mean_; }
-  at::Tensor& square() { return square_; }
   void set_steps(std::int64_t steps) { steps_ = steps; }
+  /// What it remembers of earlier steps, [N] each: "mean" and "square" of the gradient, or
+  /// "momentum". To be saved and restored together with the number of steps.
+  const std::vector<std::pair<std::string, at::Tensor>>& moments() const { return moments_; }
 
  private:
+  void StepAdam(double lr);
+  void StepSgd(double lr);
+
   OptimConfig config_;
   FlatModule* module_;
-  at::Tensor mean_, square_;
+  std::vector<std::pair<std::string, at::Tensor>> moments_;
   std::int64_t steps_ = 0;
 };
 

@@ -13,17 +13,25 @@ namespace {
 
 /// Keys that may differ when a run is resumed: they change no sample and no step.
 const std::set<std::string>& FreeKeys() {
-  static const std::set<std::string> keys = {
-      "run.samples",     "run.validation_samples", "run.validate_every", "run.checkpoint_every",
-      "run.keep_states", "run.best_metric",        "run.log_every",      "run.half_checkpoint",
-      "run.threads",     "run.loader_threads",     "run.prefetch",       "run.device",
-      "run.dataset",     "run.validation_dataset"};
+  static const std::set<std::string> keys = {"run.samples",
+                                             "run.validation_samples",
+                                             "run.validate_every",
+                                             "run.checkpoint_every",
+                                             "run.keep_states",
+                                             "run.best_metric",
+                                             "run.patience",
+                                             "run.log_every",
+                                             "run.half_checkpoint",
+                                             "run.threads",
+                                             "run.loader_threads",
+                                             "run.prefetch",
+                                             "run.device",
+                                             "run.dataset",
+                                             "run.validation_dataset"};
   return keys;
 }
 
 }  // namespace
-
-bool ScheduleDependsOnLength(const OptimConfig& config) { return config.schedule == "one_cycle"; }
 
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
                     const std::string& path) {
@@ -34,12 +42,13 @@ void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
   for (const auto& [key, leaf] : now.leaves()) {
     const std::vector<std::string>& values = before.leaves().at(key).values;
     if (values == leaf.values) continue;
-    if (key == "run.samples" && ScheduleDependsOnLength(config.optim)) {
+    if (key == "run.samples" && config.optim.DependsOnLength()) {
       throw ConfigError(fmt::format(
-          "run.samples = {} differs from {} in {}: with optim.schedule = {} the learning "
-          "rate depends on it, and would jump: resume with the run's own, or start a new run from "
-          "its weights with run.init",
-          fmt::join(leaf.values, ", "), fmt::join(values, ", "), path, config.optim.schedule));
+          "run.samples = {} differs from {} in {}: with this optim.schedule the learning rate "
+          "depends on "
+          "it, and would jump: resume with the run's own, or start a new run from its weights with "
+          "run.init",
+          fmt::join(leaf.values, ", "), fmt::join(values, ", "), path));
     }
     if (FreeKeys().count(key) > 0) continue;
     throw ConfigError(fmt::format(

@@ -6,9 +6,6 @@
 
 namespace volalign {
 
-/// Whether the number of samples in a run changes the learning rate on the way there.
-bool ScheduleDependsOnLength(const OptimConfig& config);
-
 /// Throws ConfigError when `config` differs from `saved_yaml`, with which the state `path` was
 /// saved, in a key that changes a sample or a step; other keys may differ when a run is resumed.
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,

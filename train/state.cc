@@ -82,8 +82,10 @@ RunProgress FromJson(const json& meta) {
   return progress;
 }
 
-void RestoreMoments(const TensorFile& state, const std::string& prefix, const FlatModule& layout,
-                    const at::Tensor& flat, const std::string& path) {
+std::string MomentPrefix(const std::string& moment) { return "optimizer/" + moment + "/"; }
+
+void RestoreMoment(const TensorFile& state, const std::string& prefix, const FlatModule& layout,
+                   const at::Tensor& flat, const std::string& path) {
   c10::NoGradGuard no_grad;
   std::map<std::string, at::Tensor> views;
   layout.AddViews(flat, prefix, &views);
@@ -111,17 +113,21 @@ void RunProgress::NoteCameras(const std::vector<Sample>& drawn) {
 }
 
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
-               const std::string& data_identity, Learner& learner, const RunProgress& progress) {
+               const std::string& data_identity, const Compute& compute, Learner& learner,
+               const RunProgress& progress) {
   json meta = ToJson(progress);
   meta["steps"] = learner.optimizer.steps();
   meta["data_identity"] = data_identity;
+  meta["bf16"] = compute.type == at::kBFloat16;
+  meta["channels_last"] = compute.channels_last;
   meta["config"] = WriteConfig(config);
   learner.average.Refresh(learner.flat);
   TensorFile state{kStateFormat, meta.dump(1), {}};
   AddModuleTensors(*learner.net, "model/", &state.tensors);
   AddModuleTensors(*learner.average.net(), "average/", &state.tensors);
-  learner.flat.AddViews(learner.optimizer.mean(), "adam_mean/", &state.tensors);
-  learner.flat.AddViews(learner.optimizer.square(), "adam_square/", &state.tensors);
+  for (const auto& [name, moment] : learner.optimizer.moments()) {
+    learner.flat.AddViews(moment, MomentPrefix(name), &state.tensors);
+  }
   WriteTensorFile(path, state);
 }
 
@@ -144,6 +150,8 @@ SavedState ReadState(const std::filesystem::path& path, const TrainConfig& confi
     }
     saved.progress = FromJson(meta);
     saved.steps = meta.at("steps").get<std::int64_t>();
+    if (meta.at("bf16").get<bool>()) saved.type = at::kBFloat16;
+    saved.channels_last = meta.at("channels_last").get<bool>();
     if (!SameValidation(yaml, config)) saved.progress.best = BestValidation();
   } catch (const json::exception& e) {
     throw DataError(fmt::format("{}: invalid metadata ({})", path.string(), e.what()));
@@ -173,8 +181,9 @@ void Restore(const SavedState& state, Learner* learner) {
   const std::map<std::string, at::Tensor>& tensors = state.file.tensors;
   CopyIntoModule(tensors, "model/", *learner->net, name);
   CopyIntoModule(tensors, "average/", *learner->average.net(), name);
-  RestoreMoments(state.file, "adam_mean/", learner->flat, learner->optimizer.mean(), name);
-  RestoreMoments(state.file, "adam_square/", learner->flat, learner->optimizer.square(), name);
+  for (const auto& [moment, values] : learner->optimizer.moments()) {
+    RestoreMoment(state.file, MomentPrefix(moment), learner->flat, values, name);
+  }
   learner->optimizer.set_steps(state.steps);
 }
 

@@ -39,7 +39,8 @@ struct RunProgress {
 /// Writes all that a run needs to go on: `learner`, `progress`, and what tells whether another run
 /// is the same one (`config`, and TrainingData::identity). Throws IoError.
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
-               const std::string& data_identity, Learner& learner, const RunProgress& progress);
+               const std::string& data_identity, const Compute& compute, Learner& learner,
+               const RunProgress& progress);
 
 /// A state as it was read, of the run that the caller wants to continue.
 struct SavedState {
@@ -47,6 +48,8 @@ struct SavedState {
   TensorFile file;
   RunProgress progress;
   std::int64_t steps = 0;
+  at::ScalarType type = at::kFloat;  ///< in which the run computes, and
+  bool channels_last = false;        ///< its layout: Compute, whatever the machine
 };
 
 /// The newest state of `folder` that is whole, or none where there is no state; `damaged` gets a

@@ -24,11 +24,13 @@ struct StepReport {
   StepTimes times;
 };
 
-/// Forward, loss and backward pass of one batch after `samples` samples: fills `learner.flat`'s
+/// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
+/// time (0: all): fills `learner.flat`'s
 /// gradient and the report, but for times.data and times.optim, and returns the gradient's norm as
 /// a scalar on the device. Changes no weight, so that a caller can refuse a loss or norm that is
 /// not finite; running statistics of a batch normalisation move.
 at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
-                           const Compute& compute, std::int64_t samples, StepReport* report);
+                           const Compute& compute, std::int64_t samples, int micro_batch,
+                           StepReport* report);
 
 }  // namespace volalign

@@ -79,8 +79,8 @@ class Run {
     if (!quiet) sinks_.push_back(&bar_.emplace(config.run.samples));
   }
 
-  void Warn(const std::string& sentence) {
-    if (bar_) bar_->Line("warning: " + sentence);
+  void Say(const std::string& sentence) {
+    if (bar_) bar_->Line(sentence);
   }
 
   TrainResult Train(std::int64_t stop) {
@@ -90,7 +90,7 @@ class Run {
     const RunConfig& run = config_.run;
     std::unique_ptr<SampleSource> source;
     if (progress_.samples < stop) source = data_.open_training(progress_.samples);
-    while (progress_.samples < stop && !guard.Interrupted()) {
+    while (progress_.samples < stop && !LostPatience() && !guard.Interrupted()) {
       const std::int64_t before = progress_.samples;
       result.loss = Step(*source);
       const bool last = progress_.samples >= run.samples;
@@ -99,11 +99,13 @@ class Run {
       };
       if (due(run.log_every)) WriteTrainRow();
       if (due(run.validate_every)) result.validation = ValidateNow();
+      if (LostPatience() && progress_.means.steps > 0) WriteTrainRow();
       // After the rows of these samples, so that a run that goes on from here has them all.
-      if (due(run.checkpoint_every)) Save();
+      if (due(run.checkpoint_every) || LostPatience()) Save();
     }
     result.samples = progress_.samples;
-    result.finished = progress_.samples >= run.samples;
+    result.early = LostPatience();
+    result.finished = progress_.samples >= run.samples || result.early;
     // A run whose length was changed to what it had reached already.
     if (result.finished && progress_.validated != progress_.samples) {
       result.validation = ValidateNow();
@@ -111,15 +113,19 @@ class Run {
     }
     if (saved_ != progress_.samples) Save();
     if (modelled_ != progress_.samples) SaveModelNow();
-    if (bar_) {
-      bar_->Line(fmt::format("{} after {} samples: {}",
-                             result.finished ? "finished" : "stopped (continue with --resume)",
-                             progress_.samples, folder_.model().string()));
-    }
+    Say(fmt::format("{} after {} samples: {}",
+                    result.early      ? "no better validation for run.patience: ended"
+                    : result.finished ? "finished"
+                                      : "stopped (continue with --resume)",
+                    progress_.samples, folder_.model().string()));
     return result;
   }
 
  private:
+  bool LostPatience() const {
+    return config_.run.patience > 0 && progress_.best.since >= config_.run.patience;
+  }
+
   /// The loss.
   double Step(SampleSource& source) {
     const auto start = Clock::now();
@@ -128,8 +134,8 @@ class Run {
     progress_.NoteCameras(drawn);
     StepReport report;
     report.times.data = Seconds(start);
-    const at::Tensor norm =
-        ComputeGradient(learner_, loss_, batch, compute_, progress_.samples, &report);
+    const at::Tensor norm = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
+                                            config_.run.micro_batch, &report);
     RequireFinite(report, static_cast<std::int64_t>(drawn.size()));
     const auto updating = Clock::now();
     progress_.lr = LearningRate(config_.optim, progress_.samples, config_.run.samples);
@@ -179,7 +185,8 @@ class Run {
   }
 
   void Save() {
-    SaveState(folder_.State(progress_.samples), config_, data_.identity, learner_, progress_);
+    SaveState(folder_.State(progress_.samples), config_, data_.identity, compute_, learner_,
+              progress_);
     folder_.KeepStates(config_.run.keep_states);
     saved_ = progress_.samples;
     SaveModelNow();
@@ -214,13 +221,18 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options) {
   ValidateConfig(config);
   config.Validate();
-  const Compute compute = ChooseCompute(config.run);
+  Compute compute = ChooseCompute(config.run);
   if (options.resume && !std::filesystem::exists(options.run_dir)) NothingToResume(options.run_dir);
   const RunFolder folder(options.run_dir);
   std::vector<std::string> damaged;
   std::optional<SavedState> state = Begin(folder, data, config, options.resume, &damaged);
+  if (state) {
+    compute.type = state->type;
+    compute.channels_last = state->channels_last;
+  }
   Run run(data, config, compute, folder, std::move(state), options.quiet);
-  for (const std::string& sentence : damaged) run.Warn(sentence);
+  run.Say(ToString(compute));
+  for (const std::string& sentence : damaged) run.Say("warning: " + sentence);
   const std::int64_t samples = config.run.samples;
   return run.Train(options.stop_at_samples > 0 ? std::min(options.stop_at_samples, samples)
                                                : samples);

@@ -13,7 +13,7 @@ struct TrainOptions {
   std::filesystem::path run_dir;
   /// Continue the run in run_dir from its newest state: same samples, weights, optimiser and
   /// learning rate; from its beginning where it was killed before the first state. Throws
-  /// ConfigError where run.samples differs and the schedule is one_cycle, which depends on it.
+  /// ConfigError where run.samples differs and the learning rate depends on it.
   bool resume = false;
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
@@ -23,6 +23,7 @@ struct TrainOptions {
 struct TrainResult {
   std::int64_t samples = 0;          ///< drawn in all, resumed ones included
   bool finished = false;             ///< false: interrupted, can be resumed
+  bool early = false;                ///< finished before run.samples, by run.patience
   double loss = 0;                   ///< of the last step, where this call took one
   ValidationResult validation;       ///< the last one, where this call made one
   std::filesystem::path checkpoint;  ///< run_dir/model.pt

@@ -34,9 +34,9 @@ TrainConfig KillConfig() {
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
   config.model.normalization = "batch";
-  config.optim.optimizer = "adamw";
+  config.optim.optimizer = OptimizerKind::kAdamW;
   config.optim.lr = 3e-3;
-  config.optim.schedule = "one_cycle";
+  config.optim.schedule = Schedule::kOneCycle;
   config.optim.warmup_samples = 8;
   config.optim.ema_decay = 0.9;
   config.run.samples = 60;

@@ -19,10 +19,10 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
       StructureNet net = TinyNet();
       FlatModule flat(*net);
       OptimConfig config;
-      config.optimizer = decay ? "adamw" : "adam";
+      config.optimizer = decay ? OptimizerKind::kAdamW : OptimizerKind::kAdam;
       config.weight_decay = decay ? 0.1 : 0;
       config.clip_norm = clip;
-      Adam adam(config, &flat);
+      Optimizer adam(config, &flat);
       const std::int64_t n = flat.parameters().numel();
       const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
                                                  n - 1};
@@ -44,6 +44,40 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
           if (decay && watched[i] < flat.num_weights()) p[i] -= lr * 0.1 * p[i];
           p[i] -= lr * (m[i] / (1 - std::pow(0.9, step))) /
                   (std::sqrt(v[i] / (1 - std::pow(0.99, step))) + 1e-8);
+          EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;
+        }
+      }
+    }
+  }
+}
+
+/// torch.optim.SGD's algorithm by hand, for one value.
+TEST(Sgd, AgreesWithTheScalarAlgorithm) {
+  for (const bool nesterov : {false, true}) {
+    for (const double decay : {0.0, 0.2}) {
+      StructureNet net = TinyNet();
+      FlatModule flat(*net);
+      OptimConfig config;
+      config.optimizer = OptimizerKind::kSgd;
+      config.momentum = 0.8;
+      config.nesterov = nesterov;
+      config.weight_decay = decay;
+      Optimizer sgd(config, &flat);
+      const std::int64_t n = flat.parameters().numel();
+      const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
+                                                 n - 1};
+      std::vector<double> p, buffer(4, 0.0);
+      for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
+      for (int step = 1; step <= 4; ++step) {
+        const at::Tensor g = at::rand({n}) - 0.5;
+        flat.gradients().copy_(g);
+        sgd.Step(0.1 / step, sgd.GradientNorm());
+        EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
+        for (std::size_t i = 0; i < 4; ++i) {
+          double gi = g[watched[i]].item<double>();
+          if (watched[i] < flat.num_weights()) gi += decay * p[i];
+          buffer[i] = 0.8 * buffer[i] + gi;
+          p[i] -= 0.1 / step * (nesterov ? gi + 0.8 * buffer[i] : buffer[i]);
           EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;
         }
       }

@@ -22,6 +22,7 @@
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/train/synthetic_source.h"
+#include "train/compute.h"
 #include "train/state.h"
 
 namespace volalign {
@@ -40,10 +41,10 @@ TrainConfig TinyConfig() {
   config.loss.keypoints = "exposed";
   config.loss.min_side_pixels = 5;
   config.loss.lambda_warmup_samples = 40;
-  config.optim.optimizer = "adamw";
+  config.optim.optimizer = OptimizerKind::kAdamW;
   config.optim.weight_decay = 0.01;
   config.optim.lr = 3e-3;
-  config.optim.schedule = "one_cycle";
+  config.optim.schedule = Schedule::kOneCycle;
   config.optim.warmup_samples = 8;
   config.optim.clip_norm = 1;
   config.optim.ema_decay = 0.9;
@@ -53,8 +54,8 @@ TrainConfig TinyConfig() {
   config.run.checkpoint_every = 26;
   config.run.validate_every = 60;
   config.run.validation_samples = 2;
-  config.run.precision = "bf16";
-  config.run.channels_last = true;
+  config.run.precision = Precision::kBf16;
+  config.run.channels_last = Layout::kChannelsLast;
   SetTorchThreads(1);
   return config;
 }
@@ -115,6 +116,32 @@ TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
   const TensorFile y = ReadTensorFile(folder / "parts" / "model.pt", kCheckpointFormat);
   for (const auto& [name, tensor] : x.tensors)
     EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
+}
+
+TEST(Trainer, EveryOptimizerAndScheduleResumesExactly) {
+  const TempFolder folder;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  int number = 0;
+  for (const Schedule schedule : {Schedule::kCosine, Schedule::kStep}) {
+    TrainConfig config = TinyConfig();
+    config.optim.optimizer = OptimizerKind::kSgd;
+    config.optim.schedule = schedule;
+    config.optim.period_samples = 12;
+    config.run.samples = 24;
+    config.run.micro_batch = 1;
+    config.loss.class_weights = {0.5, 1};
+    const std::string whole = fmt::format("whole{}", number),
+                      parts = fmt::format("parts{}", number);
+    ++number;
+    TrainOn(data, config, Options(folder / whole));
+    TrainOptions options = Options(folder / parts);
+    options.stop_at_samples = 10;
+    TrainOn(data, config, options);
+    options.stop_at_samples = 0;
+    options.resume = true;
+    TrainOn(data, config, options);
+    EXPECT_TRUE(ReadFile(State(folder / whole, 24)) == ReadFile(State(folder / parts, 24)));
+  }
 }
 
 TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
@@ -186,7 +213,7 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
   TrainConfig config = TinyConfig();
   config.run.validate_every = 10;
   config.run.best_metric = BestMetric::kLossSeg;
-  config.optim.schedule = "constant";
+  config.optim.schedule = Schedule::kConstant;
   config.optim.lr = 0.05;  // too much: the loss goes up and down
   TrainOn(SyntheticData(2, 32, 1u << 20), config, Options(folder / "run"));
   double best = 1e9;
@@ -201,6 +228,60 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
   EXPECT_LT(at, 80) << "the last validation is the best: the test shows nothing";
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.pt").meta.samples, at);
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 80);
+}
+
+TEST(Trainer, EndsEarlyWhereValidationsGetNoBetter) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.validate_every = 10;
+  config.run.best_metric = BestMetric::kLossSeg;
+  config.run.patience = 2;
+  config.optim.schedule = Schedule::kConstant;
+  config.optim.lr = 0.05;  // too much: the loss goes up and down
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const TrainResult result = TrainOn(data, config, Options(folder / "run"));
+  EXPECT_TRUE(result.finished && result.early);
+  ASSERT_LT(result.samples, 80);
+  const std::vector<json> rows = Rows(folder / "run", "validation");
+  const auto best = std::min_element(rows.begin(), rows.end(), [](const json& a, const json& b) {
+    return a.at("loss_seg").get<double>() < b.at("loss_seg").get<double>();
+  });
+  EXPECT_EQ(rows.end() - best, 3);  // two came after it
+  // It has ended: to resume changes nothing, with more patience it goes on.
+  TrainOptions options = Options(folder / "run");
+  options.resume = true;
+  EXPECT_EQ(TrainOn(data, config, options).samples, result.samples);
+  EXPECT_EQ(Rows(folder / "run", "validation").size(), rows.size());
+  config.run.patience = 0;
+  EXPECT_EQ(TrainOn(data, config, options).samples, 80);
+}
+
+TEST(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.precision = Precision::kAuto;
+  config.run.channels_last = Layout::kAuto;
+  config.run.samples = 8;
+  config.optim.warmup_samples = 2;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 4;
+  TrainOn(data, config, options);
+  // As if it had begun on a machine where auto chooses otherwise.
+  const std::filesystem::path path = State(folder / "run", 4);
+  TensorFile state = ReadTensorFile(path, kStateFormat);
+  json meta = json::parse(state.meta);
+  EXPECT_EQ(meta.at("bf16").get<bool>(), ProcessorHasBf16());
+  meta["bf16"] = !ProcessorHasBf16();
+  meta["channels_last"] = !meta.at("channels_last").get<bool>();
+  state.meta = meta.dump();
+  WriteTensorFile(path, state);
+  options.resume = true;
+  options.stop_at_samples = 0;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  const json after = json::parse(ReadTensorFile(State(folder / "run", 8), kStateFormat).meta);
+  EXPECT_EQ(after.at("bf16"), meta.at("bf16"));
+  EXPECT_EQ(after.at("channels_last"), meta.at("channels_last"));
 }
 
 TEST(Trainer, TwoProcessesDoNotTrainInOneFolder) {
@@ -220,9 +301,9 @@ TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
   config.run.log_every = 4;
   config.run.checkpoint_every = config.run.validate_every = 1000000;
   config.run.validation_samples = 0;
-  config.run.precision = "fp32";
+  config.run.precision = Precision::kFp32;
   config.optim.lr = 1e-2;
-  config.optim.schedule = "constant";
+  config.optim.schedule = Schedule::kConstant;
   config.optim.warmup_samples = 40;
   TrainOn(SyntheticData(4, 32, 4), config, Options(folder / "run"));
   const std::vector<json> rows = Rows(folder / "run", "train");
@@ -315,7 +396,7 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   other = config;
   other.run.samples = 120;  // one_cycle: another learning rate
   ExpectError<ConfigError>([&] { TrainOn(data, other, options); },
-                           {"run.samples = 120", "80", "one_cycle", "run.init"});
+                           {"run.samples = 120", "80", "optim.schedule", "run.init"});
   other = config;
   other.run.log_every = 4;  // changes no step
   options.stop_at_samples = 8;
@@ -328,7 +409,7 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
 TEST(Trainer, AConstantScheduleMayBeContinuedForLonger) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
-  config.optim.schedule = "constant";
+  config.optim.schedule = Schedule::kConstant;
   config.run.samples = 4;
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
   TrainOptions options = Options(folder / "run");
