@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "infer/pose/measured_cloud.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -47,12 +48,12 @@ struct Option {
   int turns = 0;      // into the network's orientation
 };
 
-std::vector<Option> Distinct(const SensorCandidates& sensor) {
+std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
   std::vector<Option> distinct;
   for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
     const PoseEvidence& pose = sensor.poses[k];
     const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
-      return SamePose(option.pose.structure_from_sensor, pose.structure_from_sensor);
+      return SamePose(structure, option.pose.structure_from_sensor, pose.structure_from_sensor);
     });
     if (same == distinct.end()) {
       distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
@@ -74,7 +75,7 @@ class Rig {
       const PoseChoiceOptions& limits)
       : limits_(limits) {
     for (const SensorCandidates& sensor : sensors) {
-      options_.push_back(Distinct(sensor));
+      options_.push_back(Distinct(sensor, structure));
       std::vector<Pose> poses;
       for (const Option& option : options_.back())
         poses.push_back(option.pose.structure_from_sensor);

@@ -55,8 +55,22 @@ TEST(FindFloor, CountsEverySecondPixelOfEverySecondRow) {
     EXPECT_EQ(floor.on_floor, c.on_floor) << c.depth << " m at " << c.x;
     EXPECT_EQ(floor.below, c.below) << c.depth << " m at " << c.x;
     EXPECT_EQ(floor.balance(), c.on_floor - 2 * c.below);
-    EXPECT_DOUBLE_EQ(floor.share(), (c.on_floor - 2 * c.below) / 9.);
+    EXPECT_DOUBLE_EQ(floor.share(), c.on_floor / 9.);
   }
+}
+
+// 1.3 m under a cube that stands at a height of 0.9 m, seen from 2.5 m.
+TEST(FindFloor, UnderATable) {
+  Pose above = Above(-0.5);
+  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above).below, 0);
+  // Nothing is under that floor, and a pose whose floor is known has none.
+  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, 0.5).below, 9);
+  // A box is less high than a table.
+  EXPECT_EQ(FindFloor(FromAbove(1.45f), Cube(), above).below, 9);
+  // What is upside down shows the floor's other side: a ceiling is no floor of a table.
+  above.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal() * above.linear();
+  above.translation().y() = -2;
+  EXPECT_EQ(FindFloor(FromAbove(0.5f), Cube(), above).below, 9);
 }
 
 // An upright side that reaches down to the floor is none, and what stands alone may be anything.
@@ -78,8 +92,8 @@ TEST(FindFloor, IsNotTheStructureAtAPoseThatCompetes) {
   shifted.translation() += Eigen::Vector3d(-0.8, -0.4, 0);
   const SensorView view = FromAbove(0.8f);
   EXPECT_EQ(FindFloor(view, Cube(), shifted).on_floor, 9);
-  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted, true_pose}).on_floor, 0);
-  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted}).on_floor, 9);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, 0, {shifted, true_pose}).on_floor, 0);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, 0, {shifted}).on_floor, 9);
 }
 
 TEST(FindFloor, NothingMeasuredSaysNothing) {

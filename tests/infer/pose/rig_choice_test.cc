@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "infer/pose/aliases.h"
+#include "infer/pose/same_pose.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -56,7 +57,7 @@ struct Candidates {
     return ChooseTogether(sensors, structure, {});
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
-    return choice.found && SamePose(choice.best.structure_from_sensor, right[i]);
+    return choice.found && SamePose(structure, choice.best.structure_from_sensor, right[i]);
   }
 };
 
@@ -67,7 +68,7 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
   for (std::size_t i = 0; i < choices.size(); ++i) {
     EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
     EXPECT_TRUE(choices[i].ambiguous) << i;
-    EXPECT_TRUE(SamePose(choices[i].rival.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_TRUE(SamePose(rig.structure, choices[i].rival.structure_from_sensor, rig.over[i])) << i;
   }
   // Where most are misled, all are: still one answer.
   const Candidates wrong({misled, good, misled, misled});
