@@ -16,6 +16,11 @@ Batch Batch::To(const at::Device& device) const {
   return {depth.to(device), labels.to(device), rays.to(device)};
 }
 
+Batch Batch::Narrow(std::int64_t first, std::int64_t count) const {
+  return {depth.narrow(0, first, count), labels.narrow(0, first, count),
+          rays.narrow(0, first, count)};
+}
+
 namespace {
 
 /// The rays of a batch's cameras, each computed once: a pool has few.

@@ -23,6 +23,8 @@ struct Batch {
   at::Tensor rays;    ///< [B,2,H,W] float32, (x/z, y/z) of each pixel; 0 where it has none
 
   Batch To(const at::Device& device) const;
+  /// Samples [first, first + count), without a copy.
+  Batch Narrow(std::int64_t first, std::int64_t count) const;
 };
 
 /// Copies samples into tensors, with the rays of their cameras, lens included. A pixel that the

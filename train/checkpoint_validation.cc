@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "train/compute.h"
 #include "train/rendered_source.h"
 
 namespace volalign {
@@ -19,13 +20,13 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
   CheckStructure(model.meta, context->structure);
-  const at::Device device(config.run.device);
-  model.net->to(device);
-  const TrainingLoss loss(config.loss, context->structure, device);
+  const Compute compute = ChooseCompute(config.run);
+  model.net->to(compute.device);
+  const TrainingLoss loss(config.loss, context->structure, compute.device);
   RenderedSource source(context, config.run, static_cast<std::uint64_t>(config.run.validation_seed),
                         0);
   return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
-                  source, samples, device, config.run.channels_last);
+                  source, samples, compute.device, compute.channels_last);
 }
 
 std::string ValidationTable(const ValidationResult& result) {

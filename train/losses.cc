@@ -1,19 +1,23 @@
 #include "train/losses.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/core/Reduction.h>
 #include <ATen/ops/arange.h>
+#include <ATen/ops/empty.h>
 #include <ATen/ops/nll_loss_nd.h>
 #include <ATen/ops/zeros.h>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "core/error.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {
 
-at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& labels) {
+at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& labels,
+                            const at::Tensor& weights) {
   if (log_probs.dim() != 4 || labels.dim() != 3 || labels.size(0) != log_probs.size(0) ||
       labels.size(1) != log_probs.size(2) || labels.size(2) != log_probs.size(3) ||
       labels.scalar_type() != at::kLong) {
@@ -23,7 +27,29 @@ at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& label
                     fmt::join(log_probs.sizes().begin(), log_probs.sizes().end(), ","),
                     fmt::join(labels.sizes().begin(), labels.sizes().end(), ",")));
   }
-  return at::nll_loss_nd(log_probs, labels);
+  if (!weights.defined()) return at::nll_loss_nd(log_probs, labels);
+  // Not the mean of nll_loss_nd, which is 0 / 0 where no pixel has weight.
+  const at::Tensor sum = at::nll_loss_nd(log_probs, labels, weights, at::Reduction::Sum);
+  return sum / weights.index_select(0, labels.flatten()).sum().clamp_min(1e-12);
+}
+
+at::Tensor ClassWeights(const LossConfig& config, int num_classes) {
+  std::vector<double> given = config.class_weights;
+  if (given.empty()) return {};
+  if (given.size() == 2) given.resize(static_cast<std::size_t>(num_classes), given[1]);
+  if (given.size() != static_cast<std::size_t>(num_classes)) {
+    throw ConfigError(fmt::format(
+        "loss.class_weights has {} numbers: give 2 (background, every side) or {}, one for each "
+        "label of the structure, background first",
+        given.size(), num_classes));
+  }
+  const std::vector<float> weights(given.begin(), given.end());
+  if (std::all_of(weights.begin(), weights.end(), [](float w) { return w == 0; })) {
+    throw ConfigError("loss.class_weights are all 0");
+  }
+  const at::Tensor result = at::empty({num_classes}, at::kFloat);
+  std::copy(weights.begin(), weights.end(), result.data_ptr<float>());
+  return result;
 }
 
 at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int num_classes,
@@ -42,15 +68,32 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
                            const at::Device& device)
     : config_(config),
       num_classes_(structure.num_classes()),
-      targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints)).to(device)) {}
+      targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints)).to(device)),
+      weights_(ClassWeights(config, num_classes_)) {
+  if (weights_.defined()) weights_ = weights_.to(device);
+}
+
+LossShare TrainingLoss::ShareOf(const at::Tensor& labels, std::int64_t first,
+                                std::int64_t count) const {
+  LossShare share;
+  share.procrustes = static_cast<double>(count) / static_cast<double>(labels.size(0));
+  share.segmentation = share.procrustes;
+  if (!weights_.defined()) return share;
+  const at::Tensor of_pixel = weights_.index_select(0, labels.flatten()).to(at::kDouble);
+  const at::Tensor of_sample = of_pixel.view({labels.size(0), -1}).sum(1).to(at::kCPU);
+  const double all = of_sample.sum().item<double>();
+  const double part = of_sample.narrow(0, first, count).sum().item<double>();
+  share.segmentation = all > 0 ? part / all : 0;
+  return share;
+}
 
 LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
                                    const at::Tensor& labels, const at::Tensor& rays,
-                                   std::int64_t samples) const {
+                                   std::int64_t samples, const LossShare& share) const {
   LossTerms terms;
-  terms.segmentation = SegmentationLoss(log_probs, labels);
+  terms.segmentation = SegmentationLoss(log_probs, labels, weights_);
   if (!config_.procrustes) {
-    terms.total = terms.segmentation;
+    terms.total = share.segmentation * terms.segmentation;
     terms.procrustes = at::zeros({}, log_probs.options().requires_grad(false));
     terms.degenerate = at::zeros({}, labels.options());
     return terms;
@@ -62,7 +105,8 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
                           ? 1.0
                           : std::min(1.0, static_cast<double>(samples) /
                                               static_cast<double>(config_.lambda_warmup_samples));
-  terms.total = terms.segmentation + config_.lambda * ramp * loss.loss;
+  terms.total = share.segmentation * terms.segmentation +
+                share.procrustes * config_.lambda * ramp * loss.loss;
   terms.procrustes = loss.loss;
   terms.degenerate = loss.degenerate;
   return terms;

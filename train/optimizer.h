@@ -1,53 +1,22 @@
 #pragma once
 
 #include <ATen/core/Tensor.h>
-#include <torch/nn/module.h>
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "train/flat_module.h"
 #include "train/train_config.h"
 
 namespace volalign {
 
-/// Moves a module's parameters, gradients and (float32) buffers into one flat tensor each, of which
-/// they become views: clipping, optimiser and averaging are then a few operations on long vectors
-/// instead of some hundred on short ones. The module must not be moved to another device
-/// afterwards. Convolution weights come first.
-class FlatModule {
+/// Adam (Kingma and Ba 2015), AdamW (Loshchilov and Hutter 2019) or stochastic gradient descent
+/// with momentum (as PyTorch's SGD) on a FlatModule.
+class Optimizer {
  public:
-  explicit FlatModule(torch::nn::Module& module);
-
-  at::Tensor& parameters() { return parameters_; }           ///< [N]
-  at::Tensor& gradients() { return gradients_; }             ///< [N], accumulated by backward()
-  at::Tensor& buffers() { return buffers_; }                 ///< [M]
-  std::int64_t num_weights() const { return num_weights_; }  ///< leading values that decay
-
-  /// Views of a vector that is laid out as parameters(), under prefix + parameter name.
-  void AddViews(const at::Tensor& flat, const std::string& prefix,
-                std::map<std::string, at::Tensor>* tensors) const;
-
- private:
-  struct Slot {
-    std::string name;
-    std::int64_t offset;
-    std::vector<std::int64_t> sizes;
-  };
-  at::Tensor parameters_, gradients_, buffers_;
-  std::vector<Slot> slots_;
-  std::int64_t num_weights_ = 0;
-};
-
-/// Learning rate of the step that starts after `samples` of `total` samples.
-double LearningRate(const OptimConfig& config, std::int64_t samples, std::int64_t total);
-
-/// Adam (Kingma and Ba 2015) or AdamW (Loshchilov and Hutter 2019) on a FlatModule.
-class Adam {
- public:
-  Adam(const OptimConfig& config, FlatModule* module);
+  Optimizer(const OptimConfig& config, FlatModule* module);
 
   /// Norm of the gradient, before clipping: float32 scalar on the module's device.
   at::Tensor GradientNorm() const;
@@ -55,16 +24,18 @@ class Adam {
   void Step(double lr, const at::Tensor& gradient_norm);
 
   std::int64_t steps() const { return steps_; }
-  /// First and second moments as [N] tensors, for saving and restoring together with the number of
-  /// steps.
-  at::Tensor& mean() { return mean_; }
-  at::Tensor& square() { return square_; }
   void set_steps(std::int64_t steps) { steps_ = steps; }
+  /// What it remembers of earlier steps, [N] each: "mean" and "square" of the gradient, or
+  /// "momentum". To be saved and restored together with the number of steps.
+  const std::vector<std::pair<std::string, at::Tensor>>& moments() const { return moments_; }
 
  private:
+  void StepAdam(double lr);
+  void StepSgd(double lr);
+
   OptimConfig config_;
   FlatModule* module_;
-  at::Tensor mean_, square_;
+  std::vector<std::pair<std::string, at::Tensor>> moments_;
   std::int64_t steps_ = 0;
 };
 

@@ -24,6 +24,33 @@ KeypointKind ParseKeypointKind(const std::string& word) {
   throw ConfigError(fmt::format("loss.keypoints = '{}' is unknown: use centre or exposed", word));
 }
 
+bool OptimConfig::DependsOnLength() const {
+  return schedule == Schedule::kOneCycle || (schedule == Schedule::kCosine && period_samples == 0);
+}
+
+void OptimConfig::Validate(std::int64_t run_samples) const {
+  if (DependsOnLength() && warmup_samples >= run_samples) {
+    throw ConfigError(
+        fmt::format("optim.warmup_samples = {} violates optim.warmup_samples < run.samples = {}",
+                    warmup_samples, run_samples));
+  }
+  if (schedule == Schedule::kStep && period_samples == 0) {
+    throw ConfigError("optim.schedule = step needs optim.period_samples > 0");
+  }
+  if (period_samples > 0 && (schedule == Schedule::kConstant || schedule == Schedule::kOneCycle)) {
+    throw ConfigError(fmt::format("optim.period_samples = {} needs optim.schedule = cosine or step",
+                                  period_samples));
+  }
+  if (min_lr >= lr) {
+    throw ConfigError(
+        fmt::format("optim.min_lr = {} violates optim.min_lr < optim.lr = {}", min_lr, lr));
+  }
+  if (optimizer == OptimizerKind::kAdam && weight_decay > 0) {
+    throw ConfigError(
+        fmt::format("optim.weight_decay = {} needs optim.optimizer = adamw or sgd", weight_decay));
+  }
+}
+
 void TrainConfig::Validate() const {
   if (run.seed == run.validation_seed) {
     throw ConfigError(
@@ -32,14 +59,15 @@ void TrainConfig::Validate() const {
                     "training samples",
                     run.validation_seed));
   }
-  if (optim.schedule == "one_cycle" && optim.warmup_samples >= run.samples) {
+  optim.Validate(run.samples);
+  if (run.micro_batch > run.batch_size) {
     throw ConfigError(
-        fmt::format("optim.warmup_samples = {} violates optim.warmup_samples < run.samples = {}",
-                    optim.warmup_samples, run.samples));
+        fmt::format("run.micro_batch = {} violates run.micro_batch <= run.batch_size = {}",
+                    run.micro_batch, run.batch_size));
   }
-  if (optim.optimizer == "adam" && optim.weight_decay > 0) {
-    throw ConfigError(
-        fmt::format("optim.weight_decay = {} needs optim.optimizer = adamw", optim.weight_decay));
+  if (run.patience > 0 && run.validation_samples == 0) {
+    throw ConfigError(fmt::format("run.patience = {} needs validations: set run.validation_samples",
+                                  run.patience));
   }
 }
 

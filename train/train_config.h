@@ -1,9 +1,13 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/config.h"
+#include "core/config_word.h"
 #include "core/network.h"
 #include "core/structure.h"
 #include "render/sample_config.h"
@@ -40,6 +44,7 @@ struct LossConfig {
   std::int64_t lambda_warmup_samples = 0;
   int min_side_pixels = 1;
   std::string keypoints = "centre";
+  std::vector<double> class_weights;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -51,52 +56,120 @@ struct LossConfig {
        AtLeast(1));
     ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed",
        OneOf({"centre", "exposed"}));
+    ar("class_weights", class_weights,
+       "weight of each label's pixels in the segmentation loss, background first, or two numbers: "
+       "of the background and of every side; empty: all 1. The loss is divided by the sum of the "
+       "weights",
+       AtLeast(0));
   }
 };
 KeypointKind ParseKeypointKind(const std::string& word);
 
+enum class OptimizerKind { kAdam, kAdamW, kSgd };
+inline constexpr std::array<std::pair<const char*, OptimizerKind>, 3> kOptimizers{
+    {{"adam", OptimizerKind::kAdam},
+     {"adamw", OptimizerKind::kAdamW},
+     {"sgd", OptimizerKind::kSgd}}};
+
+enum class Schedule { kConstant, kOneCycle, kCosine, kStep };
+inline constexpr std::array<std::pair<const char*, Schedule>, 4> kSchedules{
+    {{"constant", Schedule::kConstant},
+     {"one_cycle", Schedule::kOneCycle},
+     {"cosine", Schedule::kCosine},
+     {"step", Schedule::kStep}}};
+
 struct OptimConfig {
-  std::string optimizer = "adam";
+  OptimizerKind optimizer = OptimizerKind::kAdam;
   double lr = 2e-4;
   double beta1 = 0.9;
   double beta2 = 0.99;
+  double momentum = 0.9;
+  bool nesterov = false;
   double weight_decay = 0;
-  std::string schedule = "constant";
+  Schedule schedule = Schedule::kConstant;
   std::int64_t warmup_samples = 0;
+  std::int64_t period_samples = 0;
+  double step_factor = 0.1;
+  double min_lr = 0;
   double clip_norm = 0;
   double ema_decay = 0;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("optimizer", optimizer, "adam, or adamw (decoupled weight decay)", OneOf({"adam", "adamw"}));
-    ar("lr", lr, "learning rate; the peak for one_cycle", Above(0));
-    ar("beta1", beta1, "decay of the gradient's mean", Between(0, 0.9999));
-    ar("beta2", beta2, "decay of the gradient's square", Between(0, 0.999999));
-    ar("weight_decay", weight_decay, "of convolution weights only", AtLeast(0));
-    ar("schedule", schedule,
-       "constant, or one_cycle (linear warm-up, cosine to zero at run.samples)",
-       OneOf({"constant", "one_cycle"}));
+    DescribeWord(ar, "optimizer", optimizer, kOptimizers,
+                 "adam, adamw (decoupled weight decay), or sgd (stochastic gradient descent with "
+                 "momentum)");
+    ar("lr", lr, "learning rate; the peak of a schedule", Above(0));
+    ar("beta1", beta1, "adam, adamw: decay of the gradient's mean", Between(0, 0.9999));
+    ar("beta2", beta2, "adam, adamw: decay of the gradient's square", Between(0, 0.999999));
+    ar("momentum", momentum, "sgd: share of the step before that is added to a step",
+       Between(0, 0.9999));
+    ar("nesterov", nesterov, "sgd: Nesterov's momentum");
+    ar("weight_decay", weight_decay,
+       "of convolution weights only; with sgd it is added to the gradient", AtLeast(0));
+    DescribeWord(ar, "schedule", schedule, kSchedules,
+                 "after the warm-up: constant; one_cycle (cosine to min_lr at run.samples); cosine "
+                 "(to min_lr after period_samples, then again from lr); step (times step_factor "
+                 "every period_samples)");
     ar("warmup_samples", warmup_samples, "length of the linear warm-up", AtLeast(0));
+    ar("period_samples", period_samples,
+       "of cosine and step; 0 with cosine: the rest of the run after the warm-up", AtLeast(0));
+    ar("step_factor", step_factor, "of step", Above(0));
+    ar("min_lr", min_lr, "learning rate to which one_cycle and cosine fall", AtLeast(0));
     ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
     ar("ema_decay", ema_decay,
        "decay a step of the averaged weights that are validated and shipped; 0: the weights "
        "themselves",
        Between(0, 0.999999));
   }
+  /// Whether the number of samples in a run changes the learning rate on the way there.
+  bool DependsOnLength() const;
+  /// What no single key can say. Throws ConfigError.
+  void Validate(std::int64_t run_samples) const;
 };
+
+/// Metric of a validation by which runs and their checkpoints are compared.
+enum class BestMetric {
+  kLossSeg,
+  kMiou,
+  kMiouAuthors,
+  kKeypointRmse,
+  kTranslationError,
+  kRotationError
+};
+inline constexpr std::array<std::pair<const char*, BestMetric>, 6> kBestMetrics{
+    {{"loss_seg", BestMetric::kLossSeg},
+     {"miou", BestMetric::kMiou},
+     {"miou_authors", BestMetric::kMiouAuthors},
+     {"keypoint_rmse_m", BestMetric::kKeypointRmse},
+     {"median_translation_error_m", BestMetric::kTranslationError},
+     {"median_rotation_error_deg", BestMetric::kRotationError}}};
+
+enum class Precision { kFp32, kBf16, kAuto };
+inline constexpr std::array<std::pair<const char*, Precision>, 3> kPrecisions{
+    {{"fp32", Precision::kFp32}, {"bf16", Precision::kBf16}, {"auto", Precision::kAuto}}};
+
+enum class Layout { kContiguous, kChannelsLast, kAuto };
+/// Words of run.channels_last.
+inline constexpr std::array<std::pair<const char*, Layout>, 3> kLayouts{
+    {{"false", Layout::kContiguous}, {"true", Layout::kChannelsLast}, {"auto", Layout::kAuto}}};
 
 struct RunConfig {
   std::int64_t samples = 3200000;
   int batch_size = 16;
+  int micro_batch = 0;
   std::string init;
   std::int64_t seed = 1;
   std::int64_t validation_seed = 1000001;
   int validation_samples = 256;
   std::int64_t validate_every = 50000;
   std::int64_t checkpoint_every = 20000;
+  int keep_states = 2;
+  BestMetric best_metric = BestMetric::kMiou;
+  int patience = 0;
   std::int64_t log_every = 160;
-  std::string precision = "fp32";
-  bool channels_last = false;
+  Precision precision = Precision::kFp32;
+  Layout channels_last = Layout::kContiguous;
   bool half_checkpoint = true;
   int threads = 0;
   int loader_threads = 1;
@@ -108,9 +181,15 @@ struct RunConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("samples", samples,
-       "length of the run; a resumed run may have another one unless optim.schedule is one_cycle",
+       "length of the run; a resumed run may have another one unless the learning rate depends on "
+       "it (optim.schedule one_cycle, or cosine without period_samples)",
        AtLeast(1));
     ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("micro_batch", micro_batch,
+       "samples that pass the network at once, for less memory: a step adds up the gradients of "
+       "its batch's parts, which is the whole batch's gradient except with batch normalisation, "
+       "whose statistics are those of a part; 0: the whole batch",
+       AtLeast(0));
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
     ar("seed", seed, "of weights and training samples", AtLeast(0));
@@ -119,12 +198,20 @@ struct RunConfig {
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
        AtLeast(0));
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
-    ar("checkpoint_every", checkpoint_every, "samples between checkpoints", AtLeast(1));
+    ar("checkpoint_every", checkpoint_every, "samples between saved states", AtLeast(1));
+    ar("keep_states", keep_states, "number of the newest states that are kept", AtLeast(1));
+    DescribeWord(ar, "best_metric", best_metric, kBestMetrics,
+                 "of the validations: best.pt is the checkpoint of the best one");
+    ar("patience", patience,
+       "validations in a row without a better run.best_metric after which the run ends; 0: never",
+       AtLeast(0));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
-    ar("precision", precision,
-       "fp32, or bf16 for everything but depth, the first convolution and the soft Procrustes term",
-       OneOf({"fp32", "bf16"}));
-    ar("channels_last", channels_last, "memory layout of the activations");
+    DescribeWord(ar, "precision", precision, kPrecisions,
+                 "fp32; bf16 for everything but depth, the first convolution and the soft "
+                 "Procrustes term; auto: bf16 on a processor that has instructions for it, else "
+                 "fp32; a resumed run keeps what was chosen");
+    DescribeWord(ar, "channels_last", channels_last, kLayouts,
+                 "memory layout of the activations; auto: the faster one for device and precision");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
     ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));

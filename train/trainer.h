@@ -2,21 +2,18 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
-#include <memory>
-#include <string>
 
-#include "core/structure.h"
-#include "train/batch.h"
 #include "train/train_config.h"
+#include "train/training_data.h"
 #include "train/validation.h"
 
 namespace volalign {
 
 struct TrainOptions {
   std::filesystem::path run_dir;
-  /// Continue run_dir/last.state: same samples, weights, optimiser and learning rate. Throws
-  /// ConfigError where run.samples differs and the schedule is one_cycle, which depends on it.
+  /// Continue the run in run_dir from its newest state: same samples, weights, optimiser and
+  /// learning rate; from its beginning where it was killed before the first state. Throws
+  /// ConfigError where run.samples differs and the learning rate depends on it.
   bool resume = false;
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
@@ -24,21 +21,12 @@ struct TrainOptions {
 };
 
 struct TrainResult {
-  std::int64_t samples = 0;  ///< drawn in all, resumed ones included
-  bool finished = false;     ///< false: interrupted, can be resumed
-  double loss = 0;           ///< of the last step
-  ValidationResult validation;
+  std::int64_t samples = 0;          ///< drawn in all, resumed ones included
+  bool finished = false;             ///< false: interrupted, can be resumed
+  bool early = false;                ///< finished before run.samples, by run.patience
+  double loss = 0;                   ///< of the last step, where this call took one
+  ValidationResult validation;       ///< the last one, where this call made one
   std::filesystem::path checkpoint;  ///< run_dir/model.pt
-};
-
-/// What the trainer needs of the world.
-struct TrainingData {
-  Structure structure;
-  /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
-  /// where samples depend on configuration and seed alone.
-  std::string identity;
-  /// A source that starts at sample `first_index` of the domain `seed`.
-  std::function<std::unique_ptr<SampleSource>(std::uint64_t seed, std::uint64_t first_index)> open;
 };
 
 /// Trains a network on samples rendered as it goes, or on run.dataset, and
@@ -46,14 +34,18 @@ struct TrainingData {
 ///   config.yaml    the resolved configuration
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
-///   last.state     all that --resume needs (format volalign.training/1)
+///   states/        all that --resume needs, after so many samples as the name says (format
+///                  volalign.training/2); the run.keep_states newest ones
 ///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
-/// SIGINT and SIGTERM stop it after the current step, with the state saved.
+///   best.pt        that of the best validation
+/// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped
+/// or killed at any moment and is resumed ends with the weights of one that was not, bit for bit on
+/// a CPU with the same number of threads.
 /// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
 /// run is there already; loss or gradient is not finite), IoError, DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 
-/// The same on other samples than rendered ones.
+/// The same on other samples than the configuration's.
 TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options);
 

@@ -1,3 +1,5 @@
+#include "train/training_data.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,7 +13,6 @@
 #include "render/sample.h"
 #include "train/dataset_source.h"
 #include "train/rendered_source.h"
-#include "train/trainer.h"
 
 namespace volalign {
 namespace {
@@ -92,9 +93,32 @@ void RequireRendering() {
   }
 }
 
+DatasetSource::Options SourceOptions(const RunConfig& run, std::int64_t seed,
+                                     std::int64_t first_sample) {
+  DatasetSource::Options source;
+  source.seed = static_cast<std::uint64_t>(seed);
+  source.first_sample = static_cast<std::uint64_t>(first_sample);
+  source.batch_size = run.batch_size;
+  source.num_threads = run.loader_threads;
+  source.prefetch = run.prefetch;
+  return source;
+}
+
+/// Samples of `seed` from a folder, or rendered where there is none.
+std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
+                                         const std::shared_ptr<const SampleContext>& context,
+                                         const RunConfig& run, std::int64_t seed,
+                                         std::int64_t first_sample) {
+  if (dataset) {
+    return std::make_unique<DatasetSource>(dataset, SourceOptions(run, seed, first_sample));
+  }
+  return std::make_unique<RenderedSource>(context, run, static_cast<std::uint64_t>(seed),
+                                          static_cast<std::uint64_t>(first_sample));
+}
+
 }  // namespace
 
-TrainResult Train(const TrainConfig& config, const TrainOptions& options) {
+TrainingData OpenTrainingData(const TrainConfig& config) {
   config.Validate();
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
@@ -106,20 +130,13 @@ TrainResult Train(const TrainConfig& config, const TrainOptions& options) {
   TrainingData data;
   data.structure = context->structure;
   if (training) data.identity = training->header().Identity();
-  data.open = [&](std::uint64_t seed, std::uint64_t first_index) -> std::unique_ptr<SampleSource> {
-    const bool validates = seed == static_cast<std::uint64_t>(config.run.validation_seed);
-    if (const auto& dataset = validates ? validation : training) {
-      DatasetSource::Options source;
-      source.seed = seed;
-      source.first_sample = first_index;
-      source.batch_size = config.run.batch_size;
-      source.num_threads = config.run.loader_threads;
-      source.prefetch = config.run.prefetch;
-      return std::make_unique<DatasetSource>(dataset, source);
-    }
-    return std::make_unique<RenderedSource>(context, config.run, seed, first_index);
+  data.open_training = [training, context, run = config.run](std::int64_t first_sample) {
+    return OpenSource(training, context, run, run.seed, first_sample);
   };
-  return TrainOn(data, config, options);
+  data.open_validation = [validation, context, run = config.run] {
+    return OpenSource(validation, context, run, run.validation_seed, 0);
+  };
+  return data;
 }
 
 }  // namespace volalign

@@ -52,7 +52,7 @@ std::vector<CoarseView> MostLabelled(const std::vector<AssemblySensor>& sensors,
 DepthOverlap OverlapAt(const CoarseView& coarse, const Structure& structure,
                        const InitialPose& pose, double min_confidence) {
   if (pose.found &&
-      FindFloor(coarse.view, structure, pose.structure_from_sensor, {}, coarse.table_height_m)
+      FindFloor(coarse.view, structure, pose.structure_from_sensor, coarse.table_height_m)
               .balance() >= 0) {
     return MeasureOverlap(coarse.view, coarse.segmentation, structure, pose.structure_from_sensor,
                           min_confidence);

@@ -91,6 +91,17 @@ bool IsMirrored(const std::optional<AssemblyReport>& assembly, std::size_t frame
   return std::find(mirrored.begin(), mirrored.end(), frame) != mirrored.end();
 }
 
+Finding UpUnknown(const LabelledView& labelled) {
+  return {
+      SensorCode::kAmbiguous,
+      fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
+                  "two agrees with the other sensors: no floor, nothing else that they share, "
+                  "and none that is mounted like it",
+                  labelled.other_pose),
+      "let it see the floor under the structure, mount it as the others are mounted, or give "
+      "its quarter_turns"};
+}
+
 /// No network has labelled the view: the own pose does, until both stay as they are.
 OwnPose RefineWithItsLabels(const SeenView& seen, OwnPose own, const Structure& structure,
                             const PlacementOptions& options) {
@@ -104,17 +115,6 @@ OwnPose RefineWithItsLabels(const SeenView& seen, OwnPose own, const Structure& 
       break;
   }
   return own;
-}
-
-Finding UpUnknown(const LabelledView& labelled) {
-  return {
-      SensorCode::kAmbiguous,
-      fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
-                  "two agrees with the other sensors: no floor, nothing else that they share, "
-                  "and none that is mounted like it",
-                  labelled.other_pose),
-      "let it see the floor under the structure, mount it as the others are mounted, or give "
-      "its quarter_turns"};
 }
 
 /// See PlaceSensors.

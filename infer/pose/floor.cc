@@ -75,8 +75,8 @@ double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
 }  // namespace
 
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor, const std::vector<Pose>& rivals,
-                        double table_height_m) {
+                        const Pose& structure_from_sensor, double table_height_m,
+                        const std::vector<Pose>& rivals) {
   const auto is_off = [&](const Eigen::Vector3d& measured, const Pose& pose) {
     return DistanceToSurface(structure, pose * measured).distance > kTolerance;
   };
@@ -113,7 +113,7 @@ double FloorMargin(const SensorView& view, const Structure& structure,
   std::vector<Pose> poses = {structure_from_sensor};
   for (const StructureAlias& alias : aliases) poses.push_back(alias.motion * structure_from_sensor);
   const auto share = [&](const Pose& pose) {
-    return FindFloor(view, structure, pose, poses, table_height_m).share();
+    return FindFloor(view, structure, pose, table_height_m, poses).share();
   };
   const double own = share(structure_from_sensor);
   double margin = 1;

@@ -37,8 +37,8 @@ struct FloorEvidence {
 /// What lies on the structure at any of `rivals`, poses that compete with this one, is no floor: a
 /// pose that is off by a box may have a level side of it where the floor would be.
 FloorEvidence FindFloor(const SensorView& view, const Structure& structure,
-                        const Pose& structure_from_sensor, const std::vector<Pose>& rivals = {},
-                        double table_height_m = 0);
+                        const Pose& structure_from_sensor, double table_height_m = 0,
+                        const std::vector<Pose>& rivals = {});
 
 /// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
 /// FloorEvidence::share; 1 without aliases.

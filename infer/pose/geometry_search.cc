@@ -152,7 +152,7 @@ class Search {
   /// Those with floor round them: a side of the structure itself may have been taken for one.
   Poses OnTheFloor(Poses poses) const {
     const auto off = [&](const GeometricPose& pose) {
-      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, {}, table_height_m_)
+      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
                    .share() > 0);
     };
     poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());

@@ -132,13 +132,13 @@ LabelledView TakePose(const LabelContext& context, std::size_t i,
   const UnlabelledView& from = context.views[i];
   const OrientationOptions& options = context.options;
   LabelledView out;
+  out.up_unknown = choice.up_unknown;
   if (choice.ambiguous) {
     out.other_pose =
         DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
     out.floor_would_tell =
         LeavesFloor(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
   }
-  out.up_unknown = choice.up_unknown;
   if (choice.found && choice.best.source == PoseSource::kGeometry) {
     TakeGeometry(context, from, choice.best.structure_from_sensor, &out);
     return out;

@@ -62,11 +62,11 @@ struct LabelledView {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
+  /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
+  bool up_unknown = false;
   bool floor_would_tell = true;  ///< whether it is that other pose
   /// Of the initial pose; where none was found, what was asked last.
   PoseSource source = PoseSource::kNetwork;
-  /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
-  bool up_unknown = false;
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.

@@ -96,7 +96,7 @@ void Judge(const SensorView& view, const DecimatedTrials& coarse, const Structur
         .score();
   };
   pose->floor =
-      FindFloor(view, structure, pose->structure_from_sensor, rivals, initial.table_height_m)
+      FindFloor(view, structure, pose->structure_from_sensor, initial.table_height_m, rivals)
           .share();
   for (const SegmentationResult& labels : coarse.labels)
     pose->network_score = std::max(pose->network_score, score(labels));

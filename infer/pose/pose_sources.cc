@@ -37,7 +37,7 @@ void JudgeAlike(const SensorView& view, const Structure& structure,
     PoseEvidence& pose = (*poses)[k];
     pose.overlap = shapes[k].overlap(reference);
     pose.floor =
-        FindFloor(view, structure, pose.structure_from_sensor, rivals, initial.table_height_m)
+        FindFloor(view, structure, pose.structure_from_sensor, initial.table_height_m, rivals)
             .share();
     pose.network_score = 0;
     for (const PoseTrial& trial : trials) {
@@ -73,7 +73,7 @@ std::vector<PoseEvidence> ProposeByGeometry(const SensorView& view, const Struct
   }
   for (PoseEvidence& proposal : proposals) {
     proposal.floor =
-        FindFloor(view, structure, proposal.structure_from_sensor, rivals, options.table_height_m)
+        FindFloor(view, structure, proposal.structure_from_sensor, options.table_height_m, rivals)
             .share();
   }
   return proposals;

@@ -120,7 +120,7 @@ TEST(TrainOnADataset, ResumesInALaterEpoch) {
   Write(folder / "other", config, 8, 10);
   config.run.dataset = folder / "other";
   ExpectError<ConfigError>([&] { Train(config, options); },
-                           {"last.state", "other samples", config.run.dataset});
+                           {"000000000006.state", "other samples", config.run.dataset});
 }
 
 class DatasetSourceTest : public testing::Test {

@@ -1,15 +1,18 @@
 #include "train/losses.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/arange.h>
 #include <ATen/ops/log_softmax.h>
 #include <ATen/ops/rand.h>
 #include <ATen/ops/randint.h>
 #include <ATen/ops/randn.h>
+#include <ATen/ops/zeros_like.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "core/error.h"
+#include "tests/core/expect_error.h"
 #include "tests/train/synthetic_source.h"
 
 namespace volalign {
@@ -54,7 +57,7 @@ TEST(VisibleSides, CountsPixelsWithDepth) {
 
 TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   const TrainingData data = SyntheticData(4, 64, 1000);
-  const Batch batch = Collate(data.open(3, 0)->Next());
+  const Batch batch = Collate(data.open_training(0)->Next());
   at::Tensor logits = at::randn({4, 21, 64, 64}) * 0.01;
   logits.scatter_(1, batch.labels.unsqueeze(1), 30.0);
   LossConfig config;
@@ -73,7 +76,7 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
 
 TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
   const TrainingData data = SyntheticData(2, 32, 1000);
-  const Batch batch = Collate(data.open(3, 0)->Next());
+  const Batch batch = Collate(data.open_training(0)->Next());
   const at::Tensor log_probs = at::log_softmax(at::randn({2, 21, 32, 32}), 1);
   LossConfig config;
   config.lambda = 0.5;
@@ -92,6 +95,38 @@ TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
       log_probs, batch.depth, batch.labels, batch.rays, 9999);
   EXPECT_EQ(off.total.item<double>(), off.segmentation.item<double>());
   EXPECT_EQ(off.procrustes.item<double>(), 0);
+}
+
+TEST(SegmentationLoss, WeighsEachLabel) {
+  const at::Tensor log_probs = at::log_softmax(at::rand({2, 3, 4, 5}), 1);
+  const at::Tensor labels = at::randint(0, 3, {2, 4, 5}, at::kLong);
+  const at::Tensor weights = at::arange(3).to(at::kFloat);  // 0, 1, 2
+  double sum = 0, weight = 0;
+  for (int b = 0; b < 2; ++b) {
+    for (int v = 0; v < 4; ++v) {
+      for (int u = 0; u < 5; ++u) {
+        const auto k = labels[b][v][u].item<std::int64_t>();
+        sum -= static_cast<double>(k) * log_probs[b][k][v][u].item<double>();
+        weight += static_cast<double>(k);
+      }
+    }
+  }
+  EXPECT_NEAR(SegmentationLoss(log_probs, labels, weights).item<double>(), sum / weight, 1e-6);
+  EXPECT_EQ(SegmentationLoss(log_probs, at::zeros_like(labels), weights).item<double>(), 0);
+}
+
+TEST(ClassWeights, AreOneForEachLabelOrTwo) {
+  LossConfig config;
+  EXPECT_FALSE(ClassWeights(config, 4).defined());
+  config.class_weights = {0.5, 2};
+  const at::Tensor weights = ClassWeights(config, 4);
+  ASSERT_EQ(weights.numel(), 4);
+  EXPECT_EQ(weights[0].item<double>(), 0.5);
+  for (int k = 1; k < 4; ++k) EXPECT_EQ(weights[k].item<double>(), 2);
+  config.class_weights = {1, 2, 3};
+  ExpectError<ConfigError>([&] { ClassWeights(config, 4); }, {"loss.class_weights", "3", "4"});
+  config.class_weights = {0, 0};
+  ExpectError<ConfigError>([&] { ClassWeights(config, 4); }, {"loss.class_weights"});
 }
 
 }  // namespace

@@ -8,41 +8,10 @@
 #include <cmath>
 #include <vector>
 
-#include "core/network.h"
+#include "tests/train/tiny_net.h"
 
 namespace volalign {
 namespace {
-
-StructureNet TinyNet(Normalization normalization = Normalization::kNone) {
-  StructureNetOptions options;
-  options.base_channels = 1;
-  options.num_classes = 3;
-  options.residual_blocks = 1;
-  options.normalization = normalization;
-  return StructureNet(options);
-}
-
-TEST(FlatModule, KeepsValuesAndCollectsGradients) {
-  StructureNet net = TinyNet(Normalization::kBatch);
-  std::map<std::string, at::Tensor> before;
-  for (const auto& p : net->named_parameters()) before[p.key()] = p.value().detach().clone();
-  FlatModule flat(*net);
-  EXPECT_EQ(flat.parameters().numel(), CountParameters(*net));
-  std::map<std::string, at::Tensor> views;
-  flat.AddViews(flat.parameters(), "x/", &views);
-  ASSERT_EQ(views.size(), before.size());
-  for (const auto& [name, value] : before) EXPECT_TRUE(views.at("x/" + name).equal(value)) << name;
-
-  net->forward(at::rand({2, 1, 16, 16})).square().sum().backward();
-  double squares = 0;
-  for (const at::Tensor& p : net->parameters()) squares += p.grad().square().sum().item<double>();
-  EXPECT_GT(squares, 0);
-  EXPECT_NEAR(flat.gradients().square().sum().item<double>() / squares, 1, 1e-5);
-  const at::Tensor mean = net->named_buffers()["encoder1_1.running_mean"];
-  EXPECT_NE(mean.abs().max().item<double>(), 0);  // the statistics moved with the forward pass
-  flat.buffers().fill_(7);
-  EXPECT_EQ(mean[0].item<double>(), 7);
-}
 
 TEST(Adam, AgreesWithTheScalarAlgorithm) {
   for (const bool decay : {false, true}) {
@@ -50,10 +19,10 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
       StructureNet net = TinyNet();
       FlatModule flat(*net);
       OptimConfig config;
-      config.optimizer = decay ? "adamw" : "adam";
+      config.optimizer = decay ? OptimizerKind::kAdamW : OptimizerKind::kAdam;
       config.weight_decay = decay ? 0.1 : 0;
       config.clip_norm = clip;
-      Adam adam(config, &flat);
+      Optimizer adam(config, &flat);
       const std::int64_t n = flat.parameters().numel();
       const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
                                                  n - 1};
@@ -82,19 +51,38 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
   }
 }
 
-TEST(LearningRate, FollowsTheSchedule) {
-  OptimConfig config;
-  config.lr = 1e-3;
-  EXPECT_EQ(LearningRate(config, 0, 1000), 1e-3);
-  EXPECT_EQ(LearningRate(config, 999, 1000), 1e-3);
-  config.schedule = "one_cycle";
-  config.warmup_samples = 99;
-  EXPECT_NEAR(LearningRate(config, 0, 1099), 1e-5, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 49, 1099), 5e-4, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 99, 1099), 1e-3, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 599, 1099), 5e-4, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 1099, 1099), 0, 1e-12);
-  EXPECT_NEAR(LearningRate(config, 5000, 1099), 0, 1e-12);
+/// torch.optim.SGD's algorithm by hand, for one value.
+TEST(Sgd, AgreesWithTheScalarAlgorithm) {
+  for (const bool nesterov : {false, true}) {
+    for (const double decay : {0.0, 0.2}) {
+      StructureNet net = TinyNet();
+      FlatModule flat(*net);
+      OptimConfig config;
+      config.optimizer = OptimizerKind::kSgd;
+      config.momentum = 0.8;
+      config.nesterov = nesterov;
+      config.weight_decay = decay;
+      Optimizer sgd(config, &flat);
+      const std::int64_t n = flat.parameters().numel();
+      const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
+                                                 n - 1};
+      std::vector<double> p, buffer(4, 0.0);
+      for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
+      for (int step = 1; step <= 4; ++step) {
+        const at::Tensor g = at::rand({n}) - 0.5;
+        flat.gradients().copy_(g);
+        sgd.Step(0.1 / step, sgd.GradientNorm());
+        EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
+        for (std::size_t i = 0; i < 4; ++i) {
+          double gi = g[watched[i]].item<double>();
+          if (watched[i] < flat.num_weights()) gi += decay * p[i];
+          buffer[i] = 0.8 * buffer[i] + gi;
+          p[i] -= 0.1 / step * (nesterov ? gi + 0.8 * buffer[i] : buffer[i]);
+          EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

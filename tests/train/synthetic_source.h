@@ -12,7 +12,7 @@
 #include "core/structure.h"
 #include "core/visibility.h"
 #include "train/batch.h"
-#include "train/trainer.h"
+#include "train/training_data.h"
 
 namespace volalign {
 
@@ -60,14 +60,17 @@ class SyntheticSource : public SampleSource {
   std::uint64_t period_;
 };
 
+/// A source of the run's own seed, 1, and one of the validation's.
 inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period) {
   TrainingData data;
   data.structure = ReadStructureYaml("configs/structure.yaml");
-  const Structure structure = data.structure;
-  data.open = [=](std::uint64_t seed, std::uint64_t first_index) {
-    return std::make_unique<SyntheticSource>(structure, seed, first_index, batch_size, size,
-                                             period);
+  const auto open = [structure = data.structure, batch_size, size, period](std::uint64_t seed,
+                                                                           std::int64_t first) {
+    return std::make_unique<SyntheticSource>(structure, seed, static_cast<std::uint64_t>(first),
+                                             batch_size, size, period);
   };
+  data.open_training = [=](std::int64_t first_sample) { return open(1, first_sample); };
+  data.open_validation = [=] { return open(1000001, 0); };
   return data;
 }
 

@@ -53,17 +53,20 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.loss.lambda_warmup_samples, 0);
     EXPECT_EQ(c.loss.min_side_pixels, 1);
     EXPECT_EQ(c.loss.keypoints, "centre");
-    EXPECT_EQ(c.optim.optimizer, "adam");
+    EXPECT_EQ(c.optim.optimizer, OptimizerKind::kAdam);
     EXPECT_EQ(c.optim.lr, 2e-4);
     EXPECT_EQ(c.optim.beta1, 0.9);
     EXPECT_EQ(c.optim.beta2, 0.99);
     EXPECT_EQ(c.optim.weight_decay, 0);
-    EXPECT_EQ(c.optim.schedule, "constant");
+    EXPECT_EQ(c.optim.schedule, Schedule::kConstant);
     EXPECT_EQ(c.optim.clip_norm, 0);
     EXPECT_EQ(c.optim.ema_decay, 0);
     EXPECT_EQ(c.run.batch_size, 16);
     EXPECT_EQ(c.run.samples, 3200000);
-    EXPECT_EQ(c.run.precision, "fp32");
+    EXPECT_EQ(c.run.precision, Precision::kFp32);
+    EXPECT_TRUE(c.loss.class_weights.empty());
+    EXPECT_EQ(c.run.micro_batch, 0);
+    EXPECT_EQ(c.run.patience, 0);
   }
 }
 
@@ -91,10 +94,18 @@ TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
 }
 
 TEST(TrainConfig, ResolvedYamlReadsBackEqual) {
-  const TrainConfig c = Read("configs/m05-lite.yaml");
+  TrainConfig c = Read("configs/m05-lite.yaml");
+  c.loss.class_weights = {0.5, 1};
+  c.run.channels_last = Layout::kContiguous;
   const std::string yaml = WriteConfig(c);
   const TrainConfig again = ReadTrainConfig(ConfigSource::FromString(yaml, "resolved"));
   EXPECT_EQ(WriteConfig(again), yaml);
+}
+
+TEST(TrainConfig, ReadsTheLayoutOfOlderRecipes) {
+  ConfigSource source = ConfigSource::FromFile("configs/m01.yaml");
+  source.Set("run.channels_last=true");
+  EXPECT_EQ(ReadTrainConfig(source).run.channels_last, Layout::kChannelsLast);
 }
 
 /// The message of the ConfigError for m01 with one assignment.
@@ -119,6 +130,10 @@ TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {
   EXPECT_NE(SetError("model.normalization=layer").find("model.normalization"), std::string::npos);
   EXPECT_NE(SetError("run.validation_seed=1").find("run.validation_seed"), std::string::npos);
   EXPECT_NE(SetError("optim.weight_decay=0.1").find("adamw"), std::string::npos);
+  EXPECT_NE(SetError("optim.schedule=step").find("optim.period_samples"), std::string::npos);
+  EXPECT_NE(SetError("optim.period_samples=5").find("cosine or step"), std::string::npos);
+  EXPECT_NE(SetError("optim.min_lr=1").find("optim.min_lr < optim.lr"), std::string::npos);
+  EXPECT_NE(SetError("run.micro_batch=17").find("run.batch_size"), std::string::npos);
 }
 
 }  // namespace

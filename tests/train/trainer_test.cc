@@ -2,8 +2,10 @@
 
 #include <ATen/TensorOperators.h>
 #include <c10/core/GradMode.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -20,6 +22,8 @@
 #include "tests/core/expect_error.h"
 #include "tests/core/temp_folder.h"
 #include "tests/train/synthetic_source.h"
+#include "train/compute.h"
+#include "train/state.h"
 
 namespace volalign {
 namespace {
@@ -37,10 +41,10 @@ TrainConfig TinyConfig() {
   config.loss.keypoints = "exposed";
   config.loss.min_side_pixels = 5;
   config.loss.lambda_warmup_samples = 40;
-  config.optim.optimizer = "adamw";
+  config.optim.optimizer = OptimizerKind::kAdamW;
   config.optim.weight_decay = 0.01;
   config.optim.lr = 3e-3;
-  config.optim.schedule = "one_cycle";
+  config.optim.schedule = Schedule::kOneCycle;
   config.optim.warmup_samples = 8;
   config.optim.clip_norm = 1;
   config.optim.ema_decay = 0.9;
@@ -50,8 +54,8 @@ TrainConfig TinyConfig() {
   config.run.checkpoint_every = 26;
   config.run.validate_every = 60;
   config.run.validation_samples = 2;
-  config.run.precision = "bf16";
-  config.run.channels_last = true;
+  config.run.precision = Precision::kBf16;
+  config.run.channels_last = Layout::kChannelsLast;
   SetTorchThreads(1);
   return config;
 }
@@ -61,6 +65,14 @@ TrainOptions Options(const std::filesystem::path& folder) {
   options.run_dir = folder;
   options.quiet = true;
   return options;
+}
+
+std::filesystem::path State(const std::filesystem::path& folder, int samples) {
+  return folder / "states" / fmt::format("{:012}.state", samples);
+}
+
+void Truncate(const std::filesystem::path& file) {
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
 }
 
 std::vector<json> Rows(const std::filesystem::path& folder, const std::string& type) {
@@ -106,6 +118,32 @@ TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
     EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
 }
 
+TEST(Trainer, EveryOptimizerAndScheduleResumesExactly) {
+  const TempFolder folder;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  int number = 0;
+  for (const Schedule schedule : {Schedule::kCosine, Schedule::kStep}) {
+    TrainConfig config = TinyConfig();
+    config.optim.optimizer = OptimizerKind::kSgd;
+    config.optim.schedule = schedule;
+    config.optim.period_samples = 12;
+    config.run.samples = 24;
+    config.run.micro_batch = 1;
+    config.loss.class_weights = {0.5, 1};
+    const std::string whole = fmt::format("whole{}", number),
+                      parts = fmt::format("parts{}", number);
+    ++number;
+    TrainOn(data, config, Options(folder / whole));
+    TrainOptions options = Options(folder / parts);
+    options.stop_at_samples = 10;
+    TrainOn(data, config, options);
+    options.stop_at_samples = 0;
+    options.resume = true;
+    TrainOn(data, config, options);
+    EXPECT_TRUE(ReadFile(State(folder / whole, 24)) == ReadFile(State(folder / parts, 24)));
+  }
+}
+
 TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
@@ -125,6 +163,135 @@ TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
   for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i].at("samples"), 2 * (i + 1));
 }
 
+/// Names of the files in a folder, in order.
+std::vector<std::string> Names(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.push_back(entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.checkpoint_every = 10;
+  config.run.validate_every = 20;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOn(data, config, Options(folder / "whole"));
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 46;
+  TrainOn(data, config, options);
+  EXPECT_EQ(Names(folder / "run" / "states"),
+            (std::vector<std::string>{"000000000040.state", "000000000046.state"}));
+  Truncate(State(folder / "run", 46));
+  options.stop_at_samples = 44;
+  options.resume = true;
+  EXPECT_EQ(TrainOn(data, config, options).samples, 44);  // from 40, not from 46
+  EXPECT_EQ(Names(folder / "run" / "states"),
+            (std::vector<std::string>{"000000000040.state", "000000000044.state"}));
+  options.stop_at_samples = 0;
+  config.run.keep_states = 3;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  EXPECT_EQ(
+      Names(folder / "run" / "states"),
+      (std::vector<std::string>{"000000000060.state", "000000000070.state", "000000000080.state"}));
+  EXPECT_EQ(
+      Names(folder / "run"),
+      (std::vector<std::string>{"best.pt", "config.yaml", "metrics.jsonl", "model.pt", "states"}));
+  config.run.keep_states = 2;
+  for (const char* name : {"best.pt", "model.pt"}) {
+    const auto a = ReadTensorFile(folder / "whole" / name, kCheckpointFormat).tensors;
+    const auto b = ReadTensorFile(folder / "run" / name, kCheckpointFormat).tensors;
+    for (const auto& [tensor, value] : a) EXPECT_TRUE(value.equal(b.at(tensor))) << tensor;
+  }
+}
+
+TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.validate_every = 10;
+  config.run.best_metric = BestMetric::kLossSeg;
+  config.optim.schedule = Schedule::kConstant;
+  config.optim.lr = 0.05;  // too much: the loss goes up and down
+  TrainOn(SyntheticData(2, 32, 1u << 20), config, Options(folder / "run"));
+  double best = 1e9;
+  std::int64_t at = 0;
+  const std::vector<json> rows = Rows(folder / "run", "validation");
+  ASSERT_EQ(rows.size(), 8u);
+  for (const json& row : rows) {
+    if (row.at("loss_seg").get<double>() >= best) continue;
+    best = row.at("loss_seg").get<double>();
+    at = row.at("samples").get<std::int64_t>();
+  }
+  EXPECT_LT(at, 80) << "the last validation is the best: the test shows nothing";
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.pt").meta.samples, at);
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 80);
+}
+
+TEST(Trainer, EndsEarlyWhereValidationsGetNoBetter) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.validate_every = 10;
+  config.run.best_metric = BestMetric::kLossSeg;
+  config.run.patience = 2;
+  config.optim.schedule = Schedule::kConstant;
+  config.optim.lr = 0.05;  // too much: the loss goes up and down
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const TrainResult result = TrainOn(data, config, Options(folder / "run"));
+  EXPECT_TRUE(result.finished && result.early);
+  ASSERT_LT(result.samples, 80);
+  const std::vector<json> rows = Rows(folder / "run", "validation");
+  const auto best = std::min_element(rows.begin(), rows.end(), [](const json& a, const json& b) {
+    return a.at("loss_seg").get<double>() < b.at("loss_seg").get<double>();
+  });
+  EXPECT_EQ(rows.end() - best, 3);  // two came after it
+  // It has ended: to resume changes nothing, with more patience it goes on.
+  TrainOptions options = Options(folder / "run");
+  options.resume = true;
+  EXPECT_EQ(TrainOn(data, config, options).samples, result.samples);
+  EXPECT_EQ(Rows(folder / "run", "validation").size(), rows.size());
+  config.run.patience = 0;
+  EXPECT_EQ(TrainOn(data, config, options).samples, 80);
+}
+
+TEST(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.precision = Precision::kAuto;
+  config.run.channels_last = Layout::kAuto;
+  config.run.samples = 8;
+  config.optim.warmup_samples = 2;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOptions options = Options(folder / "run");
+  options.stop_at_samples = 4;
+  TrainOn(data, config, options);
+  // As if it had begun on a machine where auto chooses otherwise.
+  const std::filesystem::path path = State(folder / "run", 4);
+  TensorFile state = ReadTensorFile(path, kStateFormat);
+  json meta = json::parse(state.meta);
+  EXPECT_EQ(meta.at("bf16").get<bool>(), ProcessorHasBf16());
+  meta["bf16"] = !ProcessorHasBf16();
+  meta["channels_last"] = !meta.at("channels_last").get<bool>();
+  state.meta = meta.dump();
+  WriteTensorFile(path, state);
+  options.resume = true;
+  options.stop_at_samples = 0;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  const json after = json::parse(ReadTensorFile(State(folder / "run", 8), kStateFormat).meta);
+  EXPECT_EQ(after.at("bf16"), meta.at("bf16"));
+  EXPECT_EQ(after.at("channels_last"), meta.at("channels_last"));
+}
+
+TEST(Trainer, TwoProcessesDoNotTrainInOneFolder) {
+  const TempFolder folder;
+  const RunFolder held(folder / "run");
+  ExpectError<Error>(
+      [&] { TrainOn(SyntheticData(2, 32, 8), TinyConfig(), Options(folder / "run")); },
+      {"another process", "run"});
+}
+
 TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
@@ -134,9 +301,9 @@ TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {
   config.run.log_every = 4;
   config.run.checkpoint_every = config.run.validate_every = 1000000;
   config.run.validation_samples = 0;
-  config.run.precision = "fp32";
+  config.run.precision = Precision::kFp32;
   config.optim.lr = 1e-2;
-  config.optim.schedule = "constant";
+  config.optim.schedule = Schedule::kConstant;
   config.optim.warmup_samples = 40;
   TrainOn(SyntheticData(4, 32, 4), config, Options(folder / "run"));
   const std::vector<json> rows = Rows(folder / "run", "train");
@@ -189,7 +356,7 @@ TEST(Trainer, AverageIsTheRunningMeanOfTheWeights) {
     options.stop_at_samples = stop;
     options.resume = stop > 2;
     TrainOn(data, config, options);
-    const TensorFile state = ReadTensorFile(folder / "run" / "last.state", "volalign.training/1");
+    const TensorFile state = ReadTensorFile(State(folder / "run", stop), kStateFormat);
     const auto batches = stop / 2;
     const auto t = static_cast<double>(batches);
     const double decay = (1 + t) / (10 + t);
@@ -211,7 +378,9 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   TrainOptions options = Options(folder / "run");
   options.stop_at_samples = 4;
   options.resume = true;
-  ExpectError<IoError>([&] { TrainOn(data, config, options); }, {"last.state", "--resume"});
+  ExpectError<IoError>([&] { TrainOn(data, config, options); },
+                       {"run", "no run to resume", "--resume"});
+  EXPECT_FALSE(std::filesystem::exists(folder / "run"));
   options.resume = false;
   TrainOn(data, config, options);
   ExpectError<Error>([&] { TrainOn(data, config, options); }, {"run", "--resume"});
@@ -227,21 +396,20 @@ TEST(Trainer, ExplainsWhatCannotBeResumed) {
   other = config;
   other.run.samples = 120;  // one_cycle: another learning rate
   ExpectError<ConfigError>([&] { TrainOn(data, other, options); },
-                           {"run.samples = 120", "80", "one_cycle", "run.init"});
+                           {"run.samples = 120", "80", "optim.schedule", "run.init"});
   other = config;
   other.run.log_every = 4;  // changes no step
   options.stop_at_samples = 8;
   EXPECT_EQ(TrainOn(data, other, options).samples, 8);
 
-  const std::string state = ReadFile(folder / "run" / "last.state");
-  WriteFileAtomically(folder / "run" / "last.state", state.substr(0, state.size() / 2));
-  ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"last.state"});
+  for (const int samples : {4, 8}) Truncate(State(folder / "run", samples));
+  ExpectError<DataError>([&] { TrainOn(data, config, options); }, {"000000000004.state"});
 }
 
 TEST(Trainer, AConstantScheduleMayBeContinuedForLonger) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
-  config.optim.schedule = "constant";
+  config.optim.schedule = Schedule::kConstant;
   config.run.samples = 4;
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
   TrainOptions options = Options(folder / "run");
@@ -267,9 +435,9 @@ TEST(Trainer, StopsCleanlyOnASignal) {
   };
   const TempFolder folder;
   TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const auto open = data.open;
-  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
-    return std::make_unique<Interrupting>(open(seed, first_index));
+  const auto open = data.open_training;
+  data.open_training = [&](std::int64_t first_sample) {
+    return std::make_unique<Interrupting>(open(first_sample));
   };
   const TrainResult result = TrainOn(data, TinyConfig(), Options(folder / "run"));
   EXPECT_FALSE(result.finished);
@@ -295,12 +463,12 @@ TEST(Trainer, StopsAtALossThatIsNotFinite) {
   TrainConfig config = TinyConfig();
   config.model.input = "depth";
   TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const auto open = data.open;
-  data.open = [&](std::uint64_t seed, std::uint64_t first_index) {
-    return std::make_unique<Poisoned>(open(seed, first_index));
+  const auto open = data.open_training;
+  data.open_training = [&](std::int64_t first_sample) {
+    return std::make_unique<Poisoned>(open(first_sample));
   };
   ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
-                     {"step 15", "last.state", "optim.lr"});
+                     {"step 15", "states/000000000026.state", "optim.lr"});
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
 }
 

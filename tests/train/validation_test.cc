@@ -20,14 +20,14 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   net->named_parameters()["classifier.bias"][0] = 5;  // background everywhere
   LossConfig config;
   const TrainingLoss loss(config, data.structure, at::kCPU);
-  const auto source = data.open(5, 0);
+  const auto source = data.open_validation();
   const ValidationResult v = Validate(net, loss, data.structure, KeypointKind::kCentre, *source, 3,
                                       at::kCPU, /*channels_last=*/false);
   EXPECT_EQ(v.samples, 4);  // whole batches
   EXPECT_EQ(v.posed, 0);
   double miou_authors = 0, nll = 0;
   const double log_sum = std::log(std::exp(5.0) + 20);
-  const auto again = data.open(5, 0);
+  const auto again = data.open_validation();
   for (int batch = 0; batch < 2; ++batch) {
     for (const Sample& s : again->Next()) {
       std::vector<int> pixels(21, 0);

@@ -64,7 +64,7 @@ TEST(FindFloor, UnderATable) {
   Pose above = Above(-0.5);
   EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above).below, 0);
   // Nothing is under that floor, and a pose whose floor is known has none.
-  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, {}, 0.5).below, 9);
+  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, 0.5).below, 9);
   // A box is less high than a table.
   EXPECT_EQ(FindFloor(FromAbove(1.45f), Cube(), above).below, 9);
   // What is upside down shows the floor's other side: a ceiling is no floor of a table.
@@ -92,8 +92,8 @@ TEST(FindFloor, IsNotTheStructureAtAPoseThatCompetes) {
   shifted.translation() += Eigen::Vector3d(-0.8, -0.4, 0);
   const SensorView view = FromAbove(0.8f);
   EXPECT_EQ(FindFloor(view, Cube(), shifted).on_floor, 9);
-  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted, true_pose}).on_floor, 0);
-  EXPECT_EQ(FindFloor(view, Cube(), shifted, {shifted}).on_floor, 9);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, 0, {shifted, true_pose}).on_floor, 0);
+  EXPECT_EQ(FindFloor(view, Cube(), shifted, 0, {shifted}).on_floor, 9);
 }
 
 TEST(FindFloor, NothingMeasuredSaysNothing) {

@@ -1,0 +1,161 @@
+// A run that is killed again and again, and resumed, ends as one that was left alone.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <string>
+#include <system_error>
+#include <thread>
+
+#include "core/file_util.h"
+#include "core/torch_threads.h"
+#include "tests/core/temp_folder.h"
+#include "tests/train/synthetic_source.h"
+#include "train/trainer.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::microseconds;
+
+/// Rows, states and checkpoints come at numbers of samples that do not divide each other.
+TrainConfig KillConfig() {
+  TrainConfig config;
+  config.model.base_channels = 2;
+  config.model.residual_blocks = 1;
+  config.model.normalization = "batch";
+  config.optim.optimizer = OptimizerKind::kAdamW;
+  config.optim.lr = 3e-3;
+  config.optim.schedule = Schedule::kOneCycle;
+  config.optim.warmup_samples = 8;
+  config.optim.ema_decay = 0.9;
+  config.run.samples = 60;
+  config.run.batch_size = 2;
+  config.run.log_every = 6;
+  config.run.checkpoint_every = 4;
+  config.run.validate_every = 10;
+  config.run.validation_samples = 2;
+  return config;
+}
+
+/// Trains in a process of its own, which the caller may kill; LibTorch stays unused in this one, so
+/// that its threads are no matter.
+pid_t Start(const fs::path& run_dir) {
+  const pid_t child = ::fork();
+  if (child != 0) return child;
+  int status = 1;
+  try {
+    SetTorchThreads(1);
+    TrainOptions options;
+    options.run_dir = run_dir;
+    options.resume = fs::exists(run_dir / "config.yaml");
+    options.quiet = true;
+    if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(), options).finished) status = 0;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}\n", e.what());
+  }
+  ::_exit(status);
+}
+
+/// True where there is a file that is being written.
+bool IsWriting(const fs::path& folder) {
+  std::error_code gone;
+  for (fs::directory_iterator entry(folder, gone), end; !gone && entry != end;
+       entry.increment(gone)) {
+    if (entry->path().filename().string().find(".tmp-") != std::string::npos) return true;
+  }
+  return false;
+}
+
+/// Rows without the times, which differ.
+std::string Metrics(const fs::path& run_dir) {
+  std::string all;
+  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
+  for (std::string line; std::getline(text, line);) {
+    nlohmann::json row = nlohmann::json::parse(line);
+    row.erase("step_s");
+    row.erase("samples_per_s");
+    all += row.dump() + "\n";
+  }
+  return all;
+}
+
+/// Kills once, at a moment within `span` from the start, or, with `while_writing`, at one when a
+/// state or checkpoint is being written. False: the run ended before that.
+bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool while_writing) {
+  const auto until = std::chrono::steady_clock::now() + moment;
+  bool written = !while_writing;
+  int status = 0;
+  while (!written || std::chrono::steady_clock::now() < until) {
+    if (::waitpid(child, &status, WNOHANG) == child) {
+      EXPECT_EQ(status, 0);
+      return false;
+    }
+    if (std::chrono::steady_clock::now() >= until) {
+      written = IsWriting(run_dir / "states") || IsWriting(run_dir);
+    }
+    std::this_thread::sleep_for(microseconds(20));
+  }
+  ::kill(child, SIGKILL);
+  ::waitpid(child, &status, 0);
+  return WIFSIGNALED(status);
+}
+
+// VOLALIGN_KILLS=N kills N times instead of 12.
+TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
+  const char* wanted = std::getenv("VOLALIGN_KILLS");
+  const int kills = wanted ? std::atoi(wanted) : 12;
+  const TempFolder folder;
+  int status = 1;
+  const auto start = std::chrono::steady_clock::now();
+  ::waitpid(Start(folder / "whole"), &status, 0);
+  ASSERT_EQ(status, 0);
+  const auto span =
+      std::chrono::duration_cast<microseconds>(std::chrono::steady_clock::now() - start);
+
+  std::mt19937 random(1);
+  int done = 0, in_files = 0, runs = 0;
+  while (done < kills || runs == 0) {
+    const fs::path run_dir = folder / fmt::format("run{}", runs);
+    bool finished = false;
+    while (!finished) {
+      // Moments within the first third, so that several kills fall on one run.
+      const microseconds moment(random() % static_cast<unsigned>(span.count() / 3 + 1));
+      const bool while_writing = done < kills && random() % 2 == 0;
+      const pid_t child = Start(run_dir);
+      if (done >= kills) {
+        ::waitpid(child, &status, 0);
+        ASSERT_EQ(status, 0);
+        finished = true;
+      } else if (KillOnce(child, run_dir, moment, while_writing)) {
+        ++done;
+        in_files += IsWriting(run_dir / "states") || IsWriting(run_dir);
+      } else {
+        finished = true;
+      }
+    }
+    ++runs;
+    for (const char* file : {"states/000000000060.state", "model.pt", "best.pt"}) {
+      EXPECT_TRUE(ReadFile(run_dir / file) == ReadFile(folder / "whole" / file))
+          << file << " of run " << runs << " after " << done << " kills";
+    }
+    EXPECT_EQ(Metrics(run_dir), Metrics(folder / "whole"));
+    EXPECT_FALSE(IsWriting(run_dir) || IsWriting(run_dir / "states"));
+  }
+  EXPECT_GT(in_files, 0) << "no kill fell into the writing of a file";
+  fmt::print("{} kills of {} runs, {} of them while a file was being written\n", done, runs,
+             in_files);
+}
+
+}  // namespace
+}  // namespace volalign

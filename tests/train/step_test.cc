@@ -1,0 +1,68 @@
+#include "train/step.h"
+
+#include <ATen/TensorOperators.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "tests/train/synthetic_source.h"
+
+namespace volalign {
+namespace {
+
+/// A batch in parts has the gradient and the losses of the whole one.
+TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
+  const TrainingData data = SyntheticData(5, 32, 1u << 20);
+  const Batch batch = Collate(data.open_training(0)->Next());
+  for (const bool weighted : {false, true}) {
+    TrainConfig config;
+    config.model.base_channels = 2;
+    config.model.residual_blocks = 1;
+    config.model.normalization = "group";
+    if (weighted) config.loss.class_weights = {0.2, 1};
+    const Compute compute;
+    const TrainingLoss loss(config.loss, data.structure, at::kCPU);
+    at::Tensor expected;
+    StepReport whole;
+    for (const int micro_batch : {0, 1, 2}) {
+      Learner learner(config, data.structure.num_classes(), compute);
+      StepReport report;
+      const at::Tensor norm =
+          ComputeGradient(learner, loss, batch, compute, 0, micro_batch, &report);
+      EXPECT_NEAR(norm.item<double>(), report.gradient_norm, 1e-12);
+      const at::Tensor gradient = learner.flat.gradients().clone();
+      if (micro_batch == 0) {
+        expected = gradient;
+        whole = report;
+        EXPECT_GT(report.loss_3d, 0);
+        continue;
+      }
+      SCOPED_TRACE(micro_batch);
+      EXPECT_LT((gradient - expected).norm().item<double>(), 1e-4 * expected.norm().item<double>());
+      EXPECT_NEAR(report.loss, whole.loss, 1e-5 * whole.loss);
+      EXPECT_NEAR(report.loss_seg, whole.loss_seg, 1e-5 * whole.loss_seg);
+      EXPECT_NEAR(report.loss_3d, whole.loss_3d, 1e-5 * whole.loss_3d);
+      EXPECT_EQ(report.degenerate, whole.degenerate);
+    }
+  }
+}
+
+TEST(Compute, AutoIsBf16WhereTheKernelListsIt) {
+  std::ifstream info("/proc/cpuinfo");
+  bool listed = false;
+  for (std::string word; info >> word;) {
+    listed |= word == "avx512_bf16" || word == "bf16";
+  }
+  EXPECT_EQ(ProcessorHasBf16(), listed);
+  RunConfig run;
+  EXPECT_EQ(ChooseCompute(run).type, at::kFloat);
+  EXPECT_FALSE(ChooseCompute(run).channels_last);
+  run.precision = Precision::kAuto;
+  run.channels_last = Layout::kAuto;
+  EXPECT_EQ(ChooseCompute(run).type, listed ? at::kBFloat16 : at::kFloat);
+  EXPECT_TRUE(ChooseCompute(run).channels_last);
+}
+
+}  // namespace
+}  // namespace volalign

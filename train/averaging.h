@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/network.h"
+#include "train/flat_module.h"
+
+namespace volalign {
+
+/// The weights that are validated and shipped: an exponential running mean of those in training.
+/// Its decay rises with the number of steps to the given one, so that the random start is forgotten
+/// early. With decay 0 they are the weights in training themselves.
+class WeightAverage {
+ public:
+  /// `net` has the options of the network in training, whose weights are `source`.
+  WeightAverage(StructureNet net, double decay, FlatModule& source);
+
+  /// After each step; `steps` counts that one.
+  void Update(FlatModule& source, std::int64_t steps);
+  /// With decay 0, takes over the weights as they are now: before net() is used. Else nothing.
+  void Refresh(FlatModule& source);
+  /// Starts again from these weights.
+  void Reset(FlatModule& source);
+
+  StructureNet& net() { return net_; }
+  const StructureNet& net() const { return net_; }
+
+ private:
+  StructureNet net_;
+  FlatModule flat_;
+  double decay_;
+};
+
+}  // namespace volalign

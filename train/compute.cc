@@ -1,0 +1,74 @@
+#include "train/compute.h"
+
+#include <fmt/format.h>
+#include <torch/cuda.h>
+
+#include <string>
+#if defined(__aarch64__)
+#include <asm/hwcap.h>
+#include <sys/auxv.h>
+#endif
+
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+at::Device ParseDevice(const std::string& name) {
+  at::Device device(at::kCPU);
+  try {
+    device = at::Device(name);
+  } catch (const std::exception&) {
+    throw ConfigError(fmt::format("run.device = '{}' is no device: use cpu, cuda or cuda:N", name));
+  }
+  if (!device.is_cpu() && !device.is_cuda()) {
+    throw ConfigError(fmt::format("run.device = '{}' is no device: use cpu, cuda or cuda:N", name));
+  }
+  if (device.is_cuda() && !torch::cuda::is_available()) {
+    throw ConfigError(fmt::format(
+        "run.device = '{}': this LibTorch finds no CUDA device: use run.device = cpu", name));
+  }
+  return device;
+}
+
+}  // namespace
+
+bool ProcessorHasBf16() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx512bf16") != 0;
+#elif defined(__aarch64__) && defined(HWCAP2_BF16)
+  return (getauxval(AT_HWCAP2) & HWCAP2_BF16) != 0;
+#else
+  return false;
+#endif
+}
+
+Compute ChooseCompute(const RunConfig& run) {
+  Compute compute;
+  compute.device = ParseDevice(run.device);
+  const bool bf16 = run.precision == Precision::kAuto
+                        ? compute.device.is_cpu() && ProcessorHasBf16()
+                        : run.precision == Precision::kBf16;
+  compute.type = bf16 ? at::kBFloat16 : at::kFloat;
+  compute.channels_last = run.channels_last == Layout::kAuto
+                              ? compute.device.is_cpu() || bf16
+                              : run.channels_last == Layout::kChannelsLast;
+  return compute;
+}
+
+std::string ToString(const Compute& compute) {
+  return fmt::format("{}, {}, {}", compute.device.str(),
+                     compute.type == at::kBFloat16 ? "bf16" : "fp32",
+                     compute.channels_last ? "channels last" : "channels first");
+}
+
+at::Tensor EncodeFor(const Compute& compute, const at::Tensor& depth, InputEncoding input) {
+  const at::Tensor encoded = EncodeDepth(depth, input);
+  return compute.channels_last ? encoded.contiguous(at::MemoryFormat::ChannelsLast) : encoded;
+}
+
+void Synchronize(const at::Device& device) {
+  if (device.is_cuda()) torch::cuda::synchronize(device.index());
+}
+
+}  // namespace volalign

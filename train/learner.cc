@@ -1,0 +1,55 @@
+#include "train/learner.h"
+
+#include <ATen/Context.h>
+#include <fmt/format.h>
+
+#include <map>
+
+#include "core/checkpoint.h"
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+StructureNet MakeNet(const StructureNetOptions& options, const Compute& compute) {
+  StructureNet net(options);
+  net->to(compute.device);
+  net->SetComputeType(compute.type);
+  return net;
+}
+
+StructureNet DrawNet(const TrainConfig& config, int num_classes, const Compute& compute) {
+  at::manual_seed(static_cast<std::uint64_t>(config.run.seed));
+  return MakeNet(config.model.Options(num_classes), compute);
+}
+
+}  // namespace
+
+Learner::Learner(const TrainConfig& config, int num_classes, const Compute& compute)
+    : net(DrawNet(config, num_classes, compute)),
+      flat(*net),
+      optimizer(config.optim, &flat),
+      average(MakeNet(net->options(), compute), config.optim.ema_decay, flat) {}
+
+void Learner::Update(double lr, const at::Tensor& gradient_norm) {
+  optimizer.Step(lr, gradient_norm);
+  average.Update(flat, optimizer.steps());
+}
+
+std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner) {
+  const LoadedModel model = LoadCheckpoint(path);
+  if (!(model.meta.network == learner->net->options())) {
+    throw ConfigError(
+        fmt::format("run.init = {}: its network differs from the one that `model` describes; its "
+                    "configuration is:\n{}",
+                    path, model.meta.config_yaml));
+  }
+  CheckStructure(model.meta, structure);
+  std::map<std::string, at::Tensor> tensors;
+  AddModuleTensors(*model.net, "", &tensors);
+  CopyIntoModule(tensors, "", *learner->net, path);
+  learner->average.Reset(learner->flat);
+  return model.meta.samples;
+}
+
+}  // namespace volalign

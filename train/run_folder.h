@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace volalign {
+
+/// The folder of a run and the names of its files (docs/training.md). One process at a time trains
+/// in it: the folder is locked while the object lives, and free again when the process ends,
+/// however it ends.
+class RunFolder {
+ public:
+  /// Makes the folder where there is none. Throws IoError, or Error where another process trains in
+  /// it.
+  explicit RunFolder(std::filesystem::path dir);
+  ~RunFolder();
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
+
+  const std::filesystem::path& dir() const { return dir_; }
+  std::filesystem::path config() const { return dir_ / "config.yaml"; }
+  std::filesystem::path metrics() const { return dir_ / "metrics.jsonl"; }
+  std::filesystem::path model() const { return dir_ / "model.pt"; }
+  std::filesystem::path best() const { return dir_ / "best.pt"; }
+  /// Of the state after so many samples.
+  std::filesystem::path State(std::int64_t samples) const;
+
+  /// Numbers of samples after which there are states, largest first.
+  std::vector<std::int64_t> States() const;
+  /// Removes all states but the `count` newest.
+  void KeepStates(int count) const;
+  /// Removes the states after `samples`, from which the run was not continued, and unfinished files
+  /// that a killed run left.
+  void BeginAfter(std::int64_t samples) const;
+
+ private:
+  std::filesystem::path dir_;
+  int lock_ = -1;
+};
+
+}  // namespace volalign

@@ -1,0 +1,68 @@
+#include "train/same_run.h"
+
+#include <fmt/format.h>
+
+#include <set>
+#include <vector>
+
+#include "core/config.h"
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+/// Keys that may differ when a run is resumed: they change no sample and no step.
+const std::set<std::string>& FreeKeys() {
+  static const std::set<std::string> keys = {"run.samples",
+                                             "run.validation_samples",
+                                             "run.validate_every",
+                                             "run.checkpoint_every",
+                                             "run.keep_states",
+                                             "run.best_metric",
+                                             "run.patience",
+                                             "run.log_every",
+                                             "run.half_checkpoint",
+                                             "run.threads",
+                                             "run.loader_threads",
+                                             "run.prefetch",
+                                             "run.device",
+                                             "run.dataset",
+                                             "run.validation_dataset"};
+  return keys;
+}
+
+}  // namespace
+
+void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
+                    const std::string& path) {
+  // A key that did not exist yet when the state was saved had its default's effect.
+  const ConfigSource before = ConfigSource::FromString(
+      WriteConfig(ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, path))), path);
+  const ConfigSource now = ConfigSource::FromString(WriteConfig(config), "the given configuration");
+  for (const auto& [key, leaf] : now.leaves()) {
+    const std::vector<std::string>& values = before.leaves().at(key).values;
+    if (values == leaf.values) continue;
+    if (key == "run.samples" && config.optim.DependsOnLength()) {
+      throw ConfigError(fmt::format(
+          "run.samples = {} differs from {} in {}: with this optim.schedule the learning rate "
+          "depends on "
+          "it, and would jump: resume with the run's own, or start a new run from its weights with "
+          "run.init",
+          fmt::join(leaf.values, ", "), fmt::join(values, ", "), path));
+    }
+    if (FreeKeys().count(key) > 0) continue;
+    throw ConfigError(fmt::format(
+        "{} = {} differs from {} in {}: resume with the run's own config.yaml, or start a new run",
+        key, fmt::join(leaf.values, ", "), fmt::join(values, ", "), path));
+  }
+}
+
+bool SameValidation(const std::string& saved_yaml, const TrainConfig& config) {
+  const auto before =
+      ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, "the saved configuration"));
+  return before.run.best_metric == config.run.best_metric &&
+         before.run.validation_samples == config.run.validation_samples &&
+         before.run.validation_dataset == config.run.validation_dataset;
+}
+
+}  // namespace volalign

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/checkpoint.h"
+#include "core/structure.h"
+#include "render/sample.h"
+#include "train/best.h"
+#include "train/learner.h"
+#include "train/metrics.h"
+#include "train/run_folder.h"
+#include "train/train_config.h"
+
+namespace volalign {
+
+inline constexpr char kStateFormat[] = "volalign.training/2";
+
+/// How far a run is, beside its weights.
+struct RunProgress {
+  std::int64_t samples = 0;       ///< drawn so far
+  std::int64_t init_samples = 0;  ///< that run.init was trained on
+  double lr = 0;                  ///< of the last step
+  /// Least and largest focal length, px, and the image sizes that were seen.
+  std::pair<double, double> focal_px{0, 0};
+  std::set<std::pair<int, int>> image_sizes;
+  std::int64_t validated = -1;  ///< samples at the last validation; -1: there was none
+  BestValidation best;
+  StepMeans means;  ///< the steps since the last row of the log
+
+  void NoteCameras(const std::vector<Sample>& drawn);
+};
+
+/// Writes all that a run needs to go on: `learner`, `progress`, and what tells whether another run
+/// is the same one (`config`, and TrainingData::identity). Throws IoError.
+void SaveState(const std::filesystem::path& path, const TrainConfig& config,
+               const std::string& data_identity, const Compute& compute, Learner& learner,
+               const RunProgress& progress);
+
+/// A state as it was read, of the run that the caller wants to continue.
+struct SavedState {
+  std::filesystem::path path;
+  TensorFile file;
+  RunProgress progress;
+  std::int64_t steps = 0;
+  at::ScalarType type = at::kFloat;  ///< in which the run computes, and
+  bool channels_last = false;        ///< its layout: Compute, whatever the machine
+};
+
+/// The newest state of `folder` that is whole, or none where there is no state; `damaged` gets a
+/// sentence for each newer one that is not. Throws ConfigError for the state of a run with another
+/// configuration (RequireSameRun) or other samples, DataError when every state is damaged.
+std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& config,
+                                    const std::string& data_identity,
+                                    std::vector<std::string>* damaged);
+
+/// Weights, average and optimiser as they were. Throws DataError where the state lacks one.
+void Restore(const SavedState& state, Learner* learner);
+
+/// Writes the deployable checkpoint (core/checkpoint.h) of the averaged weights. Throws IoError.
+void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
+               const Structure& structure, Learner& learner, const RunProgress& progress);
+
+}  // namespace volalign

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+
+#include "train/batch.h"
+#include "train/compute.h"
+#include "train/learner.h"
+#include "train/losses.h"
+
+namespace volalign {
+
+/// Wall-clock time of the parts of a step, s.
+struct StepTimes {
+  double data = 0, forward = 0, loss = 0, backward = 0, optim = 0;
+};
+
+/// What a step measured.
+struct StepReport {
+  double loss = 0, loss_seg = 0, loss_3d = 0;
+  std::int64_t degenerate = 0;  ///< samples that added nothing to loss_3d
+  double gradient_norm = 0;     ///< before clipping
+  StepTimes times;
+};
+
+/// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
+/// time (0: all): fills `learner.flat`'s
+/// gradient and the report, but for times.data and times.optim, and returns the gradient's norm as
+/// a scalar on the device. Changes no weight, so that a caller can refuse a loss or norm that is
+/// not finite; running statistics of a batch normalisation move.
+at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
+                           const Compute& compute, std::int64_t samples, int micro_batch,
+                           StepReport* report);
+
+}  // namespace volalign
