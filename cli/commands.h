@@ -20,8 +20,10 @@ Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
+Command AddCheckCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
 Command AddConvertCommand(CLI::App& program);
+Command AddPlanCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

@@ -19,8 +19,9 @@ int main(int argc, char** argv) {
       volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
       volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
-      volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
-      volalign::AddConvertCommand(program),
+      volalign::AddCalibrateCommand(program), volalign::AddCheckCommand(program),
+      volalign::AddEvaluateCommand(program),  volalign::AddConvertCommand(program),
+      volalign::AddPlanCommand(program),
 #endif
       volalign::AddExportCommand(program),    volalign::AddConfigCommand(program)};
   try {
