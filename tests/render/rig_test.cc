@@ -335,6 +335,29 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
   EXPECT_GT(tilt.rotation_deg, 0.05);  // the floor's
 }
 
+TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
+  const std::string moved =
+      "placements:\n  - {x_cm: 40, z_cm: 10, yaw_deg: 30}\n"
+      "  - {x_cm: 40, z_cm: 10, yaw_deg: 30, moved: [{sensor: B, translation_mm: [10, 0, 20], "
+      "rotation_deg: [0, 3, 0]}]}\n";
+  const std::vector<RigCapture> stills =
+      RenderPlacements(Parse(std::string(kTwo) + moved), renderer_);
+  ASSERT_EQ(stills.size(), 3u);
+  const auto pose = [&](std::size_t still, std::size_t sensor) {
+    return stills[still].sensors[sensor].structure_from_sensor;
+  };
+  EXPECT_EQ(pose(1, 0).matrix(), pose(2, 0).matrix());
+  const Pose before_from_after = pose(1, 1).inverse() * pose(2, 1);
+  EXPECT_LT((before_from_after.translation() - Eigen::Vector3d(0.01, 0, 0.02)).norm(), 1e-12);
+  EXPECT_LT(
+      (RotationLog(before_from_after.linear()) - Eigen::Vector3d(0, 3 * M_PI / 180, 0)).norm(),
+      1e-12);
+  EXPECT_TRUE(stills[1].sensors[0].labels_clean == stills[2].sensors[0].labels_clean);
+  EXPECT_FALSE(stills[1].sensors[1].labels_clean == stills[2].sensors[1].labels_clean);
+  EXPECT_THROW(Parse(std::string(kTwo) + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"),
+               ConfigError);
+}
+
 TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
   const std::string alone = std::string("room: false\n") + kTwo;
   const RigCapture one = RenderRig(Parse(alone), renderer_);
