@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/config.h"
 #include "core/error.h"
@@ -29,6 +30,7 @@ struct Options {
   std::vector<std::string> captures;
   std::string model, output, config, structure, initial, estimate;
   std::vector<std::string> assignments;
+  bool no_report = false;
 };
 
 void AddOptions(CLI::App* app, Options* options) {
@@ -56,6 +58,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
+  app->add_flag("--no-report", options->no_report, "write neither report.html nor rig.glb");
 }
 
 CalibrateOptions Resolve(const Options& options) {
@@ -110,14 +113,17 @@ int RunCalibrate(const Options& options) {
   CalibrationResult result = Calibrate(stills, *structure, segmenter.get(), config);
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
-  WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", WriteConfig(config));
+  const std::string resolved = WriteConfig(config);
+  WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", resolved);
+  std::optional<ReportRun> report;
+  if (!options.no_report) report = ReportRun{CommandLine(), resolved};
   WriteCalibration(
       options.output, result, stills, *structure,
-      {options.captures, segmenter ? segmenter->file() : "", segmenter ? segmenter->sha256() : ""});
+      {options.captures, segmenter ? segmenter->file() : "", segmenter ? segmenter->sha256() : ""},
+      report);
   fmt::print("{}", FormatReport(result));
-  fmt::print(
-      "written: {}/extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",
-      options.output);
+  fmt::print("written: {}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",
+             options.output, report ? "report.html, rig.glb, " : "");
   return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
 }
 

@@ -12,4 +12,9 @@ namespace volalign {
 /// terminal.
 std::string FormatReport(const CalibrationResult& result);
 
+/// Its sentences on what was found beside the poses, a line each: where several stills' stacks
+/// stood, boxes off their places, lenses that are not those given, both poses of sensors that
+/// disagree with the others.
+std::string FormatNotes(const CalibrationResult& result);
+
 }  // namespace volalign
