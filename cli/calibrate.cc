@@ -122,8 +122,9 @@ int RunCalibrate(const Options& options) {
       {options.captures, segmenter ? segmenter->file() : "", segmenter ? segmenter->sha256() : ""},
       report);
   fmt::print("{}", FormatReport(result));
-  fmt::print("written: {}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",
-             options.output, report ? "report.html, rig.glb, " : "");
+  fmt::print(
+      "written: {}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",
+      options.output, report ? "report.html, rig.glb, " : "");
   return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
 }
 

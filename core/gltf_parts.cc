@@ -39,8 +39,8 @@ int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int target
   accessor.type = type;
   accessor.normalized = component == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE;
   accessor.count =
-      values.size() / static_cast<std::size_t>(tinygltf::GetNumComponentsInType(
-                          static_cast<std::uint32_t>(type)));
+      values.size() /
+      static_cast<std::size_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(type)));
   model->accessors.push_back(accessor);
   return static_cast<int>(model->accessors.size()) - 1;
 }

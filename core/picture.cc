@@ -31,11 +31,11 @@ Rgb Between(const Stop (&stops)[N], double t) {
 }
 
 /// Viridis (S. van der Walt and N. Smith, CC0) at ninths.
-constexpr Stop kViridis[] = {
-    {0.0, {68, 1, 84}},        {1 / 9.0, {72, 40, 120}},  {2 / 9.0, {62, 74, 137}},
-    {3 / 9.0, {49, 104, 142}}, {4 / 9.0, {38, 130, 142}}, {5 / 9.0, {31, 158, 137}},
-    {6 / 9.0, {53, 183, 121}}, {7 / 9.0, {109, 205, 89}}, {8 / 9.0, {180, 222, 44}},
-    {1.0, {253, 231, 37}}};
+constexpr Stop kViridis[] = {{0.0, {68, 1, 84}},        {1 / 9.0, {72, 40, 120}},
+                             {2 / 9.0, {62, 74, 137}},  {3 / 9.0, {49, 104, 142}},
+                             {4 / 9.0, {38, 130, 142}}, {5 / 9.0, {31, 158, 137}},
+                             {6 / 9.0, {53, 183, 121}}, {7 / 9.0, {109, 205, 89}},
+                             {8 / 9.0, {180, 222, 44}}, {1.0, {253, 231, 37}}};
 
 /// Blue over a light grey to orange, which no common colour blindness confuses (after PuOr of
 /// C. Brewer's ColorBrewer, with blue for its purple).

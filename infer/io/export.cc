@@ -195,8 +195,8 @@ void RemoveFile(const std::filesystem::path& path) {
 }
 
 /// Removes what an earlier run wrote and this one does not.
-void RemoveEarlierFiles(const std::filesystem::path& folder,
-                        const std::vector<StillFiles>& stills, bool report) {
+void RemoveEarlierFiles(const std::filesystem::path& folder, const std::vector<StillFiles>& stills,
+                        bool report) {
   std::set<std::filesystem::path> now;
   if (report) now = {kReportFile, kRigFile};
   for (const StillFiles& still : stills) {

@@ -22,8 +22,8 @@ void PrepareFolder(const std::filesystem::path& folder);
 /// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. Of several
 /// stills, each has folders of its own in these (labels/STILL/NAME.png), and clouds are in the
 /// structure frame of the first. `stills` are those that `result` is of. With `report`, report.html
-/// and rig.glb, too. Of the sensors that an earlier extrinsics.json in the folder lists, the files that this run does not write go; nothing
-/// else is removed. Throws IoError.
+/// and rig.glb, too. Of the sensors that an earlier extrinsics.json in the folder lists, the files
+/// that this run does not write go; nothing else is removed. Throws IoError.
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source,

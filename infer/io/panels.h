@@ -14,10 +14,10 @@ inline constexpr double kResidualScale = 0.02;
 /// The four ways in which a frame is shown, upright. `model` and `residual` are empty without a
 /// pose.
 struct FramePanels {
-  RgbImage depth;      ///< as measured, coloured between near_m and far_m; black: no measurement
-  RgbImage labels;     ///< as predicted, over shaded depth
-  RgbImage model;      ///< those of the structure as found, seen from the pose
-  RgbImage residual;   ///< of labelled pixels, SignedColour up to kResidualScale
+  RgbImage depth;     ///< as measured, coloured between near_m and far_m; black: no measurement
+  RgbImage labels;    ///< as predicted, over shaded depth
+  RgbImage model;     ///< those of the structure as found, seen from the pose
+  RgbImage residual;  ///< of labelled pixels, SignedColour up to kResidualScale
   double near_m = 0, far_m = 0;
   std::vector<int> shown_labels;  ///< in either picture, ascending
 };

@@ -54,8 +54,7 @@ std::vector<LegendEntry> LabelLegend(const Structure& structure, const std::vect
 /// Squares and names in columns below a picture.
 RgbImage WithLegend(const RgbImage& picture, const std::vector<LegendEntry>& entries) {
   int longest = 0;
-  for (const LegendEntry& entry : entries)
-    longest = std::max(longest, CountCharacters(entry.text));
+  for (const LegendEntry& entry : entries) longest = std::max(longest, CountCharacters(entry.text));
   const int column = kSwatch + 4 + kTextWidth * longest + 2 * kMargin;
   const int columns = std::max(1, (picture.width() - kMargin) / column);
   const int count = static_cast<int>(entries.size());
@@ -127,10 +126,9 @@ RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
                  fmt::format("{:.2f}", panels.far_m)});
     }
     if (i == 3) {
-      DrawScale(
-          &picture, left, below, width, [](double t) { return SignedColour(2 * t - 1); },
-          {fmt::format("{:.0f}: too far", -1000 * kResidualScale), "0",
-           fmt::format("too near: {:.0f}", 1000 * kResidualScale)});
+      DrawScale(&picture, left, below, width, [](double t) { return SignedColour(2 * t - 1); },
+                {fmt::format("{:.0f}: too far", -1000 * kResidualScale), "0",
+                 fmt::format("too near: {:.0f}", 1000 * kResidualScale)});
     }
   }
   return caption_labels ? WithLegend(picture, LabelLegend(structure, panels.shown_labels))

@@ -231,7 +231,7 @@ std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s
 }  // namespace
 
 std::string FormatNotes(const CalibrationResult& result) {
-  return BothPosesOf(result.sensors) + Placements(result) + Boxes(result) + Lenses(result.sensors);
+  return BothPosesOf(result.sensors) + Placements(result) + Lenses(result.sensors);
 }
 
 std::string FormatReport(const CalibrationResult& result) {

@@ -88,12 +88,12 @@ class Browser:
     def open(self, url, width=1280, height=900, dark=False, mobile=False, scale=1):
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
         session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        return Page(self, session, url, width, height, dark, mobile, scale)
+        return Page(self, target, session, url, width, height, dark, mobile, scale)
 
 
 class Page:
-    def __init__(self, browser, session, url, width, height, dark, mobile, scale):
-        self.browser, self.session = browser, session
+    def __init__(self, browser, target, session, url, width, height, dark, mobile, scale):
+        self.browser, self.target, self.session = browser, target, session
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.send(f"{domain}.enable")
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile)
@@ -121,8 +121,12 @@ class Page:
                 raise RuntimeError(f"not so within {LIMIT_S} s: {condition}")
             time.sleep(0.05)
 
+    def close(self):
+        self.browser.send("Target.closeTarget", targetId=self.target)
+
     def settle(self):
-        """Until what was asked of the 3D view is drawn."""
+        """Until what was asked of the 3D view is drawn, which it is not in a page behind others."""
+        self.send("Page.bringToFront")
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0))))")
 
     def press(self, key, code=None, text=None):

@@ -77,8 +77,7 @@ std::vector<AlignedPoint> ThinCloud(const std::vector<AlignedPoint>& points, std
   std::vector<const AlignedPoint*> labelled, others;
   for (const AlignedPoint& point : points) (point.label > 0 ? labelled : others).push_back(&point);
   const auto share = static_cast<std::size_t>(kLabelledShare * static_cast<double>(most));
-  const std::size_t of_others =
-      std::min(others.size(), most - std::min(labelled.size(), share));
+  const std::size_t of_others = std::min(others.size(), most - std::min(labelled.size(), share));
   std::vector<AlignedPoint> thinned;
   TakeEvenly(labelled, most - of_others, &thinned);
   TakeEvenly(others, of_others, &thinned);

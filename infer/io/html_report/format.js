@@ -8,7 +8,7 @@ function el(name, attributes, ...children) {
   for (const [key, value] of Object.entries(attributes || {})) {
     if (value !== undefined && value !== null && value !== false) node.setAttribute(key, value === true ? "" : value);
   }
-  for (const child of children.flat()) {
+  for (const child of children.flat(Infinity)) {
     if (child !== undefined && child !== null && child !== "") node.append(child);
   }
   return node;
@@ -26,6 +26,7 @@ const median = (list) => {
   if (!sorted.length) return undefined;
   return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 };
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
 const plural = (count, one, many) => `${count} ${count === 1 ? one : many || one + "s"}`;
 const last = (path) => String(path).split(/[\\/]/).slice(-2).join("/");
 
@@ -34,7 +35,7 @@ const statusNode = (status) => el("span", { class: `status ${status}` }, `${MARK
 
 // A table in a box that scrolls by itself on narrow screens, and by keys.
 function table(label, head, rows, className) {
-  return el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label },
+  return el("div", { class: className && className.includes("plain") ? "scroll fit" : "scroll", tabindex: 0, role: "region", "aria-label": label },
     el("table", { class: className }, el("thead", {}, el("tr", {}, head)), el("tbody", {}, rows)));
 }
 const th = (text, unit, className) =>

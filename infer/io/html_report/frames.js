@@ -9,7 +9,7 @@ function pictureNodes(report, frame) {
   const limit = 1000 * report.residual_scale_m, of = `${frame.sensor}: `;
   const kinds = [
     ["depth", "Measured depth, m", scaleNode(report.depth_colours, [fixed(frame.near_m, 2), fixed((frame.near_m + frame.far_m) / 2, 2), fixed(frame.far_m, 2)])],
-    ["labels", "Labels found: colours as in the legend"],
+    ["labels", "Labels found (colours: see the legend)"],
     ["model", "Structure at the pose: where its sides should be seen"],
     ["residual", "Residual, mm, of labelled points to their sides", scaleNode(report.residual_colours, [`−${limit}: too far`, "0", `too near: ${limit}`])]];
   return kinds.filter(([kind]) => frame.pictures[kind]).map(([kind, caption, scale]) =>
@@ -46,7 +46,7 @@ function frameNode(report, sensor) {
   const body = stills.flatMap(([still, frame]) => [stills.length > 1 ? el("p", { class: "muted" }, `In ${still.name}:`) : "", el("div", { class: "pictures" }, pictureNodes(report, frame))]);
   return el("article", { class: "frame", "aria-label": sensor.name },
     el("div", { class: "frame-head" }, el("h3", {}, sensor.name), statusNode(sensor.status), el("span", { class: "muted" }, summary)),
-    sensor.reason ? el("p", {}, `${sensor.reason}. `, sensor.hint ? el("span", { class: "muted" }, `${sensor.hint}.`) : "") : "",
+    sensor.reason ? el("p", {}, sentence(sensor.reason)) : "",
     body,
     el("details", {}, el("summary", {}, `Figures and pose of ${sensor.name}`), factsOf(report, sensor),
       sensor.structure_from_sensor ? [el("p", {}, "structure_from_sensor, metres, row-major:"), el("pre", { tabindex: 0 }, matrixText(sensor.structure_from_sensor))] : ""));

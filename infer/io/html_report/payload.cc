@@ -80,12 +80,9 @@ std::vector<std::string> Lines(const std::string& text) {
 
 Json ReportFrameJson(const ReportFrame& frame) {
   const FramePanels& panels = frame.panels;
-  Json json = {{"sensor", frame.sensor},
-               {"width", panels.depth.width()},
-               {"height", panels.depth.height()},
-               {"near_m", panels.near_m},
-               {"far_m", panels.far_m},
-               {"labels", panels.shown_labels}};
+  Json json = {{"sensor", frame.sensor},          {"width", panels.depth.width()},
+               {"height", panels.depth.height()}, {"near_m", panels.near_m},
+               {"far_m", panels.far_m},           {"labels", panels.shown_labels}};
   Json& pictures = json["pictures"] = Json::object();
   pictures["depth"] = PngDataUri(panels.depth);
   pictures["labels"] = PngDataUri(panels.labels);

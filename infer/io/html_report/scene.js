@@ -32,18 +32,23 @@ function cloudParts(report, frame, sensorIndex, still) {
   });
 }
 
+// The scale of residuals. On light paper its light middle would not be seen.
+function residualRamp(report, theme) {
+  const ramp = report.residual_colours.map((colour) => new THREE.Color(colour));
+  if (theme.light) ramp.forEach((colour, i) => colour.lerp(new THREE.Color("#8b8f94"), 0.75 * (1 - Math.abs(2 * i / (ramp.length - 1) - 1))));
+  return ramp;
+}
+
 // Colours of a cloud in one of the modes "sensor", "label", "residual".
 function paintCloud(report, part, mode, theme) {
   const grey = new THREE.Color(theme.surroundings), own = new THREE.Color(sensorColour(part.sensorIndex));
   const byLabel = new Map(report.labels.map((label) => [label.id, new THREE.Color(label.colour)]));
-  const ramp = report.residual_colours.map((colour) => new THREE.Color(colour));
-  // On light paper the scale's light middle would not be seen.
-  if (theme.light) ramp.forEach((colour, i) => colour.lerp(new THREE.Color("#8b8f94"), 0.75 * (1 - Math.abs(2 * i / (ramp.length - 1) - 1))));
+  const ramp = residualRamp(report, theme);
   const attribute = part.object.geometry.attributes.color, colour = new THREE.Color();
   for (let i = 0; i < part.labels.length; ++i) {
     if (mode === "sensor") {
       colour.copy(own);
-      if (!part.labelled) colour.lerp(grey, 0.35);
+      if (!part.labelled) colour.lerp(grey, 0.6);
     } else if (mode === "label") {
       colour.copy(byLabel.get(part.labels[i]) || grey);
     } else if (part.residuals[i] === report.no_residual) {
@@ -58,7 +63,7 @@ function paintCloud(report, part, mode, theme) {
   attribute.needsUpdate = true;
 }
 
-// The stack as found: translucent sides in their labels' colours, and its edges.
+// The stack as found: translucent sides (paintStack colours them), and its edges.
 function structureParts(report, still, pose, first) {
   const group = new THREE.Group();
   group.applyMatrix(pose);
@@ -69,15 +74,21 @@ function structureParts(report, still, pose, first) {
       const centre = vector(side.centre), u = vector(side.u), v = vector(side.v);
       const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => centre.clone().addScaledVector(u, a).addScaledVector(v, b));
       const geometry = new THREE.BufferGeometry().setFromPoints([0, 1, 2, 0, 2, 3].map((i) => corners[i]));
-      const material = new THREE.MeshBasicMaterial({ color: colours.get(side.label) || "#808080", transparent: true, opacity: first ? 0.3 : 0.12,
+      const material = new THREE.MeshBasicMaterial({ transparent: true, opacity: first ? 0.3 : 0.12,
         depthWrite: false, side: THREE.DoubleSide });
       const face = new THREE.Mesh(geometry, material);
+      face.userData.colour = colours.get(side.label) || "#808080";
       face.userData.tip = side.label > 0 ? `${side.name}, label ${side.label}` : `${side.name}, no label`;
       faces.push(face);
       group.add(face, linesOf([0, 1, 1, 2, 2, 3, 3, 0].map((i) => corners[i]), "#777c82", first ? 0.9 : 0.4));
     }
   }
   return { object: group, faces };
+}
+
+// In the labels' colours where points have them, else in a grey that leaves the points theirs.
+function paintStack(faces, mode, theme) {
+  for (const face of faces) face.material.color.set(mode === "label" ? face.userData.colour : theme.surroundings);
 }
 
 // A sensor: its view's pyramid, with a bar along the edge that is the top of the image as stored.
@@ -123,7 +134,11 @@ function axesParts() {
   const group = new THREE.Group(), ends = [["x", "#d0482f"], ["y", "#2c8f5a"], ["z", "#3173c9"]];
   const tags = ends.map(([name, colour], i) => {
     const end = new THREE.Vector3().setComponent(i, AXIS_LENGTH);
-    group.add(linesOf([new THREE.Vector3(), end], colour));
+    const line = linesOf([new THREE.Vector3(), end], colour);
+    line.material.transparent = true;  // drawn last
+    line.material.depthTest = false;  // the origin is inside the stack
+    line.renderOrder = 1;
+    group.add(line);
     return { text: name, position: end.clone().multiplyScalar(1.08) };
   });
   return { object: group, tags };

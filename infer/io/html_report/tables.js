@@ -7,9 +7,9 @@ function fillHeadline(report) {
   const all = sensorsOf(report), placed = placedOf(report), { verdict, metrics, pairs } = report.extrinsics;
   const weak = placed.filter((sensor) => sensor.status === "weak").length;
   const rest = placed.length === all.length ? "" : ` of ${all.length}`;
-  $("headline").append(`${placed.length}${rest} ${all.length === 1 ? "sensor is" : "sensors are"} placed`, weak ? `, ${weak} of them weak` : "");
+  $("headline").replaceChildren(`${placed.length}${rest} ${all.length === 1 ? "sensor is" : "sensors are"} placed`, weak ? `, ${weak} of them weak` : "");
   const capture = [report.extrinsics.capture || []].flat();
-  $("subject").append(capture.length ? `Capture ${capture.map(last).join(", ")}; structure ${report.extrinsics.structure.name}` : "");
+  $("subject").append(capture.length ? `Capture ${capture.map(last).join(", ")}; structure “${report.extrinsics.structure.name}”` : "");
   document.title = `volalign: ${verdict}, ${placed.length} of ${all.length} placed`;
   const tile = (value, text) => el("div", { class: "tile" }, el("b", {}, value), el("span", {}, text));
   const worst = (values) => Math.max(...values.filter(known));
@@ -34,12 +34,12 @@ function fillReasons(report) {
     groups.set(key, [...(groups.get(key) || []), sensor]);
   }
   const assembly = report.extrinsics.assembly;
-  if (assembly && assembly.code) $("reasons").append(el("div", { class: "callout failed" }, el("p", {}, el("b", {}, "The stack: "), assembly.sentence)));
+  if (assembly && assembly.code) $("reasons").append(el("div", { class: "callout failed" }, el("p", {}, el("b", {}, "The stack: "), sentence(assembly.sentence))));
   for (const sensors of groups.values()) {
     const { status, code, reason, hint } = sensors[0];
     $("reasons").append(el("div", { class: `callout ${status}` },
-      el("p", {}, el("b", {}, sensors.map((s) => s.name).join(", ")), " ", statusNode(status), code ? ` (${code}): ` : ": ", reason || "", "."),
-      hint ? el("p", {}, el("b", {}, "What to do: "), hint, ".") : ""));
+      el("p", {}, el("b", {}, sensors.map((s) => s.name).join(", ")), " ", statusNode(status), code ? ` (${code}): ` : ": ", sentence(reason || "")),
+      hint ? el("p", {}, el("b", {}, "What to do: "), sentence(hint)) : ""));
   }
   if (!groups.size) $("reasons").append(el("p", { class: "muted" }, "No sensor has anything against it."));
 }
@@ -119,18 +119,21 @@ function fillUncertainty(report) {
 }
 
 function fillFound(report) {
-  const { boxes = [], size, assembly } = report.extrinsics;
+  const { boxes = [], size, assembly, placements = [] } = report.extrinsics;
   const target = $("found-list");
-  if (assembly && !assembly.code) target.append(el("p", {}, `Assembly: ${assembly.sentence}. ${percent(assembly.overlap)} of what the sensors see of it overlaps with the boxes.`));
-  if (report.notes.length) target.append(el("ul", {}, report.notes.map((note) => el("li", {}, note))));
-  const estimated = boxes.filter((box) => box.estimated);
-  if (estimated.length) {
+  if (assembly && !assembly.code) target.append(el("p", {}, `Assembly: ${sentence(assembly.sentence)} ${percent(assembly.overlap)} of what the sensors see of it overlaps with the boxes.`));
+  if (report.notes.length) target.append(el("ul", {}, report.notes.map((note) => el("li", {}, sentence(note)))));
+  const stacks = placements.length > 1 ? placements : [{ boxes }];
+  for (const { name, boxes: found } of stacks) {
+    const estimated = found.filter((box) => box.estimated);
     const rows = estimated.map((box) => el("tr", {}, rowHead(box.name), [box.translation_m[0], box.sigma_x_m, box.translation_m[2], box.sigma_z_m].map((x) => el("td", {}, mm(x))),
       [box.yaw_deg, box.sigma_yaw_deg].map((x) => el("td", {}, fixed(x, 2)))));
-    target.append(table("Boxes as found", [th("Box", "", "text"), th("x", "mm"), th("σ", "mm"), th("z", "mm"), th("σ", "mm"), th("turn", "deg"), th("σ", "deg")], rows, "plain"),
-      el("p", { class: "note" }, "How far each box stands from where the structure’s file has it, and its turn about the vertical."));
-  } else {
-    target.append(el("p", { class: "muted" }, "The capture did not call for boxes off their place: they stand as the structure’s file has them."));
+    const where = name ? ` in ${name}` : "";
+    if (!estimated.length) target.append(el("p", { class: "muted" }, `The boxes stand${where} as the structure’s file has them: the capture does not call for others.`));
+    else {
+      target.append(el("p", {}, `How far each box stands${where} from where the structure’s file has it, with the turn about the vertical:`),
+        table("Boxes as found", [th("Box", "", "text"), th("x", "mm"), th("σ", "mm"), th("z", "mm"), th("σ", "mm"), th("turn", "deg"), th("σ", "deg")], rows, "plain"));
+    }
   }
   if (size && size.estimated) target.append(el("p", {}, `The boxes are ${fixed(100 * size.scale, 2)} % of their nominal size (σ ${fixed(100 * size.sigma, 2)} %).`));
 }

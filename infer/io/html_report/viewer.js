@@ -7,7 +7,7 @@ const MODES = [["sensor", "sensor"], ["label", "side (label)"], ["residual", "re
 const darkScheme = () => window.matchMedia("(prefers-color-scheme: dark)");
 function themeNow() {
   const style = getComputedStyle(document.documentElement), light = !darkScheme().matches;
-  return { light, background: style.getPropertyValue("--scene").trim(), line: style.getPropertyValue("--scene-line").trim(), surroundings: light ? "#a2a7ad" : "#5d646c" };
+  return { light, background: style.getPropertyValue("--scene").trim(), line: style.getPropertyValue("--scene-line").trim(), surroundings: light ? "#b6babf" : "#5d646c" };
 }
 
 function option(type, name, value, checked, ...text) {
@@ -17,20 +17,20 @@ function option(type, name, value, checked, ...text) {
 function fillControls(report, placed) {
   const views = [["overview", "Overview"], ["above", "From above"], ["x", "From +x (front)"], ["z", "From +z (right)"]];
   $("controls").append(
+    el("fieldset", {}, el("legend", {}, "View"), el("select", { name: "view", "aria-label": "View" },
+      views.concat(placed.map((sensor) => [`sensor:${sensor.name}`, `As ${sensor.name} looks`])).map(([value, text]) => el("option", { value }, text)))),
     el("fieldset", {}, el("legend", {}, "Colour of points"), MODES.map(([mode, text], i) => option("radio", "mode", mode, i === 0, `by ${text}`))),
     el("fieldset", {}, el("legend", {}, "Show"), LAYERS.map(([layer, text, on]) => option("checkbox", "layer", layer, on, text))),
     el("fieldset", {}, el("legend", {}, "Sensors"), el("div", { class: "columns" }, placed.map((sensor) =>
-      option("checkbox", "sensor", sensor.name, true, swatch(sensorColour(sensor.index)), el("span", { class: "name" }, sensor.name))))),
-    el("fieldset", {}, el("legend", {}, "View"), el("select", { name: "view", "aria-label": "View" },
-      views.concat(placed.map((sensor) => [`sensor:${sensor.name}`, `As ${sensor.name} looks`])).map(([value, text]) => el("option", { value }, text)))));
+      option("checkbox", "sensor", sensor.name, true, swatch(sensorColour(sensor.index)), el("span", { class: "name" }, sensor.name))))));
 }
 
-function fillLegend(report, mode, parts, layers) {
+function fillLegend(report, mode, parts, layers, theme) {
   const limit = 1000 * report.residual_scale_m, lines = [];
   if (mode === "sensor") lines.push(el("ul", { class: "chips" }, parts.placed.map((sensor) => chip(sensorColour(sensor.index), sensor.name))));
   if (mode === "label") lines.push(el("ul", { class: "chips" }, report.labels.map((label) => chip(label.colour, label.name))));
   if (mode === "residual") {
-    lines.push(el("div", {}, "Residual of labelled points to their sides, mm: ", scaleNode(report.residual_colours, [`−${limit}: inside the box`, "0", `outside: ${limit}`])));
+    lines.push(el("div", {}, "Residual of labelled points to their sides, mm:", el("br"), scaleNode(residualRamp(report, theme).map((colour) => `#${colour.getHexString()}`), [`−${limit}: inside the box`, "0", `outside: ${limit}`])));
   }
   lines.push(el("div", { class: "muted" }, [
     `Axes of the structure’s frame: x to the front, y up, z to the right; ${AXIS_LENGTH} m long. Floor grid: ${GRID_CELL} m.`,
@@ -61,14 +61,14 @@ function makeViewer(report) {
   host.append(...tags.map((tag) => tag.node), tip);
 
   const checked = (name) => new Set([...$("controls").querySelectorAll(`input[name=${name}]:checked`)].map((input) => input.value));
-  const state = { mode: "sensor", layers: new Set(), sensors: new Set(), drawn: 0 };
+  const state = { mode: "sensor", layers: new Set(), sensors: new Set(), eye: undefined, drawn: 0 };
 
   function draw() {
     renderer.render(parts.scene, camera);
     state.drawn += 1;
     for (const tag of tags) {
       const p = tag.position.clone().project(camera);
-      const shown = state.layers.has("names") && p.z < 1 && (tag.axis ? state.layers.has("axes") : state.layers.has("sensors") && state.sensors.has(tag.sensor));
+      const shown = state.layers.has("names") && p.z < 1 && (tag.axis ? state.layers.has("axes") : state.layers.has("sensors") && state.sensors.has(tag.sensor) && tag.sensor !== state.eye);
       tag.node.hidden = !shown;
       tag.node.style.transform = `translate(${((p.x + 1) / 2 * host.clientWidth + 6).toFixed(1)}px, ${((1 - p.y) / 2 * host.clientHeight - 20).toFixed(1)}px)`;
     }
@@ -89,22 +89,23 @@ function makeViewer(report) {
       part.object.visible = state.layers.has(part.labelled ? "points" : "surroundings") && chosen(named(part.sensorIndex));
       paintCloud(report, part, state.mode, theme);
     }
+    paintStack(parts.faces, state.mode, theme);
     for (const part of parts.stacks) part.object.visible = state.layers.has("stack");
-    for (const part of parts.sensors) part.object.visible = state.layers.has("sensors") && chosen(part.sensor.name);
-    for (const part of parts.ellipsoids) part.object.visible = state.layers.has("ellipsoids") && chosen(part.sensor.name);
+    for (const part of parts.sensors) part.object.visible = state.layers.has("sensors") && chosen(part.sensor.name) && part.sensor.name !== state.eye;
+    for (const part of parts.ellipsoids) part.object.visible = state.layers.has("ellipsoids") && chosen(part.sensor.name) && part.sensor.name !== state.eye;
     parts.axes.object.visible = state.layers.has("axes");
     parts.floor.visible = state.layers.has("floor");
     renderer.setClearColor(theme.background);
     parts.floor.material.vertexColors = THREE.NoColors;
     parts.floor.material.color.set(theme.line);
     parts.floor.material.needsUpdate = true;
-    fillLegend(report, state.mode, parts, state.layers);
+    fillLegend(report, state.mode, parts, state.layers, theme);
     redraw();
   }
 
   function look(view) {
-    const reach = Math.max(1.2, ...parts.sensors.map((part) => part.position.length())), distance = 2.55 * reach / Math.min(1, camera.aspect * 0.85);
-    orbit.target.set(0, -0.1, 0);
+    const reach = Math.max(1.2, ...parts.sensors.map((part) => part.position.length())), distance = 2.75 * reach / Math.min(1, camera.aspect * 0.85);
+    orbit.target.set(0, -0.15, 0);
     if (view === "overview") camera.position.set(0.62, 0.62, 0.48).normalize().multiplyScalar(distance);
     if (view === "above") camera.position.set(0.001, distance, 0);
     if (view === "x") camera.position.set(distance, 0.15 * distance, 0);
@@ -112,11 +113,14 @@ function makeViewer(report) {
     const part = parts.sensors.find((item) => view === `sensor:${item.sensor.name}`);
     if (part) {
       const m = part.sensor.structure_from_sensor, forward = new THREE.Vector3(m[0][2], m[1][2], m[2][2]);
-      camera.position.copy(part.position).addScaledVector(forward, 0.06);
+      camera.position.copy(part.position);
       orbit.target.copy(part.position).addScaledVector(forward, 2);
     }
+    state.eye = part && part.sensor.name;
+    camera.fov = part ? 65 : 40;
+    camera.updateProjectionMatrix();
     orbit.update();
-    redraw();
+    apply();
   }
 
   // By keys: turn by ten degrees, zoom by a tenth.
@@ -167,7 +171,6 @@ function makeViewer(report) {
   darkScheme().addEventListener("change", () => { theme = themeNow(); apply(); });
   new ResizeObserver(resize).observe(host);
   resize();
-  apply();
   look("overview");
   return { parts, state, camera };
 }
