@@ -45,7 +45,7 @@ Value SensorExtras(const Extrinsics::Sensor& sensor) {
 int AddCamera(tinygltf::Model* model, const Extrinsics::Sensor& sensor) {
   const Intrinsics& k = sensor.intrinsics;
   tinygltf::Camera camera;
-  camera.name = sensor.name;
+  camera.name = sensor.name + " camera";  // some readers mix up a camera and a node of one name
   camera.type = "perspective";
   camera.perspective.yfov = 2 * std::atan(k.height / (2 * k.fy));
   camera.perspective.aspectRatio = (k.width / k.fx) / (k.height / k.fy);

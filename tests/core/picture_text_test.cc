@@ -50,7 +50,7 @@ TEST(DrawText, WhatLiesOutsideIsLeftOut) {
   FillRectangle(&picture, 6, 6, 100, 100, {9, 9, 9});
   FillRectangle(&picture, -5, -5, 3, 3, {9, 9, 9});
   EXPECT_EQ(picture(7, 7), (Rgb{9, 9, 9}));
-  EXPECT_NE(picture(0, 0), (Rgb{9, 9, 9}));
+  EXPECT_FALSE(picture(0, 0) == (Rgb{9, 9, 9}));
 }
 
 TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
