@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "cli/command_line.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_util.h"
@@ -70,6 +71,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
+  app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");
 }
 
 Calibration RunCalibration(const CalibrationRequest& request) {
@@ -100,9 +102,11 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   out.source = {request.captures, segmenter ? segmenter->file() : "",
                 segmenter ? segmenter->sha256() : ""};
   if (!request.output.empty()) {
-    WriteFileAtomically(std::filesystem::path(request.output) / "options.yaml",
-                        WriteConfig(config));
-    WriteCalibration(request.output, out.result, out.stills, out.structure, out.source);
+    const std::string resolved = WriteConfig(config);
+    WriteFileAtomically(std::filesystem::path(request.output) / "options.yaml", resolved);
+    std::optional<ReportRun> report;
+    if (!request.no_report) report = ReportRun{CommandLine(), resolved};
+    WriteCalibration(request.output, out.result, out.stills, out.structure, out.source, report);
   }
   return out;
 }

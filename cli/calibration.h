@@ -16,6 +16,7 @@ struct CalibrationRequest {
   std::vector<std::string> captures;
   std::string model, output, config, structure, initial, estimate;
   std::vector<std::string> assignments;
+  bool no_report = false;
 };
 
 /// All options but --output and --capture, whose meaning is the sub-command's.

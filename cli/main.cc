@@ -5,12 +5,14 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/error.h"
 #include "render/egl_context.h"
 
 int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
+  volalign::KeepCommandLine(argc, argv);
   CLI::App program("volalign aligns depth sensors from one still frame each of a stack of boxes",
                    "volalign");
   program.set_version_flag("--version", "volalign " VOLALIGN_VERSION);
