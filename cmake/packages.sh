@@ -8,6 +8,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
   libcli11-dev libfmt-dev
+  libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev python3 python3-torch)
 # llvm-14 has the symbolizer, which names the functions in a sanitizer's report.
