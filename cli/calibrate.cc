@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
+#include "cli/stage_progress.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_util.h"
@@ -56,6 +58,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
+  AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
 }
 
 CalibrateOptions Resolve(const Options& options) {
@@ -107,7 +110,12 @@ int RunCalibrate(const Options& options) {
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   PrepareFolder(options.output);
-  CalibrationResult result = Calibrate(stills, *structure, segmenter.get(), config);
+  CalibrationResult result;
+  {
+    StageProgress progress;
+    result = Calibrate(stills, *structure, segmenter.get(), config,
+                       [&progress](const std::string& stage) { progress.Begin(stage); });
+  }
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
   WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", WriteConfig(config));

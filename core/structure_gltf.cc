@@ -15,6 +15,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 #include "core/picture.h"
 
 namespace volalign {
@@ -379,7 +380,7 @@ void WriteStructureGlb(const std::filesystem::path& path, const Structure& struc
 }
 
 Structure ReadStructureGlb(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path);
+  const std::string bytes = ReadFile(FindInputFile(path.string()));
   tinygltf::TinyGLTF loader;
   tinygltf::Model model;
   std::string error, warning;

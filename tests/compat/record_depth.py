@@ -3,8 +3,8 @@
 
     tests/compat/record_depth.py FOLDER      the small recordings of tests/infer/io/recordings
 
-Needs mkvmerge (Debian's mkvtoolnix), and of PyPI pyrealsense2 (before 2.58, which records no .bag any more), imageio-ffmpeg and numpy:
-    python3 -m venv build/venv && build/venv/bin/pip install 'pyrealsense2<2.58' imageio-ffmpeg numpy
+Needs mkvmerge (Debian's mkvtoolnix), and of PyPI pyrealsense2 (2.56; 2.59 records no .bag any more), imageio-ffmpeg and numpy:
+    python3 -m venv build/venv && build/venv/bin/pip install 'pyrealsense2<2.57' imageio-ffmpeg numpy
 """
 
 import json

@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "infer/io/formats/byte_reader.h"
+#include "infer/io/formats/lens_names.h"
 #include "infer/io/formats/recording.h"
 #include "infer/io/formats/ros_bag.h"
 
@@ -127,12 +128,7 @@ Intrinsics IntrinsicsOf(const CameraInfo& info, const std::string& topic, const 
     return info.rectified;
   }
   Intrinsics intrinsics = info.raw;
-  const std::string model = Lower(info.model);
-  if (has_lens && model != "plumb_bob" && model != "rational_polynomial" &&
-      model != "brown conrady" && !model.empty()) {
-    throw DataError(
-        fmt::format("{}: {}: the lens model \"{}\" is not OpenCV's", name, topic, info.model));
-  }
+  intrinsics.distortion = NamedLens(info.model, info.raw.distortion, name + ": " + topic);
   intrinsics.Validate(name + ": " + topic);
   return intrinsics;
 }

@@ -4,17 +4,19 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cctype>
 #include <initializer_list>
 #include <optional>
 #include <regex>
-#include <sstream>
 #include <vector>
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "infer/io/formats/lens_names.h"
+#include "infer/io/formats/printed_intrinsics.h"
 
 namespace volalign {
+
+using formats_internal::NamedLens;
 
 namespace {
 
@@ -57,44 +59,6 @@ std::vector<double> Numbers(const YAML::Node& node) {
   std::vector<double> numbers;
   AppendNumbers(node.IsMap() && node["data"] ? node["data"] : node, &numbers);
   return numbers;
-}
-
-/// Coefficients in OpenCV's order: more than eight only if the rest is 0.
-std::vector<double> Distortion(std::vector<double> numbers, const std::string& name) {
-  if (numbers.size() > 8) {
-    if (std::any_of(numbers.begin() + 8, numbers.end(), [](double x) { return x != 0; })) {
-      throw DataError(fmt::format(
-          "{}: {} distortion coefficients, of which those after the eighth (thin prism, tilt) are "
-          "not 0; calibrate with at most eight",
-          name, numbers.size()));
-    }
-    numbers.resize(8);
-  }
-  return numbers;
-}
-
-std::string Lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  std::replace(text.begin(), text.end(), '-', '_');
-  std::replace(text.begin(), text.end(), ' ', '_');
-  return text;
-}
-
-/// The coefficients of a lens that its file gives a name.
-std::vector<double> NamedLens(const std::string& model, const std::vector<double>& numbers,
-                              const std::string& name) {
-  const bool is_zero = std::all_of(numbers.begin(), numbers.end(), [](double x) { return x == 0; });
-  const std::string word = Lower(model);
-  for (const char* known : {"plumb_bob", "rational_polynomial", "brown_conrady",
-                            "distortion.brown_conrady", "rs2_distortion_brown_conrady"}) {
-    if (word == known || word.empty()) return Distortion(numbers, name);
-  }
-  // Without coefficients every model is that of a rectified image; RealSense prints five zeros.
-  if (is_zero) return std::vector<double>(numbers.empty() ? 0 : 5, 0.0);
-  throw DataError(fmt::format(
-      "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown Conrady); "
-      "rectify the frames, or calibrate with one of these",
-      name, model));
 }
 
 Intrinsics FromMatrix(const YAML::Node& map, const YAML::Node& matrix, const std::string& name) {
@@ -215,71 +179,6 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
   return intrinsics;
 }
 
-std::vector<double> NumbersOfText(const std::string& text) {
-  std::istringstream stream(text);
-  std::vector<double> numbers;
-  for (double x; stream >> x;) numbers.push_back(x);
-  return numbers;
-}
-
-/// "[ 640x480  p[318.5 240.9]  f[383.3 383.3]  Brown Conrady [0 0 0 0 0] ]"
-std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
-  static const std::regex pattern(
-      R"(\[\s*(\d{1,5})x(\d{1,5})\s+p\[(\S+) (\S+)\]\s+f\[(\S+) (\S+)\]\s+([\w ]+?)\s*\[([^\]]*)\]\s*\])");
-  std::smatch m;
-  if (!std::regex_search(text, m, pattern)) return std::nullopt;
-  Intrinsics intrinsics;
-  intrinsics.width = std::stoi(m[1]);
-  intrinsics.height = std::stoi(m[2]);
-  const std::vector<double> k =
-      NumbersOfText(m[3].str() + " " + m[4].str() + " " + m[5].str() + " " + m[6].str());
-  if (k.size() != 4) throw DataError(name + ": p[...] and f[...] have two numbers each");
-  intrinsics.cx = k[0];
-  intrinsics.cy = k[1];
-  intrinsics.fx = k[2];
-  intrinsics.fy = k[3];
-  intrinsics.distortion = NamedLens(m[7], NumbersOfText(m[8]), name);
-  return intrinsics;
-}
-
-/// The text after `key` up to the end of its line.
-std::string After(const std::string& block, const std::string& key, const std::string& name) {
-  std::smatch m;
-  if (!std::regex_search(block, m, std::regex("(?:^|\n)\\s*" + key + ":\\s*([^\n]*)")))
-    throw DataError(fmt::format("{}: {} is missing", name, key));
-  return m[1];
-}
-
-/// The blocks that `rs-enumerate-devices -c` prints: `Intrinsic of "Depth" / 848x480 / {Z16}`.
-std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::string& name,
-                                          const FrameSize& frame) {
-  const std::string title = "Intrinsic of \"Depth\"";
-  std::size_t at = text.find(title);
-  if (at == std::string::npos) return std::nullopt;
-  for (; at != std::string::npos; at = text.find(title, at + 1)) {
-    const std::string block = text.substr(at, text.find("Intrinsic of", at + 1) - at);
-    Intrinsics intrinsics;
-    const auto number = [&](const char* key) {
-      const std::vector<double> numbers = NumbersOfText(After(block, key, name));
-      if (numbers.empty()) throw DataError(fmt::format("{}: {} has no number", name, key));
-      return numbers[0];
-    };
-    intrinsics.width = static_cast<int>(number("Width"));
-    intrinsics.height = static_cast<int>(number("Height"));
-    if (intrinsics.width != frame.width || intrinsics.height != frame.height) continue;
-    intrinsics.cx = number("PPX");
-    intrinsics.cy = number("PPY");
-    intrinsics.fx = number("Fx");
-    intrinsics.fy = number("Fy");
-    std::string model = After(block, "Distortion", name);
-    model.erase(model.find_last_not_of(" \t\r") + 1);
-    intrinsics.distortion = NamedLens(model, NumbersOfText(After(block, "Coeffs", name)), name);
-    return intrinsics;
-  }
-  throw DataError(
-      fmt::format("{}: no intrinsics of a depth stream of {}x{}", name, frame.width, frame.height));
-}
-
 /// A document without the directive of OpenCV's FileStorage, which yaml-cpp does not know.
 YAML::Node Load(const std::string& text) {
   std::size_t begin = 0;
@@ -310,8 +209,8 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
 
 Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
                                const FrameSize& frame) {
-  std::optional<Intrinsics> intrinsics = FromRsEnumerate(text, name, frame);
-  if (!intrinsics) intrinsics = FromPyrealsense(text, name);
+  std::optional<Intrinsics> intrinsics = formats_internal::FromRsEnumerate(text, name, frame);
+  if (!intrinsics) intrinsics = formats_internal::FromPyrealsense(text, name);
   if (!intrinsics) {
     try {
       intrinsics = FromDocument(text, name, frame);

@@ -2,7 +2,13 @@
 
 #include "infer/io/formats/depth_file.h"
 
+#include <ImathBox.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfOutputFile.h>
 #include <gtest/gtest.h>
+#include <tiffio.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -92,6 +98,65 @@ TEST_F(DepthFileTest, Tiff) {
   ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.tiff", "TIFF"});
   ASSERT_TRUE(cv::imwrite(path, cv::Mat(kHeight, kWidth, CV_8UC3, cv::Scalar(1, 2, 3))));
   ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.tiff", "1 channel", "3"});
+}
+
+/// Tiles, packed, in the other byte order.
+TEST_F(DepthFileTest, TiledTiff) {
+  const std::string path = (folder_ / "tiles.tif").string();
+  TIFF* tiff = TIFFOpen(path.c_str(), "wb");
+  ASSERT_NE(tiff, nullptr);
+  constexpr int kTile = 16, kColumns = 40, kRows = 20;
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, kColumns);
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, kRows);
+  TIFFSetField(tiff, TIFFTAG_TILEWIDTH, kTile);
+  TIFFSetField(tiff, TIFFTAG_TILELENGTH, kTile);
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, 16);
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+  TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
+  for (int y = 0; y < kRows; y += kTile) {
+    for (int x = 0; x < kColumns; x += kTile) {
+      std::vector<std::uint16_t> tile(kTile * kTile);
+      for (int i = 0; i < kTile * kTile; ++i) {
+        tile[static_cast<std::size_t>(i)] =
+            static_cast<std::uint16_t>(100 * (y + i / kTile) + x + i % kTile + 1);
+      }
+      ASSERT_GT(TIFFWriteTile(tiff, tile.data(), static_cast<std::uint32_t>(x),
+                              static_cast<std::uint32_t>(y), 0, 0),
+                0);
+    }
+  }
+  TIFFClose(tiff);
+  const StoredDepth depth = ReadStoredDepth(path);
+  ASSERT_EQ(depth.values.width(), kColumns);
+  ASSERT_EQ(depth.values.height(), kRows);
+  for (int v = 0; v < kRows; ++v)
+    for (int u = 0; u < kColumns; ++u) ASSERT_EQ(depth.values(u, v), 100 * v + u + 1);
+}
+
+/// As Blender names the channels of its layers; the data window does not begin at 0.
+TEST_F(DepthFileTest, OpenExrLayers) {
+  const std::string path = (folder_ / "layers.exr").string();
+  const Imath::Box2i window(Imath::V2i(3, 2), Imath::V2i(3 + kWidth - 1, 2 + kHeight - 1));
+  Imf::Header header(window, window);
+  std::vector<float> depth, colour(kWidth * kHeight, 0.5f);
+  for (int v = 0; v < kHeight; ++v)
+    for (int u = 0; u < kWidth; ++u) depth.push_back(static_cast<float>(Value(u, v)));
+  Imf::FrameBuffer buffer;
+  const auto add = [&](const char* name, std::vector<float>* values) {
+    header.channels().insert(name, Imf::Channel(Imf::FLOAT));
+    buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, values->data(), window));
+  };
+  for (const char* name : {"View Layer.Combined.R", "View Layer.Combined.G",
+                           "View Layer.Combined.B", "View Layer.Combined.A"})
+    add(name, &colour);
+  add("View Layer.Depth.Z", &depth);
+  {
+    Imf::OutputFile file(path.c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writePixels(kHeight);
+  }
+  ExpectFilled(path, false);
 }
 
 TEST_F(DepthFileTest, OpenExr) {
