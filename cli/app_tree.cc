@@ -82,8 +82,8 @@ std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& ar
     if (arguments[i].rfind("-", 0) == 0) continue;
     CLI::App* sub = Find(app, arguments[i]);
     if (!sub) {
-      return fmt::format("{} has no sub-command {}{} (there are: {})", path, arguments[i],
-                         Suggestion(arguments[i], names), fmt::join(names, ", "));
+      return fmt::format("{} has no sub-command {}{} ({} --help lists them)", path, arguments[i],
+                         Suggestion(arguments[i], names), path);
     }
     app = sub;
     path += " " + sub->get_name();
@@ -101,8 +101,8 @@ std::string UnknownOption(CLI::App* program) {
   for (const std::string& argument : program->remaining(/*recurse=*/true)) {
     const std::string name = argument.substr(0, argument.find('='));
     if (name.rfind("-", 0) == 0) {
-      return fmt::format("{} has no option {}{} (volalign {} --help lists them)", path, name,
-                         Suggestion(name, OptionNames(app)), path.substr(path.find(' ') + 1));
+      return fmt::format("{} has no option {}{} ({} --help lists them)", path, name,
+                         Suggestion(name, OptionNames(app)), path);
     }
     return fmt::format("{} does not know what to do with {}", path, argument);
   }

@@ -231,23 +231,23 @@ Content ReadContent(const std::filesystem::path& path, int max_frames, const std
   int upper = 0;
   Element part(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
   while (part && upper <= 0) {
-    libebml::EbmlElement* beyond = nullptr;
+    Element beyond;
     if (IsWanted(*part, content, max_frames)) {
       if (part->IsFiniteSize() && part->GetSize() > kMaxElement)
         throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, part->GetSize()));
-      part->Read(stream, EBML_CONTEXT(part), upper, beyond, true);
+      libebml::EbmlElement* found = nullptr;
+      part->Read(stream, EBML_CONTEXT(part), upper, found, true);
+      beyond.reset(found);
       AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, name, &content);
       if (!content.calibration.empty() && !content.tags.empty() &&
-          HasAllFrames(content, max_frames)) {
-        delete beyond;
+          HasAllFrames(content, max_frames))
         break;
-      }
     }
+    if (!beyond) beyond.reset(part->SkipData(stream, EBML_CONTEXT(part)));
     if (!beyond) {
-      beyond = part->SkipData(stream, EBML_CONTEXT(part));
+      beyond.reset(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
     }
-    part.reset(beyond ? beyond
-                      : stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
+    part = std::move(beyond);
   }
   return content;
 }
