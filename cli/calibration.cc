@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "cli/command_line.h"
+#include "cli/options.h"
+#include "cli/stage_progress.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_util.h"
@@ -71,6 +73,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
+  AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
   app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");
 }
 
@@ -96,7 +99,11 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   if (!request.output.empty()) PrepareFolder(request.output);
-  out.result = Calibrate(out.stills, out.structure, segmenter.get(), config);
+  {
+    StageProgress progress;
+    out.result = Calibrate(out.stills, out.structure, segmenter.get(), config,
+                           [&progress](const std::string& stage) { progress.Begin(stage); });
+  }
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
   out.source = {request.captures, segmenter ? segmenter->file() : "",
@@ -112,8 +119,8 @@ Calibration RunCalibration(const CalibrationRequest& request) {
 }
 
 std::string WrittenBy(const CalibrationRequest& request) {
-  return fmt::format("{}/extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/",
-                     request.output);
+  return fmt::format("{}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/",
+                     request.output, request.no_report ? "" : "report.html, rig.glb, ");
 }
 
 }  // namespace volalign

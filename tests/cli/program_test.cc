@@ -117,7 +117,7 @@ TEST_F(Program, SaysWhatItCanDo) {
     EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
   };
   expect_usage("", "subcommand");
-  expect_usage("fly", "subcommand");
+  expect_usage("fly", "sub-command fly");
   expect_usage("calibrate --capture", "--capture");
 }
 
