@@ -93,6 +93,8 @@ struct Rig {
   std::string noise = "sensor";
   bool state_lens = true;
   double lens_spread_percent = 0;
+  double hidden_share = 0;
+  double missing_share = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
   std::vector<RigPlacement> placements;  ///< after the first, which is the identity
@@ -118,6 +120,14 @@ struct Rig {
        "standard deviation of each sensor's true focal length, and of its radial factor at r = 0.6 "
        "on the plane z = 1, from what the pool says and the capture states, %",
        Between(0, 5));
+    ar("hidden_share", hidden_share,
+       "share of each sensor's view of the structure that a board 0.7 m before it hides, from the "
+       "left, the right or below as the seed draws it",
+       Between(0, 1));
+    ar("missing_share", missing_share,
+       "share of all pixels that lose their depth beside those that the noise takes it from, each "
+       "by itself",
+       Between(0, 1));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
     ar("placements", placements,

@@ -10,8 +10,10 @@
 
 #include "core/error.h"
 #include "core/input_file.h"
+#include "core/lens.h"
 #include "core/random.h"
 #include "core/structure_gltf.h"
+#include "render/boards.h"
 #include "render/depth_renderer.h"
 #include "render/noise.h"
 #include "render/scene.h"
@@ -142,6 +144,28 @@ CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<Intrinsic
   return sensor;
 }
 
+/// A board before each sensor (Rig::hidden_share).
+void AppendBoards(const Rig& rig, const Structure& built,
+                  const std::vector<CapturedSensor>& devices, RigScene* scene) {
+  if (!(rig.hidden_share > 0) || !rig.structure_present) return;
+  for (std::size_t i = 0; i < devices.size(); ++i) {
+    RandomStream random(rig.seed, kRigIndex + i, "board");
+    AppendBoard(built, ComputeRays(devices[i].intrinsics), scene->first_from_sensors[i],
+                rig.hidden_share, static_cast<BoardEdge>(random.Below(kBoardEdges)), &scene->mesh);
+  }
+}
+
+/// Takes the depth from a share of the pixels (Rig::missing_share).
+void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView* view) {
+  if (!(share > 0)) return;
+  RandomStream random(seed, index, "missing");
+  for (std::size_t i = 0; i < view->depth.size(); ++i) {
+    if (!random.Chance(share)) continue;
+    view->depth[i] = 0;
+    view->labels[i] = 0;
+  }
+}
+
 }  // namespace
 
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer) {
@@ -150,7 +174,10 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   const Structure nominal = ReadStructure(rig.structure);
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);
   const std::vector<BuiltPlacement> placements = BuildPlacements(rig, nominal);
-  const RigScene scene = BuildRigScene(rig, nominal, placements);
+  RigScene scene = BuildRigScene(rig, nominal, placements);
+  std::vector<CapturedSensor> devices;
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) devices.push_back(Device(rig, i, pool));
+  AppendBoards(rig, placements[0].built.structure, devices, &scene);
   std::vector<RigCapture> stills;
   for (const BuiltPlacement& placement : placements) {
     RigCapture still;
@@ -165,7 +192,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   NoiseConfig noise;
   noise.model = rig.noise;
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
-    const CapturedSensor device = Device(rig, i, pool);
+    const CapturedSensor& device = devices[i];
     DeviceErrors errors;
     SceneMesh around = scene.mesh;
     for (std::size_t other = 0; rig.room && rig.tripods && other < rig.sensors.size(); ++other) {
@@ -184,6 +211,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
           noise,
           {view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor},
           rig.seed, kRigIndex + k * kStillStride + i, &errors);
+      LosePixels(rig.missing_share, rig.seed, kRigIndex + k * kStillStride + i, &noisy);
       sensor.depth = std::move(noisy.depth);
       sensor.labels = std::move(noisy.labels);
       sensor.depth_clean = std::move(view.depth);
