@@ -37,15 +37,19 @@ void AddOptions(CLI::App* app, Options* options) {
          "capture.json; several, of the same sensors, where the stack was moved between them: "
          "poses are in the frame of the stack in the first")
       ->required();
-  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
+  app->add_option("--model", options->model,
+                  "checkpoint, e.g. models/m05-lite.pt; without it, poses come from the shape of "
+                  "the structure alone, whatever its boxes");
   app->add_option("-o,--output", options->output, "folder for poses, pictures and clouds")
       ->required();
   app->add_option(
       "--structure", options->structure,
-      "structure with other dimensions than the capture's or the model's (.glb or .yaml)");
+      "the structure (.glb or .yaml), where neither the capture nor the model has it, or has other "
+      "dimensions");
   app->add_option("--initial", options->initial,
-                  "initial pose: robust (default) or paper (the paper's estimator)")
-      ->check(CLI::IsMember({"robust", "paper"}));
+                  "what initial poses come from: network, geometry, auto (the default: geometry, "
+                  "and the network where there is a model), or paper (the paper's estimator)")
+      ->check(CLI::IsMember({"auto", "network", "geometry", "paper"}));
   app->add_option("--estimate", options->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
@@ -91,18 +95,25 @@ int RunCalibrate(const Options& options) {
   std::optional<Structure> structure = GivenStructure(options, captures);
   const std::vector<Still> stills = StillsOf(std::move(captures));
   SetTorchThreads(config.threads);
-  const std::unique_ptr<NetworkSegmenter> segmenter =
-      LoadNetworkSegmenter(options.model, structure ? &*structure : nullptr);
+  std::unique_ptr<NetworkSegmenter> segmenter;
+  if (!options.model.empty())
+    segmenter = LoadNetworkSegmenter(options.model, structure ? &*structure : nullptr);
+  if (!structure && !segmenter) {
+    throw ConfigError(
+        "there is neither a model nor a structure; describe the boxes in a YAML and give it with "
+        "--structure");
+  }
   if (!structure) structure = segmenter->structure();
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   PrepareFolder(options.output);
-  CalibrationResult result = Calibrate(stills, *structure, *segmenter, config);
+  CalibrationResult result = Calibrate(stills, *structure, segmenter.get(), config);
   result.timings_s.back().second += loading.count();
   result.timings_s.insert(result.timings_s.begin(), {"load", loading.count()});
   WriteFileAtomically(std::filesystem::path(options.output) / "options.yaml", WriteConfig(config));
-  WriteCalibration(options.output, result, stills, *structure,
-                   {options.captures, segmenter->file(), segmenter->sha256()});
+  WriteCalibration(
+      options.output, result, stills, *structure,
+      {options.captures, segmenter ? segmenter->file() : "", segmenter ? segmenter->sha256() : ""});
   fmt::print("{}", FormatReport(result));
   fmt::print(
       "written: {}/extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/\n",

@@ -22,6 +22,7 @@ Command AddConfigCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
+Command AddConvertCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

@@ -21,6 +21,7 @@ int main(int argc, char** argv) {
       volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
       volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
+      volalign::AddConvertCommand(program),
 #endif
       volalign::AddExportCommand(program),    volalign::AddConfigCommand(program)};
   try {

@@ -73,8 +73,8 @@ constexpr int kMostLensRounds = 3;
 }  // namespace
 
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
-                            Segmenter& segmenter, const CalibrateOptions& options) {
-  CheckRequest(stills, options);
+                            Segmenter* segmenter, const CalibrateOptions& options) {
+  CheckRequest(stills, options, segmenter != nullptr);
   const bool estimate_lens = ParseEstimate(options.refine.estimate).lens;
   const int threads = options.threads;
   StageClock clock;
@@ -125,9 +125,14 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   return result;
 }
 
+CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+                            Segmenter& segmenter, const CalibrateOptions& options) {
+  return Calibrate(stills, structure, &segmenter, options);
+}
+
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options) {
-  return Calibrate(std::vector<Still>{{"", frames}}, structure, segmenter, options);
+  return Calibrate(std::vector<Still>{{"", frames}}, structure, &segmenter, options);
 }
 
 }  // namespace volalign

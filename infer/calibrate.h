@@ -34,12 +34,15 @@ struct CalibrateOptions {
   }
 };
 
-/// Calibrates a rig from depth maps and intrinsics in memory: no file, no GL context. Between the
+/// Calibrates a rig from depth maps and intrinsics in memory: no file, no GL context. Without a
+/// segmenter (null), initial poses come from the structure's geometry alone. Between the
 /// stills the stack was moved and nothing else; poses are in the structure where it stood in the
 /// first. A sensor that cannot be placed is `failed` with a code; the others are placed without it.
 /// Throws ConfigError for invalid options, and DataError for frames that contradict their
 /// intrinsics or share a name in one still, for stills that share one, and for a sensor that is not
 /// the same in two stills or has the same depth map in both.
+CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+                            Segmenter* segmenter, const CalibrateOptions& options = {});
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 

@@ -40,9 +40,15 @@ void CheckSameSensor(const SensorFrame& first, const std::string& first_still,
 
 }  // namespace
 
-void CheckRequest(const std::vector<Still>& stills, const CalibrateOptions& options) {
+void CheckRequest(const std::vector<Still>& stills, const CalibrateOptions& options, bool model) {
   ValidateConfig(options);
   ParseEstimate(options.refine.estimate);
+  const PoseMethod method = options.initial.method;
+  if (!model && (method == PoseMethod::kNetwork || method == PoseMethod::kPaper)) {
+    throw ConfigError(
+        "initial.method asks for the labels of a network, and there is no model; give one "
+        "(--model), or choose geometry");
+  }
   if (stills.empty()) throw DataError("there is no capture to calibrate");
   std::map<std::string, std::pair<const SensorFrame*, const Still*>> first_of;
   std::set<std::string> still_names;

@@ -7,7 +7,8 @@
 
 namespace volalign {
 
-/// Throws ConfigError or DataError for what no stage of Calibrate could make sense of.
-void CheckRequest(const std::vector<Still>& stills, const CalibrateOptions& options);
+/// Throws ConfigError or DataError for what no stage of Calibrate could make sense of. `model`:
+/// there is a network.
+void CheckRequest(const std::vector<Still>& stills, const CalibrateOptions& options, bool model);
 
 }  // namespace volalign

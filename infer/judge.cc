@@ -35,6 +35,11 @@ void TakeRefinement(const RefinedFrame& refined, const Pose& initial, SensorResu
   sensor->sigma_depth_gain = refined.sigma_depth_gain;
 }
 
+/// What the initial pose came from.
+PoseSource SourceOf(const PlacedSensor& placed, const LabelledView& labelled) {
+  return placed.by_neighbours ? PoseSource::kNeighbours : labelled.source;
+}
+
 void TakeLens(const LensSet& lenses, const RefineResult& refined, std::size_t frame,
               SensorResult* sensor) {
   const auto lens = static_cast<std::size_t>(lenses.of_frame[frame]);
@@ -70,11 +75,11 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   std::optional<ContradictedSensors> contradiction;
   if (sensor->together)
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
-  const std::optional<Finding> weakness =
-      FindWeakness({quality, sensor->covariance, refined.problem, contradiction,
-                    depth.same_depth_as, placed.suspect_intrinsics, suspect_lens,
-                    placed.by_neighbours, labelled.other_pose, frame.quarter_turns != kAutoTurns},
-                   options.verdict);
+  const std::optional<Finding> weakness = FindWeakness(
+      {quality, sensor->covariance, refined.problem, contradiction, depth.same_depth_as,
+       placed.suspect_intrinsics, suspect_lens, placed.by_neighbours, labelled.other_pose,
+       labelled.floor_would_tell, frame.quarter_turns != kAutoTurns},
+      options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
   DemoteIfNotFinite(sensor);
@@ -130,6 +135,7 @@ CalibrationResult JudgeSensors(const std::vector<SensorFrame>& frames, const Str
     TakeRefinement(stages.refined.frames[placed.size()],
                    std::get<PlacedSensor>(stages.placements[i]).InitialPoseOf(labelled.initial),
                    &sensor);
+    sensor.initial_source = SourceOf(std::get<PlacedSensor>(stages.placements[i]), labelled);
     placed.push_back(i);
   }
   for (std::size_t j = 0; j < placed.size(); ++j) {

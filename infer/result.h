@@ -12,6 +12,7 @@
 #include "infer/checks/assembly.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
+#include "infer/pose/pose_choice.h"
 #include "infer/refine/refine.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_lens.h"
@@ -37,6 +38,7 @@ struct SensorOutcome {
 
   std::optional<Pose> structure_from_sensor;
   Pose initial = Pose::Identity();  ///< of a placed sensor
+  PoseSource initial_source = PoseSource::kNetwork;
   bool refinement_accepted = false;
   /// Of a sensor that disagrees with the others: the pose that they would give it. The one that
   /// counts, structure_from_sensor, is then its own pose.

@@ -23,22 +23,23 @@ struct CoarseView {
   SegmentationResult segmentation;
   const InitialPose* described_pose = nullptr;
   int labelled = 0;  // pixels with a side label and depth
+  double table_height_m = 0;
 };
 
-CoarseView MakeCoarse(const AssemblySensor& sensor) {
+CoarseView MakeCoarse(const AssemblySensor& sensor, double table_height_m) {
   const int stride = StrideForRays(sensor.view->depth.size(), kCoarseRays);
   CoarseView coarse{Decimate(*sensor.view, stride), Decimate(*sensor.segmentation, stride),
-                    sensor.initial, 0};
+                    sensor.initial, 0, table_height_m};
   for (std::size_t i = 0; i < coarse.view.depth.size(); ++i)
     coarse.labelled += coarse.segmentation.labels[i] > 0 && coarse.view.depth[i] > 0 ? 1 : 0;
   return coarse;
 }
 
 std::vector<CoarseView> MostLabelled(const std::vector<AssemblySensor>& sensors,
-                                     std::size_t max_sensors) {
+                                     std::size_t max_sensors, double table_height_m) {
   std::vector<CoarseView> views;
   views.reserve(sensors.size());
-  for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor));
+  for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor, table_height_m));
   std::stable_sort(views.begin(), views.end(), [](const CoarseView& a, const CoarseView& b) {
     return a.labelled > b.labelled;
   });
@@ -50,7 +51,9 @@ std::vector<CoarseView> MostLabelled(const std::vector<AssemblySensor>& sensors,
 /// where the pose is upside down.
 DepthOverlap OverlapAt(const CoarseView& coarse, const Structure& structure,
                        const InitialPose& pose, double min_confidence) {
-  if (pose.found && FindFloor(coarse.view, structure, pose.structure_from_sensor).balance() >= 0) {
+  if (pose.found &&
+      FindFloor(coarse.view, structure, pose.structure_from_sensor, coarse.table_height_m)
+              .balance() >= 0) {
     return MeasureOverlap(coarse.view, coarse.segmentation, structure, pose.structure_from_sensor,
                           min_confidence);
   }
@@ -223,7 +226,8 @@ std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& s
   const std::vector<Arrangement> arrangements = Arrangements(structure);
   std::vector<MirrorEvidence> evidence(sensors.size());
   ParallelFor(sensors.size(), threads, [&](std::size_t i) {
-    evidence[i] = AskForMirrorImage(MakeCoarse(sensors[i]), arrangements, initial, options);
+    evidence[i] = AskForMirrorImage(MakeCoarse(sensors[i], initial.table_height_m), arrangements,
+                                    initial, options);
   });
   std::vector<std::size_t> mirrored;
   bool others_fit = false;
@@ -233,8 +237,8 @@ std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& s
   }
   if (mirrored.empty() || !others_fit) return {};
   // A single box that stands otherwise may be seen by some sensors only.
-  const OverlapTable table =
-      TryAllArrangements(arrangements, MostLabelled(sensors, max_sensors), initial, threads);
+  const OverlapTable table = TryAllArrangements(
+      arrangements, MostLabelled(sensors, max_sensors, initial.table_height_m), initial, threads);
   const std::size_t best = BestOther(table);
   const bool explains_all =
       best > 0 && table.ratio(best) >= RatioWithMirrored(evidence) - options.margin / 2;
@@ -252,7 +256,7 @@ AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
       FindMirroredFrames(sensors, structure, initial, options, threads, max_sensors);
   for (auto i = mirrored.rbegin(); i != mirrored.rend(); ++i)
     asked.erase(asked.begin() + static_cast<std::ptrdiff_t>(*i));
-  const std::vector<CoarseView> views = MostLabelled(asked, max_sensors);
+  const std::vector<CoarseView> views = MostLabelled(asked, max_sensors, initial.table_height_m);
   const double described =
       DescribedOverlap(views, structure, initial.evidence.min_confidence).ratio();
   AssemblyReport report;

@@ -28,11 +28,11 @@ enum class SensorCode {
   kDuplicateDepth,
   kIntrinsicsSuspect,
   kDisagrees,
+  kAmbiguous,
   kNotFinite,  ///< numbers that no solver should leave
   // Weak: the sensor has a pose that is to be used with care.
   kUnsolved,
   kSamePose,
-  kAmbiguous,
   kByNeighbours,
   kFewInliers,
   kLargeResidual,

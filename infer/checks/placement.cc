@@ -21,6 +21,10 @@ namespace {
 /// m: how far a measured point may lie from the side that the pose shows there, to be labelled with
 /// it. Boxes stray by centimetres.
 constexpr double kRelabelDistance = 0.04;
+/// Labels that a pose implies follow the pose that they lead to, so often at most, and while it
+/// moves farther than this, m.
+constexpr int kLabelRounds = 4;
+constexpr double kLabelsStay = 0.002;
 
 /// Where many sides fit the structure badly: would they fit it with other intrinsics?
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
@@ -87,6 +91,32 @@ bool IsMirrored(const std::optional<AssemblyReport>& assembly, std::size_t frame
   return std::find(mirrored.begin(), mirrored.end(), frame) != mirrored.end();
 }
 
+Finding UpUnknown(const LabelledView& labelled) {
+  return {
+      SensorCode::kAmbiguous,
+      fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
+                  "two agrees with the other sensors: no floor, nothing else that they share, "
+                  "and none that is mounted like it",
+                  labelled.other_pose),
+      "let it see the floor under the structure, mount it as the others are mounted, or give "
+      "its quarter_turns"};
+}
+
+/// No network has labelled the view: the own pose does, until both stay as they are.
+OwnPose RefineWithItsLabels(const SeenView& seen, OwnPose own, const Structure& structure,
+                            const PlacementOptions& options) {
+  for (int round = 0; round < kLabelRounds; ++round) {
+    InitialPose from;
+    from.from_keypoints = from.structure_from_sensor = own.structure_from_sensor;
+    own = RefineAlone(PlaceAt(seen, structure, own.structure_from_sensor, options).points, from,
+                      seen.lens, structure, options.refine);
+    if (ComparePoses(own.structure_from_sensor, from.structure_from_sensor).translation_m <
+        kLabelsStay)
+      break;
+  }
+  return own;
+}
+
 /// See PlaceSensors.
 Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool use_structure,
                       const Structure& structure, const PlacementOptions& options) {
@@ -94,12 +124,15 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
   const InitialPose& initial = labelled.initial;
   const std::optional<BetterIntrinsics> better =
       CheckIntrinsics(view, seen.intrinsics, labelled, structure, options);
+  if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
   OwnPose own{initial.structure_from_sensor, 0};
   if (use_structure) {
     own = RefineAlone(SampleSeen(seen, labelled.segmentation, structure, options), initial,
                       seen.lens, structure, options.refine);
+    if (labelled.source == PoseSource::kGeometry)
+      own = RefineWithItsLabels(seen, std::move(own), structure, options);
   }
 
   const Pose& pose = own.structure_from_sensor;
@@ -114,6 +147,7 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
           VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
   }
+  if (labelled.up_unknown) return UpUnknown(labelled);
 
   PlacedSensor placed = PlaceAt(seen, structure, pose, options);
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);

@@ -29,6 +29,13 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
   if (evidence.suspect_intrinsics) return evidence.suspect_intrinsics;
   if (evidence.suspect_lens) return evidence.suspect_lens;
   if (evidence.by_neighbours) return evidence.by_neighbours;
+  if (!evidence.other_pose.empty() && !evidence.floor_would_tell) {
+    return Finding{
+        SensorCode::kAmbiguous,
+        fmt::format("its view fits the structure about as well {}", evidence.other_pose),
+        "let it see more of the structure, or stack the boxes so that they look different from "
+        "every side"};
+  }
   if (!evidence.other_pose.empty()) {
     return Finding{
         SensorCode::kAmbiguous,

@@ -173,6 +173,7 @@ struct PlacedEvidence {
   std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
   std::optional<Finding> by_neighbours;              ///< PlacedSensor::by_neighbours
   std::string other_pose;                            ///< LabelledView::other_pose
+  bool floor_would_tell = true;                      ///< LabelledView::floor_would_tell
   bool known_turns = false;                          ///< the capture gives its quarter_turns
 };
 

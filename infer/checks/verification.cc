@@ -62,6 +62,13 @@ Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& opt
           kLookHint};
 }
 
+Finding ExplainMissingShape() {
+  return {SensorCode::kNoStructure, "nothing that it saw has the structure's shape",
+          "let it see two boxes or more and the floor round them, and check that the boxes are "
+          "stacked as the structure file says, that the frame is not mirrored, and its intrinsics "
+          "and depth_scale"};
+}
+
 Finding SuspectIntrinsics(const BetterIntrinsics& better) {
   return {SensorCode::kIntrinsicsSuspect,
           fmt::format("its sides fit the structure {:.0f} % better with {} (labels and depth agree "

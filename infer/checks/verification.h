@@ -29,6 +29,9 @@ bool SeesManySides(const std::vector<SideEvidence>& evidence, const VerdictOptio
 /// structure seen too narrowly (degenerate_sides), less is none (no_structure).
 Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options);
 
+/// Why a frame without a network's labels has no initial pose.
+Finding ExplainMissingShape();
+
 /// What a sensor's own pose is verified by.
 struct OwnPoseEvidence {
   Agreement agreement;             ///< at the own pose, tolerance kInlierDistance

@@ -60,11 +60,11 @@ std::string SensorRow(const SensorResult& sensor, std::size_t width) {
   const std::string head =
       fmt::format("{:<{}}  {:<6}", sensor.name, width, ToString(sensor.status));
   if (!sensor.structure_from_sensor) return head + "\n";
-  std::string row = fmt::format("{}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
-                                sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
-                                1000 * sensor.sigma_translation_m().maxCoeff(),
-                                sensor.sigma_rotation_deg().maxCoeff(), 100 * sensor.inlier_share,
-                                sensor.refinement_accepted ? "yes" : "no");
+  std::string row = fmt::format(
+      "{}  {:>10}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
+      ToString(sensor.initial_source), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
+      1000 * sensor.sigma_translation_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
+      100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
   if (sensor.error) {
     row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
                        sensor.error->rotation_deg);
@@ -79,14 +79,15 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
     width = std::max(width, sensor.name.size());
     truth = truth || sensor.error.has_value();
   }
-  std::string text =
-      fmt::format("{:<{}}  {:<6}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}", "sensor", width,
-                  "status", "sides", "rms mm", "sigma mm", "sigma deg", "inliers", "refined");
+  std::string text = fmt::format("{:<{}}  {:<6}  {:>10}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}",
+                                 "sensor", width, "status", "initial", "sides", "rms mm",
+                                 "sigma mm", "sigma deg", "inliers", "refined");
   if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
   text += '\n';
   for (const SensorResult& sensor : sensors) text += SensorRow(sensor, width);
   text +=
-      "sides: found; rms: of labelled points to the structure, of those within 10 cm; sigma: the "
+      "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
+      "structure, of those within 10 cm; sigma: the "
       "largest standard deviation along an axis; inliers: labelled points within 3 cm; refined: no "
       "where the initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";

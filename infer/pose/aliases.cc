@@ -23,6 +23,10 @@ constexpr double kSameMotion = 2 * kSamePlace;
 constexpr double kSameDirection = 0.99;
 /// Cosine of the angle between two verticals below which a motion is called upside down.
 constexpr double kUpsideDown = -0.5;
+/// Cosine of the angle between two verticals above which a structure has the same side down.
+constexpr double kStandsUpright = 0.9;
+/// deg: a motion by less is called no turn.
+constexpr double kTurned = 5;
 /// Far above rounding errors of coordinates, far below tolerances, m.
 constexpr double kRounding = 1e-6;
 
@@ -223,11 +227,21 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
   return aliases;
 }
 
+bool LeavesFloor(const Pose& from, const Pose& to) {
+  const Pose motion = to * from.inverse();
+  return motion.linear()(1, 1) < kStandsUpright || std::abs(motion.translation().y()) > kSameMotion;
+}
+
 std::string DescribeMotion(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
   if (motion.linear()(1, 1) < kUpsideDown) return "upside down";
   const double turn = std::atan2(motion.linear()(0, 2), motion.linear()(0, 0)) * 180 / M_PI;
   const double rise = motion.translation().y();
+  if (std::abs(rise) < kSamePlace) {
+    const double aside = std::hypot(motion.translation().x(), motion.translation().z());
+    return std::abs(turn) > kTurned ? fmt::format("turned by {:.0f} deg", std::abs(turn))
+                                    : fmt::format("{:.2f} m beside", aside);
+  }
   return fmt::format("turned by {:.0f} deg and {:.2f} m {}", std::abs(turn), std::abs(rise),
                      rise > 0 ? "higher" : "lower");
 }

@@ -24,8 +24,11 @@ struct StructureAlias {
 /// Every such motion except the identity, those that move the most boxes onto boxes first.
 std::vector<StructureAlias> FindAliases(const Structure& structure);
 
+/// Does the structure stand on another floor at `to` than at `from`?
+bool LeavesFloor(const Pose& from, const Pose& to);
+
 /// How the structure stands at `to` as compared with `from`: "upside down", "turned by 90 deg and
-/// 0.41 m higher".
+/// 0.41 m higher", "turned by 180 deg", "0.30 m beside".
 std::string DescribeMotion(const Pose& from, const Pose& to);
 
 }  // namespace volalign

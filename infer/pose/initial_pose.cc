@@ -5,15 +5,13 @@
 
 #include "infer/pose/paper_pose.h"
 #include "infer/pose/pose_candidates.h"
+#include "infer/pose/same_pose.h"
 #include "infer/pose/side_fit.h"
 #include "infer/pose/visibility_correction.h"
 
 namespace volalign {
 
 namespace {
-
-/// Two estimates of one pose: closer than this, m and deg.
-constexpr double kSamePlace = 0.2, kSameDirectionDeg = 15;
 
 /// Corrections with every pixel that follow those on the decimated view, at most.
 constexpr int kFullCorrections = 3;
@@ -54,7 +52,7 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   for (const Pose& candidate : candidates) {
     const Pose pose = CorrectForVisibility(coarse, result.evidence, structure, options, 1,
                                            options.visibility_iterations, candidate);
-    if (near && !SamePose(pose, *near)) continue;
+    if (near && !SamePose(structure, pose, *near)) continue;
     const Agreement agreement = compare(pose);
     if (result.found && !(agreement.score() > result.agreement.score())) continue;
     result.found = true;
@@ -80,11 +78,6 @@ InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult
   return options.method == PoseMethod::kPaper
              ? EstimatePaperPose(view, segmentation, structure, options)
              : SearchPose(view, segmentation, structure, options, near);
-}
-
-bool SamePose(const Pose& a, const Pose& b) {
-  const PoseError gap = ComparePoses(a, b);
-  return gap.translation_m < kSamePlace && gap.rotation_deg < kSameDirectionDeg;
 }
 
 }  // namespace volalign

@@ -9,33 +9,42 @@
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/pose/agreement.h"
+#include "infer/pose/geometry_search.h"
 #include "infer/pose/side_evidence.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
 
-enum class PoseMethod { kRobust, kPaper };
-inline constexpr std::array<std::pair<const char*, PoseMethod>, 2> kPoseMethodWords = {
-    {{"robust", PoseMethod::kRobust}, {"paper", PoseMethod::kPaper}}};
+/// Where initial poses come from.
+enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
+inline constexpr std::array<std::pair<const char*, PoseMethod>, 4> kPoseMethodWords = {
+    {{"auto", PoseMethod::kAuto},
+     {"network", PoseMethod::kNetwork},
+     {"geometry", PoseMethod::kGeometry},
+     {"paper", PoseMethod::kPaper}}};
 inline constexpr std::array<std::pair<const char*, KeypointKind>, 2> kKeypointWords = {
     {{"exposed", KeypointKind::kExposed}, {"centre", KeypointKind::kCentre}}};
 
 struct InitialPoseOptions {
-  PoseMethod method = PoseMethod::kRobust;
+  PoseMethod method = PoseMethod::kAuto;
   KeypointKind keypoints = KeypointKind::kExposed;
   int visibility_iterations = 5;
   int side_fit_steps = 5;
   double max_keypoint_error_m = 0.2;
   double max_normal_error_deg = 30;
   EvidenceOptions evidence;
+  double table_height_m = 0;
+  GeometryOptions geometry;
 
   template <class Archive>
   void Describe(Archive& ar) {
     DescribeWord(ar, "method", method, kPoseMethodWords,
-                 "robust (hypothesise and verify, see infer/pose/initial_pose.h), or paper: the "
-                 "mean of each side's confident pixels against its centre, Procrustes over all "
-                 "visible sides; it uses evidence's min_confidence and min_pixels only");
+                 "what initial poses come from: network (its labels), geometry (the structure's "
+                 "shape alone, which needs no model), auto (both propose where there is a model, "
+                 "and one verification chooses), or paper: the mean of the confident pixels of "
+                 "each side that the network found against its centre, Procrustes over all visible "
+                 "sides; it uses evidence's min_confidence and min_pixels only");
     DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
                  "point that stands for a side before its visible part is known: exposed (centroid "
                  "of the area that no other box covers) or centre (the paper)");
@@ -54,6 +63,11 @@ struct InitialPoseOptions {
        "deg",
        Between(1, 90));
     ar("evidence", evidence, "collection of each side's pixels");
+    ar("table_height_m", table_height_m,
+       "height of what the structure stands on above the floor, m; 0: it stands on the floor; -1: "
+       "not known, it is searched and no floor tells up from down",
+       Between(-1, 5));
+    ar("geometry", geometry, "what geometry has to find for a pose");
   }
 };
 
@@ -69,21 +83,16 @@ struct InitialPose {
   std::vector<SideEvidence> evidence;  ///< all patches that were found
 };
 
-/// By `options.method`:
+/// From labels, in all methods but the paper's: hypothesise and verify. Candidates are made from
+/// sets of patches (pose_candidates.h). The best of them are corrected for visibility
+/// (visibility_correction.h) and compete by how well measured depths and labels agree with the
+/// structure as seen from there, not by a number of pixels. The winner is the keypoint pose; fitted
+/// to the sides (side_fit.h), it is the initial pose. With `near`, that pose competes too, and only
+/// results that are about the same pose count.
 ///
-/// robust: hypothesise and verify. Candidates are made from sets of patches (pose_candidates.h).
-/// The best of them are corrected for visibility (visibility_correction.h) and compete by how well
-/// measured depths and labels agree with the structure as seen from there, not by a number of
-/// pixels. The winner is the keypoint pose; fitted to the sides (side_fit.h), it is the initial
-/// pose. With `near`, that pose competes too, and only results that are about the same pose count.
-///
-/// paper: EstimatePaperPose (paper_pose.h).
+/// With the paper's method: EstimatePaperPose (paper_pose.h).
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options,
                                 const Pose* near = nullptr);
-
-/// Are these two estimates of about the same pose, less than 20 cm and 15 deg apart? Steps and
-/// turns that make a structure look alike are larger.
-bool SamePose(const Pose& a, const Pose& b);
 
 }  // namespace volalign

@@ -62,6 +62,11 @@ struct LabelledView {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
+  /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
+  bool up_unknown = false;
+  bool floor_would_tell = true;  ///< whether it is that other pose
+  /// Of the initial pose; where none was found, what was asked last.
+  PoseSource source = PoseSource::kNetwork;
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.
@@ -71,15 +76,17 @@ struct LabelledView {
 /// alike, the turn that it is decided by is tried on the rest; what stays open is tried in all
 /// four. Where not exactly one orientation is beyond doubt, the orientations' poses and their
 /// aliases (infer/pose/aliases.h) compete. Frames of one size go through the network together.
+/// Unless `initial.method` leaves it out, geometry proposes poses, too (pose_sources.h): all of
+/// them without a `segmenter`, which may be null.
 /// Adds "segmentation" and "initial_pose" to `clock`.
 std::vector<LabelledView> LabelViews(const std::vector<UnlabelledView>& views,
-                                     const Structure& structure, Segmenter& segmenter,
+                                     const Structure& structure, Segmenter* segmenter,
                                      const InitialPoseOptions& initial,
                                      const OrientationOptions& options, int threads,
                                      StageClock* clock);
 
-/// Finds the initial poses again with the labels as they are, near where they were: for views whose
-/// rays have changed.
+/// Finds the initial poses again, near where they were, for views whose rays have changed: with the
+/// network's labels as they are; what geometry has found is labelled again by its pose.
 void UpdateInitialPoses(const std::vector<SensorView>& views, const Structure& structure,
                         const InitialPoseOptions& initial, int threads,
                         std::vector<LabelledView>* labelled);

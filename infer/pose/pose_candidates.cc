@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/procrustes.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -172,7 +173,7 @@ std::vector<Pose> FindCandidates(const std::vector<SideEvidence>& patches,
   }
   std::vector<Candidate> candidates;
   for (const auto& [members, candidate] : unique) {
-    if (!near || SamePose(candidate.pose, *near)) candidates.push_back(candidate);
+    if (!near || SamePose(structure, candidate.pose, *near)) candidates.push_back(candidate);
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.area > b.area; });

@@ -6,6 +6,7 @@
 #include "infer/pose/agreement.h"
 #include "infer/pose/floor.h"
 #include "infer/pose/relabel.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
@@ -73,8 +74,9 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
   std::vector<std::pair<Pose, Pose>> known;  // before and after
   for (PoseEvidence& pose : *poses) {
     const Pose before = pose.structure_from_sensor;
-    const auto same = std::find_if(known.begin(), known.end(),
-                                   [&](const auto& pair) { return SamePose(pair.first, before); });
+    const auto same = std::find_if(known.begin(), known.end(), [&](const auto& pair) {
+      return SamePose(structure, pair.first, before);
+    });
     if (same != known.end()) {
       pose.structure_from_sensor = same->second;
     } else {
@@ -86,13 +88,16 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
 
 /// Floor and labels at the pose.
 void Judge(const SensorView& view, const DecimatedTrials& coarse, const Structure& structure,
-           const std::vector<StructureAlias>& aliases, double min_confidence, PoseEvidence* pose) {
+           const std::vector<StructureAlias>& aliases, const std::vector<Pose>& rivals,
+           const InitialPoseOptions& initial, PoseEvidence* pose) {
   const auto score = [&](const SegmentationResult& labels) {
     return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
-                           min_confidence, kInitialTolerance)
+                           initial.evidence.min_confidence, kInitialTolerance)
         .score();
   };
-  pose->floor = FindFloor(view, structure, pose->structure_from_sensor).share();
+  pose->floor =
+      FindFloor(view, structure, pose->structure_from_sensor, initial.table_height_m, rivals)
+          .share();
   for (const SegmentationResult& labels : coarse.labels)
     pose->network_score = std::max(pose->network_score, score(labels));
   pose->label_score = score(ImpliedLabels(*pose, coarse.labels, aliases));
@@ -108,6 +113,22 @@ const PoseEvidence* BestStanding(const std::vector<PoseEvidence>& poses, double 
 }
 
 }  // namespace
+
+const char* ToString(PoseSource source) {
+  switch (source) {
+    case PoseSource::kNetwork:
+      return "network";
+    case PoseSource::kGeometry:
+      return "geometry";
+    case PoseSource::kNeighbours:
+      return "neighbours";
+  }
+  return "";
+}
+
+std::vector<PoseSource> AllOf(PoseSource) {
+  return {PoseSource::kNetwork, PoseSource::kGeometry, PoseSource::kNeighbours};
+}
 
 bool TurnsOver(const Pose& from, const Pose& to) {
   return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
@@ -145,7 +166,8 @@ void DropMisfits(double margin, std::vector<PoseEvidence>* poses) {
   poses->erase(std::remove_if(poses->begin(), poses->end(), misfit), poses->end());
 }
 
-PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options) {
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const Structure& structure,
+                  const PoseChoiceOptions& options) {
   PoseChoice choice;
   double min_floor = -2 - options.floor_margin;
   for (const PoseEvidence& pose : poses)
@@ -161,7 +183,7 @@ PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOption
            choice.best.network_score - other.network_score >= options.score_margin;
   };
   for (const PoseEvidence& pose : poses) {
-    if (SamePose(pose.structure_from_sensor, chosen_pose)) {
+    if (SamePose(structure, pose.structure_from_sensor, chosen_pose)) {
       if (pose.label_score <= choice.best.label_score) continue;
       const double network_score = choice.best.network_score;
       choice.best = pose;
@@ -194,8 +216,9 @@ std::vector<PoseEvidence> FindCompetitors(const SensorView& view, const Structur
   for (PoseEvidence& pose : poses) pose.overlap = Overlap(pose, coarse, structure, initial);
   DropMisfits(options.overlap_margin, &poses);
 
-  for (PoseEvidence& pose : poses)
-    Judge(view, coarse, structure, aliases, initial.evidence.min_confidence, &pose);
+  std::vector<Pose> rivals;
+  for (const PoseEvidence& pose : poses) rivals.push_back(pose.structure_from_sensor);
+  for (PoseEvidence& pose : poses) Judge(view, coarse, structure, aliases, rivals, initial, &pose);
   return poses;
 }
 
@@ -204,7 +227,7 @@ PoseChoice ChoosePose(const SensorView& view, const Structure& structure,
                       const std::vector<PoseTrial>& trials, bool known_up,
                       const InitialPoseOptions& initial, const PoseChoiceOptions& options) {
   return Decide(FindCompetitors(view, structure, aliases, trials, known_up, initial, options),
-                options);
+                structure, options);
 }
 
 }  // namespace volalign

@@ -49,10 +49,17 @@ struct PoseTrial {
   const InitialPose* initial = nullptr;
 };
 
+/// What an initial pose comes from: the network's labels, the structure's geometry, or the other
+/// sensors.
+enum class PoseSource { kNetwork, kGeometry, kNeighbours };
+const char* ToString(PoseSource source);  ///< "network", "geometry", "neighbours"
+std::vector<PoseSource> AllOf(PoseSource);
+
 /// A pose that competes, and what speaks for it.
 struct PoseEvidence {
   Pose structure_from_sensor = Pose::Identity();
-  std::size_t trial = 0;     ///< index of the trial that it comes from
+  PoseSource source = PoseSource::kNetwork;
+  std::size_t trial = 0;     ///< index of the trial that it comes from, if it is the network's
   int alias = -1;            ///< index of the alias that moved the trial's pose; -1: none
   double overlap = 0;        ///< DepthOverlap::ratio: how well the shape fits
   double floor = 0;          ///< FloorEvidence::share
@@ -68,6 +75,9 @@ struct PoseChoice {
   /// Another pose that shape, floor and labels speak for about as much.
   bool ambiguous = false;
   PoseEvidence rival;
+  /// Upside down it would be as good, but then contradict the other sensors of the rig, or it
+  /// contradicts them now.
+  bool up_unknown = false;
 };
 
 /// The poses that compete for a view, judged: see ChoosePose. Those of which shape speaks for
@@ -106,6 +116,7 @@ void DropMisfits(double margin, std::vector<PoseEvidence>* poses);
 
 /// Chooses among poses whose shape fits about equally well, by floor and labels. They are given in
 /// the order of their overlap, the best first.
-PoseChoice Decide(const std::vector<PoseEvidence>& poses, const PoseChoiceOptions& options);
+PoseChoice Decide(const std::vector<PoseEvidence>& poses, const Structure& structure,
+                  const PoseChoiceOptions& options);
 
 }  // namespace volalign

@@ -8,14 +8,14 @@
 #include <tuple>
 #include <utility>
 
-#include "core/kd_tree.h"
-#include "core/visibility.h"
+#include "infer/pose/measured_cloud.h"
+#include "infer/pose/same_pose.h"
 
 namespace volalign {
 
 namespace {
 
-// Everything is counted in margins: a difference of one decides.
+// Counted in margins: a difference of one decides.
 constexpr double kDecides = 0.99;  // but for rounding
 /// A floor that decides goes before everything else.
 constexpr double kFloorDecides = 3;
@@ -28,14 +28,18 @@ constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
 /// Most that what two sensors measured beside the structure counts.
 constexpr double kMostShared = 3;
 
-/// Points of a sensor that are looked for among another one's, and rays of those.
-constexpr double kProbeRays = 400, kCloudRays = 6000;
-constexpr double kSharedDistance = 0.08;   // m, of points of one surface at poses not refined yet
-constexpr double kBesideStructure = 0.15;  // m from it
+/// Two choices between which less than this lies are as good as each other.
+constexpr double kNothingTells = 0.25;
 constexpr int kMostSweeps = 10;
+/// The side of the picture that is up where it stands upright, and where it lies on its side.
+constexpr std::array<std::array<std::size_t, 2>, 4> kUpright = {{{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
 
-/// The index of the pose that each sensor has, of its options; -1: it has none.
+/// The index of the pose that each sensor has, of its options; -1: it has none, or any.
 using Choice = std::vector<int>;
+
+/// What counts: evidence alone; with the network's orientation, but without a floor that does not
+/// decide; with labels that tell up from down, too. What is not evidence leaves a choice ambiguous.
+enum class Count { kEvidence, kOrientation, kAll };
 
 /// One of the poses that a sensor may have, and those of its competitors that are about the same.
 struct Option {
@@ -44,12 +48,12 @@ struct Option {
   int turns = 0;      // into the network's orientation
 };
 
-std::vector<Option> Distinct(const SensorCandidates& sensor) {
+std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
   std::vector<Option> distinct;
   for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
     const PoseEvidence& pose = sensor.poses[k];
     const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
-      return SamePose(option.pose.structure_from_sensor, pose.structure_from_sensor);
+      return SamePose(structure, option.pose.structure_from_sensor, pose.structure_from_sensor);
     });
     if (same == distinct.end()) {
       distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
@@ -65,64 +69,31 @@ std::vector<Option> Distinct(const SensorCandidates& sensor) {
   return distinct;
 }
 
-/// A sensor's points, sensor frame: few that are looked for, and many to find them among.
-class Cloud {
- public:
-  explicit Cloud(const SensorView& view) {
-    probes_ = Points(view, kProbeRays);
-    tree_ = std::make_unique<KdTree>(Points(view, kCloudRays));
-  }
-  /// Share of another sensor's points, those beside the structure, that lie on this one's.
-  double ShareOf(const Cloud& other, const Pose& pose, const Pose& others,
-                 const Structure& structure) const {
-    const Pose this_from_structure = pose.inverse();
-    int beside = 0, shared = 0;
-    for (const Eigen::Vector3d& probe : other.probes_) {
-      const Eigen::Vector3d p = others * probe;
-      if (DistanceToSurface(structure, p).distance < kBesideStructure) continue;
-      ++beside;
-      const KdTree::Neighbour nearest = tree_->Nearest(this_from_structure * p);
-      shared += nearest.index >= 0 && nearest.squared_distance < kSharedDistance * kSharedDistance;
-    }
-    return beside > 0 ? static_cast<double>(shared) / beside : 0;
-  }
-
- private:
-  static std::vector<Eigen::Vector3d> Points(const SensorView& view, double rays) {
-    const int stride = StrideForRays(view.depth.size(), rays);
-    std::vector<Eigen::Vector3d> points;
-    for (int v = stride / 2; v < view.height(); v += stride) {
-      for (int u = stride / 2; u < view.width(); u += stride) {
-        if (view.depth(u, v) > 0) points.push_back(view.Point(u, v));
-      }
-    }
-    return points;
-  }
-
-  std::vector<Eigen::Vector3d> probes_;
-  std::unique_ptr<KdTree> tree_;
-};
-
 class Rig {
  public:
   Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure,
       const PoseChoiceOptions& limits)
-      : structure_(structure), limits_(limits) {
+      : limits_(limits) {
     for (const SensorCandidates& sensor : sensors) {
-      options_.push_back(Distinct(sensor));
-      clouds_.push_back(sensor.poses.empty() ? nullptr : std::make_unique<Cloud>(*sensor.view));
+      options_.push_back(Distinct(sensor, structure));
+      std::vector<Pose> poses;
+      for (const Option& option : options_.back())
+        poses.push_back(option.pose.structure_from_sensor);
+      clouds_.push_back(sensor.poses.empty()
+                            ? nullptr
+                            : std::make_unique<MeasuredCloud>(*sensor.view, structure, poses));
     }
   }
 
   std::size_t size() const { return options_.size(); }
   const std::vector<Option>& options(std::size_t i) const { return options_[i]; }
 
-  /// What speaks for a choice. `to_choose`: with what leaves a choice ambiguous, too.
-  double Score(const Choice& choice, bool to_choose) {
+  /// What speaks for a choice.
+  double Score(const Choice& choice, Count count) {
     double score = -Deviations(choice);
     for (std::size_t i = 0; i < size(); ++i) {
       if (choice[i] < 0) continue;
-      score += Own(i, choice[i], to_choose);
+      score += Own(i, choice[i], count);
       for (std::size_t j = 0; j < i; ++j) {
         if (choice[j] >= 0) score += Shared(i, choice[i], j, choice[j]);
       }
@@ -130,19 +101,74 @@ class Rig {
     return score;
   }
 
-  /// From `choice` on, sensor by sensor, until no other pose of one of them is better. `fixed`
-  /// stays as it is.
-  Choice Improve(Choice choice, std::size_t fixed, bool to_choose) {
+  /// The best choice in which each sensor has what `fixed` has, where that is not -1.
+  Choice Best(const Choice& fixed, Count count) {
+    Choice best;
+    double best_score = 0;
+    for (const auto& upright : kUpright) {
+      Choice start = AllUpright(upright, count);
+      for (std::size_t i = 0; i < size(); ++i) {
+        if (fixed[i] >= 0) start[i] = fixed[i];
+      }
+      Choice choice = Improve(std::move(start), fixed, count);
+      const double score = Score(choice, count);
+      if (!best.empty() && score <= best_score) continue;
+      best_score = score;
+      best = std::move(choice);
+    }
+    return best;
+  }
+  double BestScore(const Choice& fixed, Count count) { return Score(Best(fixed, count), count); }
+
+  /// Of a choice, the sensor that the others are held against where they stay open: one that
+  /// nothing leaves ambiguous, of the most that are mounted alike, in the network's orientation.
+  std::size_t Anchor(const Choice& choice, const std::vector<PoseChoice>& choices) const {
+    const auto rank = [&](std::size_t i) {
+      int alike = 0;
+      for (std::size_t j = 0; j < size(); ++j)
+        alike += choice[j] >= 0 && UprightOf(j, choice[j]) == UprightOf(i, choice[i]);
+      return std::make_tuple(!choices[i].ambiguous, alike, OptionOf(i, choice[i]).turns == 0);
+    };
+    std::size_t anchor = size();
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (choice[i] >= 0 && (anchor == size() || rank(i) > rank(anchor))) anchor = i;
+    }
+    return anchor;
+  }
+
+  /// Could the sensor, whose picture lies on another side than the anchor's, as well be turned over
+  /// while those that are mounted on the anchor's axis are not?
+  bool IsUpUnknown(std::size_t i, std::size_t anchor, const Choice& choice) {
+    const auto axis = [&](std::size_t j) { return UprightOf(j, choice[j]) % 2; };
+    if (axis(i) == axis(anchor)) return false;
+    Choice fixed(size(), -1);
+    for (std::size_t j = 0; j < size(); ++j) {
+      if (choice[j] >= 0 && axis(j) == axis(anchor)) fixed[j] = choice[j];
+    }
+    fixed[i] = choice[i];
+    const double score = BestScore(fixed, Count::kOrientation);
+    for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
+      if (!TurnsOver(PoseOf(i, choice[i]), PoseOf(i, k))) continue;
+      fixed[i] = k;
+      if (BestScore(fixed, Count::kOrientation) > score - kNothingTells) return true;
+    }
+    return false;
+  }
+
+ private:
+  /// From `choice` on, sensor by sensor, until no other pose of one of them is better. Those that
+  /// are `fixed` stay as they are.
+  Choice Improve(Choice choice, const Choice& fixed, Count count) {
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
       bool changed = false;
       for (std::size_t i = 0; i < size(); ++i) {
-        if (i == fixed || options_[i].size() < 2) continue;
+        if (fixed[i] >= 0 || options_[i].size() < 2) continue;
         Choice best = choice;
-        double best_score = Score(choice, to_choose);
+        double best_score = Score(choice, count);
         for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
           Choice other = choice;
           other[i] = k;
-          const double score = Score(other, to_choose);
+          const double score = Score(other, count);
           if (score <= best_score) continue;
           best_score = score;
           best = std::move(other);
@@ -155,25 +181,8 @@ class Rig {
     return choice;
   }
 
-  /// The best choice in which `fixed` (none of the sensors: nothing is fixed) has the option `k`.
-  Choice Best(std::size_t fixed, int k, bool to_choose) {
-    Choice best;
-    double best_score = 0;
-    for (int upright = 0; upright < 4; ++upright) {
-      Choice start = AllUpright(upright, to_choose);
-      if (fixed < size()) start[fixed] = k;
-      Choice choice = Improve(std::move(start), fixed, to_choose);
-      const double score = Score(choice, to_choose);
-      if (!best.empty() && score <= best_score) continue;
-      best_score = score;
-      best = std::move(choice);
-    }
-    return best;
-  }
-
- private:
   /// Floor and labels of a sensor's option, against the best of all its options.
-  double Own(std::size_t i, int k, bool to_choose) const {
+  double Own(std::size_t i, int k, Count count) const {
     double best_floor = -2, best_label = 0;
     std::size_t best = 0;
     for (std::size_t other = 0; other < options_[i].size(); ++other) {
@@ -188,32 +197,38 @@ class Rig {
         (best_label - option.pose.network_score) / std::max(limits_.score_margin, 1e-9);
     const bool turned_over =
         TurnsOver(options_[i][best].pose.structure_from_sensor, option.pose.structure_from_sensor);
-    double score = -floor * (floor < 1 ? 1 : kFloorDecides);
+    double score = 0;
+    if (floor >= kDecides) score -= floor * kFloorDecides;
+    if (floor < kDecides && count != Count::kOrientation) score -= floor;
     if (!turned_over) score -= label;
-    if (turned_over && to_choose) score -= std::min(label, kLabelsTellUp);
-    if (option.turns != 0 && to_choose) score -= kOtherThanNetwork;
+    if (turned_over && count == Count::kAll) score -= std::min(label, kLabelsTellUp);
+    if (option.turns != 0 && count != Count::kEvidence) score -= kOtherThanNetwork;
     return score;
   }
 
-  /// What speaks against sensors that are mounted otherwise than most.
+  /// What speaks against sensors that are mounted otherwise than most: than most of those whose
+  /// picture stands on the same axis, and for those on the other axis than most.
   double Deviations(const Choice& choice) const {
     std::array<int, 4> mounted{};
-    int all = 0;
     for (std::size_t i = 0; i < size(); ++i) {
-      if (choice[i] < 0) continue;
-      ++mounted[UprightOf(i, choice[i])];
-      ++all;
+      if (choice[i] >= 0) ++mounted[UprightOf(i, choice[i])];
     }
-    const int most = *std::max_element(mounted.begin(), mounted.end());
-    return (all - most) * (most > 1 ? kMountedAsOthers : kMountedAsOne);
+    const auto deviation = [](int count, int other) {
+      return std::min(count, other) *
+             (std::max(count, other) > 1 ? kMountedAsOthers : kMountedAsOne);
+    };
+    return deviation(mounted[0], mounted[2]) + deviation(mounted[1], mounted[3]) +
+           deviation(mounted[0] + mounted[2], mounted[1] + mounted[3]);
   }
 
+  const Option& OptionOf(std::size_t i, int k) const {
+    return options_[i][static_cast<std::size_t>(k)];
+  }
   std::size_t UprightOf(std::size_t i, int k) const {
-    return static_cast<std::size_t>(options_[i][static_cast<std::size_t>(k)].upright);
+    return static_cast<std::size_t>(OptionOf(i, k).upright);
   }
-
   const Pose& PoseOf(std::size_t i, int k) const {
-    return options_[i][static_cast<std::size_t>(k)].pose.structure_from_sensor;
+    return OptionOf(i, k).pose.structure_from_sensor;
   }
 
   double Shared(std::size_t i, int k, std::size_t j, int l) {
@@ -221,24 +236,23 @@ class Rig {
     if (options_[i].size() < 2 && options_[j].size() < 2) return 0;
     const auto [known, missing] = shared_.try_emplace({i, j, k, l}, 0);
     if (missing) {
-      const double share =
-          (clouds_[i]->ShareOf(*clouds_[j], PoseOf(i, k), PoseOf(j, l), structure_) +
-           clouds_[j]->ShareOf(*clouds_[i], PoseOf(j, l), PoseOf(i, k), structure_)) /
-          2;
+      const double share = (clouds_[i]->ShareOf(*clouds_[j], PoseOf(i, k), PoseOf(j, l)) +
+                            clouds_[j]->ShareOf(*clouds_[i], PoseOf(j, l), PoseOf(i, k))) /
+                           2;
       known->second = std::min(kMostShared, share / std::max(limits_.overlap_margin, 1e-9));
     }
     return known->second;
   }
 
-  /// Every sensor's own best option with that side of the picture up, where it has one.
-  Choice AllUpright(int upright, bool to_choose) const {
+  /// Every sensor's own best option with one of these sides of the picture up, where it has one.
+  Choice AllUpright(const std::array<std::size_t, 2>& upright, Count count) const {
     Choice choice;
     for (std::size_t i = 0; i < size(); ++i) {
       int best = -1;
       for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
         const auto rank = [&](int option) {
-          return std::make_pair(static_cast<int>(UprightOf(i, option)) == upright,
-                                Own(i, option, to_choose));
+          const std::size_t own = UprightOf(i, option);
+          return std::make_pair(own == upright[0] || own == upright[1], Own(i, option, count));
         };
         if (best < 0 || rank(k) > rank(best)) best = k;
       }
@@ -247,10 +261,9 @@ class Rig {
     return choice;
   }
 
-  const Structure& structure_;
   const PoseChoiceOptions& limits_;
   std::vector<std::vector<Option>> options_;
-  std::vector<std::unique_ptr<Cloud>> clouds_;
+  std::vector<std::unique_ptr<MeasuredCloud>> clouds_;
   std::map<std::tuple<std::size_t, std::size_t, int, int>, double> shared_;
 };
 
@@ -260,8 +273,9 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
                                        const Structure& structure,
                                        const PoseChoiceOptions& options) {
   Rig rig(sensors, structure, options);
-  const Choice best = rig.Best(rig.size(), 0, true);
-  const double score = rig.Score(best, false);
+  const Choice any(rig.size(), -1);
+  const Choice best = rig.Best(any, Count::kAll);
+  const double score = rig.Score(best, Count::kEvidence);
   std::vector<PoseChoice> choices(rig.size());
   for (std::size_t i = 0; i < rig.size(); ++i) {
     if (best[i] < 0) continue;
@@ -270,13 +284,18 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
     double rival_score = score - kDecides;
     for (int k = 0; k < static_cast<int>(rig.options(i).size()); ++k) {
       if (k == best[i]) continue;
-      const double other = rig.Score(rig.Best(i, k, false), false);
+      Choice fixed = any;
+      fixed[i] = k;
+      const double other = rig.BestScore(fixed, Count::kEvidence);
       if (other <= rival_score) continue;
       rival_score = other;
       choices[i].ambiguous = true;
       choices[i].rival = rig.options(i)[static_cast<std::size_t>(k)].pose;
     }
   }
+  const std::size_t anchor = rig.Anchor(best, choices);
+  for (std::size_t i = 0; i < rig.size(); ++i)
+    choices[i].up_unknown = i != anchor && choices[i].ambiguous && rig.IsUpUnknown(i, anchor, best);
   return choices;
 }
 

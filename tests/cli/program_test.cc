@@ -461,6 +461,27 @@ TEST_F(Program, BadModelsAreOneLineErrors) {
   ExpectCalibrateError(capture, {"structure"});
 }
 
+TEST_F(Program, ConvertsPoses) {
+  WriteFileAtomically(Path("poses.txt"), "# sensor 0 left\n0 1 2 3 0 0 0 1\n");
+  const Outcome run =
+      Volalign("convert " + Path("poses.txt") + " --from tum --to poses -o " + Path("poses.json"));
+  EXPECT_EQ(run.status, 0) << run.output;
+  const nlohmann::json sensor = ReadJson(Path("poses.json"))["sensors"][0];
+  EXPECT_EQ(sensor["name"], "left");
+  EXPECT_EQ(sensor["structure_from_sensor"][1][3], 2);
+  const Outcome shifted =
+      Volalign("convert " + Path("poses.json") + " --from poses --to ros -o " + Path("tf.yaml"));
+  EXPECT_NE(shifted.output.find("written"), std::string::npos) << shifted.output;
+  ExpectError(Volalign("convert " + Path("poses.txt") + " --to tum -o " + Path("x")),
+              {"poses.txt"});
+  ExpectError(
+      Volalign("convert " + Path("poses.json") + " --from poses --to colmap -o " + Path("x")),
+      {"colmap", "intrinsics", "left"});
+  ExpectError(
+      Volalign("convert " + Path("poses.json") + " --from poses --to kinect -o " + Path("x")),
+      {"kinect", "open3d"});
+}
+
 TEST_F(Program, ExportsTorchScript) {
   const Outcome run = Volalign("export --model models/m05-lite.pt -o " + Path("m.ts"));
   EXPECT_EQ(run.status, 0) << run.output;

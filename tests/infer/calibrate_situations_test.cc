@@ -62,6 +62,13 @@ TEST(NothingBehind, FourParallelSidesFixAPose) {
   }
 }
 
+/// Geometry would find what the labels leave open.
+CalibrateOptions ByLabels() {
+  CalibrateOptions options;
+  options.initial.method = PoseMethod::kNetwork;
+  return options;
+}
+
 /// m, mean error of the positions of six sensors round boxes that stand as described.
 double ErrorWithExactBoxes(std::uint64_t seed, const std::string& estimate) {
   Rig rig{PaperStructure(), {}, {}};
@@ -105,7 +112,7 @@ Rig WithLostSensor(int k, const Scene& scene) {
 
 TEST(Neighbours, PlaceASensorThatSeesTooFewSides) {
   for (int k = 0; k < 3; ++k) {
-    const CalibrationResult result = CalibrateRig(WithLostSensor(k, {true, 3.5}));
+    const CalibrationResult result = CalibrateRig(WithLostSensor(k, {true, 3.5}), ByLabels());
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << result.sensors[i].reason;
       ExpectPlaced(result.sensors[i], 0.006, 0.1);
@@ -147,7 +154,7 @@ TEST(Neighbours, DoNotPlaceASensorThatCouldSlide) {
 }
 
 TEST(Neighbours, WithoutOverlapEverySensorIsOnItsOwn) {
-  CalibrateOptions options;
+  CalibrateOptions options = ByLabels();
   options.refine.max_overlap_points = 0;
   const CalibrationResult result = CalibrateRig(WithLostSensor(0, {true, 3.5}), options);
   EXPECT_EQ(result.sensors[3].code, SensorCode::kDegenerateSides) << result.sensors[3].reason;
@@ -166,13 +173,15 @@ LabelImage UpsideDownLabels(const Rig& rig, std::size_t i) {
 }
 
 /// Six sensors that see the stack and, with walls, what is 0.6 m above and below its middle, so
-/// that nothing in view tells up from down. `floor` of them also see the floor.
-Rig WithoutFloor(double wall, int k, int floor) {
+/// that nothing in view tells up from down. `floor` of them also see the floor; the pictures of the
+/// first `upright` stand upright, the others lie on their side.
+Rig WithoutFloor(double wall, int k, int floor, int upright = 0) {
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 6; ++i) {
     const bool sees_floor = i < floor;
     rig.Add("S" + std::to_string(i),
-            RingPose(20 + 60.0 * i + 17 * k, 1.9 + 0.1 * (i % 3), 0.2 + 0.1 * (i % 4)),
+            RingPose(20 + 60.0 * i + 17 * k, 1.9 + 0.1 * (i % 3), 0.2 + 0.1 * (i % 4),
+                     i < upright ? 0 : 90),
             {sees_floor, wall});
     SensorFrame& frame = rig.frames.back();
     frame.quarter_turns = kAutoTurns;
@@ -202,6 +211,32 @@ TEST(OneUpForTheRig, NoSensorIsUpsideDownToTheOthers) {
     for (const SensorResult& sensor : result.sensors) {
       ExpectPlaced(sensor, 0.015, 0.2);
       EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << "nothing says which way is up";
+    }
+  }
+}
+
+// S1 is misled and S4 is, one of three upright pictures and one of three that lie on their side.
+TEST(OneUpForTheRig, SensorsMayBeMountedInTwoWays) {
+  const CalibrationResult result = CalibrateMisled(WithoutFloor(0, 0, 0, 3));
+  for (const SensorResult& sensor : result.sensors) {
+    ExpectPlaced(sensor, 0.015, 0.2);
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
+  }
+}
+
+// S0 and S1, the upright ones, contradict each other, and nothing joins either to the others.
+TEST(OneUpForTheRig, WhatMayContradictTheOthersIsNotPlaced) {
+  const CalibrationResult result = CalibrateMisled(WithoutFloor(0, 0, 0, 2));
+  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
+    const SensorResult& sensor = result.sensors[i];
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
+    if (i < 2) {
+      EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
+      EXPECT_NE(sensor.reason.find("agrees with the other sensors"), std::string::npos)
+          << sensor.reason;
+      EXPECT_NE(sensor.hint.find("quarter_turns"), std::string::npos) << sensor.hint;
+    } else {
+      ExpectPlaced(sensor, 0.015, 0.2);
     }
   }
 }

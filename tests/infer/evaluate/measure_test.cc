@@ -125,7 +125,9 @@ TEST(Measure, ASensorThatSeesEnoughAndFailsIsLost) {
       label = 0;
     }
   }
-  std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  CalibrateOptions options;
+  options.initial.method = PoseMethod::kNetwork;  // geometry would find all three
+  std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", options}}, segmenter);
   cases[0].rig = "ring";
   cases[0].sensors = "kinect";
   const std::vector<EvaluationSummary> summaries = SummariseCases(cases);

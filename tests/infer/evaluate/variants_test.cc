@@ -11,12 +11,12 @@ namespace {
 TEST(Variants, OneAValueOverTheSharedOptions) {
   ConfigSource source;
   source.Set("refine.edge_weight=7");
-  const auto variants = ReadVariants(source, "initial.method=paper,robust");
+  const auto variants = ReadVariants(source, "initial.method=paper,network");
   ASSERT_EQ(variants.size(), 2u);
   EXPECT_EQ(variants[0].name, "paper");
   EXPECT_EQ(variants[0].options.initial.method, PoseMethod::kPaper);
-  EXPECT_EQ(variants[1].name, "robust");
-  EXPECT_EQ(variants[1].options.initial.method, PoseMethod::kRobust);
+  EXPECT_EQ(variants[1].name, "network");
+  EXPECT_EQ(variants[1].options.initial.method, PoseMethod::kNetwork);
   for (const EvaluationVariant& variant : variants)
     EXPECT_EQ(variant.options.refine.edge_weight, 7);
   const auto alone = ReadVariants(source, "");

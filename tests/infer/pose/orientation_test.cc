@@ -67,7 +67,7 @@ struct Frames {
     for (std::size_t i = 0; i < views.size(); ++i)
       unlabelled.push_back({&views[i], &intrinsics, given[i], i != unusable});
     StageClock clock;
-    return LabelViews(unlabelled, structure, segmenter, InitialPoseOptions(), OrientationOptions(),
+    return LabelViews(unlabelled, structure, &segmenter, InitialPoseOptions(), OrientationOptions(),
                       1, &clock);
   }
   /// Turns that were tried of a view, in order.

@@ -46,7 +46,7 @@ Pose UpsideDown() {
 }
 
 PoseChoice DecideAmong(const std::vector<PoseEvidence>& poses) {
-  return Decide(poses, PoseChoiceOptions());
+  return Decide(poses, PaperStructure(), PoseChoiceOptions());
 }
 
 TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "infer/pose/aliases.h"
+#include "infer/pose/same_pose.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -28,10 +29,12 @@ struct Candidates {
   std::vector<Pose> right, over;
   std::vector<std::vector<PoseEvidence>> poses;
 
-  explicit Candidates(const std::vector<Evidence>& evidence, double roll_of_last_deg = 90) {
+  /// `roll_deg`: of each sensor; 90 of those past its end.
+  explicit Candidates(const std::vector<Evidence>& evidence,
+                      const std::vector<double>& roll_deg = {}) {
     const Pose motion = FindAliases(structure).front().motion;
     for (std::size_t i = 0; i < evidence.size(); ++i) {
-      const double roll = i + 1 == evidence.size() ? roll_of_last_deg : 90;
+      const double roll = i < roll_deg.size() ? roll_deg[i] : 90;
       right.push_back(RingPose(10 + 50 * static_cast<double>(i), 2, 0.4, roll));
       over.push_back(motion * right.back());
       views.push_back(MakeSensorView(
@@ -54,7 +57,7 @@ struct Candidates {
     return ChooseTogether(sensors, structure, {});
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
-    return choice.found && SamePose(choice.best.structure_from_sensor, right[i]);
+    return choice.found && SamePose(structure, choice.best.structure_from_sensor, right[i]);
   }
 };
 
@@ -65,7 +68,7 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
   for (std::size_t i = 0; i < choices.size(); ++i) {
     EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
     EXPECT_TRUE(choices[i].ambiguous) << i;
-    EXPECT_TRUE(SamePose(choices[i].rival.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_TRUE(SamePose(rig.structure, choices[i].rival.structure_from_sensor, rig.over[i])) << i;
   }
   // Where most are misled, all are: still one answer.
   const Candidates wrong({misled, good, misled, misled});
@@ -73,6 +76,45 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     EXPECT_FALSE(wrong.IsRight(all[i], i)) << i;
     EXPECT_TRUE(all[i].ambiguous) << i;
+  }
+}
+
+// Half of the pictures stand upright and half lie on their side: none of either contradicts the
+// others that are mounted so.
+TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
+  const Evidence good{0, 0.8, 0, 0.3}, misled{0, 0.2, 0, 0.9};
+  for (std::size_t wrong = 0; wrong < 6; ++wrong) {
+    std::vector<Evidence> evidence(6, good);
+    evidence[wrong] = misled;
+    const Candidates rig(evidence, {0, 90, 0, 90, 0, 90});
+    const std::vector<PoseChoice> choices = rig.Choose();
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i << ", misled " << wrong;
+      EXPECT_TRUE(choices[i].ambiguous) << i;
+    }
+  }
+}
+
+// Of two kinds of mounting with nothing that joins them, one is the network's: the others' up is
+// unknown, unless there is a floor.
+TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
+  const Evidence open{0, 0.8, 0, 0.75};
+  const std::vector<double> roll = {0, 90, 0, 90, 0, 90};
+  for (const bool floor : {false, true}) {
+    std::vector<Evidence> evidence(6, open);
+    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {0.2, 0.8, -0.2, 0.8};
+    const Candidates rig(evidence, roll);
+    std::vector<SensorCandidates> sensors;
+    for (std::size_t i = 0; i < rig.views.size(); ++i) {
+      sensors.push_back({&rig.views[i], rig.poses[i],
+                         roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
+    }
+    const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure, {});
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+      EXPECT_EQ(choices[i].ambiguous, !floor) << i;
+      EXPECT_EQ(choices[i].up_unknown, !floor && roll[i] == 0) << i;
+    }
   }
 }
 
@@ -94,7 +136,7 @@ TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
 
 TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
   const Evidence floor{0.2, 0.8, -0.2, 0.8};
-  const Candidates rig({floor, floor, floor, floor}, -90);  // the last one the other way round
+  const Candidates rig({floor, floor, floor, floor}, {90, 90, 90, -90});
   const std::vector<PoseChoice> choices = rig.Choose();
   for (std::size_t i = 0; i < choices.size(); ++i) {
     EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;

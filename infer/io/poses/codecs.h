@@ -1,0 +1,48 @@
+#pragma once
+
+// The formats, one pair of functions each, texts in memory. Readers throw DataError with `name`,
+// the file's, in the message. Not for callers of ReadPoses and WritePoses.
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "infer/io/poses/sensor_pose.h"
+
+namespace volalign::poses_internal {
+
+using Poses = std::vector<SensorPose>;
+/// Of the files of a folder, by name.
+using Files = std::map<std::string, std::string>;
+
+std::string WritePosesJson(const Poses& poses);
+Poses ReadPosesJson(const std::string& text, const std::string& name);
+
+std::string WriteOpen3d(const Poses& poses);
+Poses ReadOpen3d(const std::string& text, const std::string& name);
+
+std::string WriteUnity(const Poses& poses);
+Poses ReadUnity(const std::string& text, const std::string& name);
+
+std::string WriteOpen3dLog(const Poses& poses);
+Poses ReadOpen3dLog(const std::string& text, const std::string& name);
+
+std::string WriteTum(const Poses& poses);
+Poses ReadTum(const std::string& text, const std::string& name);
+
+std::string WriteCsv(const Poses& poses);
+Poses ReadCsv(const std::string& text, const std::string& name);
+
+std::string WriteOpencv(const Poses& poses);
+Poses ReadOpencv(const std::string& text, const std::string& name);
+
+std::string WriteRos(const Poses& poses);
+Poses ReadRos(const std::string& text, const std::string& name);
+
+Files WriteVolumetricCapture(const Poses& poses);
+Poses ReadVolumetricCapture(const Files& files);
+
+Files WriteColmap(const Poses& poses);
+Poses ReadColmap(const Files& files);
+
+}  // namespace volalign::poses_internal

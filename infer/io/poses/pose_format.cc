@@ -1,0 +1,159 @@
+#include "infer/io/poses/pose_format.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "infer/io/poses/codecs.h"
+
+namespace volalign {
+
+namespace {
+
+using poses_internal::Files;
+
+constexpr std::uint64_t kMostBytes = 64u << 20;  // of a file of poses, or of COLMAP's images
+
+bool IsFolder(PoseFormat format) {
+  return format == PoseFormat::kColmap || format == PoseFormat::kVolumetricCapture;
+}
+
+const char* WordOf(PoseFormat format) {
+  for (const auto& [word, value] : kPoseFormatWords) {
+    if (value == format) return word;
+  }
+  return "";
+}
+
+Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
+  const auto wanted = [&](const std::filesystem::path& file) {
+    return format == PoseFormat::kColmap
+               ? file.filename() == "cameras.txt" || file.filename() == "images.txt"
+               : file.extension() == ".extrinsics";
+  };
+  Files files;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(path, error), end; !error && it != end;
+       it.increment(error)) {
+    if (wanted(it->path()))
+      files[it->path().filename().string()] = ReadFile(it->path(), kMostBytes);
+  }
+  if (error) throw IoError(fmt::format("{}: {}", path.string(), error.message()));
+  return files;
+}
+
+std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format) {
+  if (format == PoseFormat::kVolalign) return ReadPosesOfExtrinsics(path);
+  if (IsFolder(format)) {
+    const Files files = ReadFolder(path, format);
+    return format == PoseFormat::kColmap ? poses_internal::ReadColmap(files)
+                                         : poses_internal::ReadVolumetricCapture(files);
+  }
+  const std::string text = ReadFile(path, kMostBytes), name = path.string();
+  switch (format) {
+    case PoseFormat::kOpen3d:
+      return poses_internal::ReadOpen3d(text, name);
+    case PoseFormat::kOpen3dLog:
+      return poses_internal::ReadOpen3dLog(text, name);
+    case PoseFormat::kOpencv:
+      return poses_internal::ReadOpencv(text, name);
+    case PoseFormat::kRos:
+      return poses_internal::ReadRos(text, name);
+    case PoseFormat::kUnity:
+      return poses_internal::ReadUnity(text, name);
+    case PoseFormat::kTum:
+      return poses_internal::ReadTum(text, name);
+    case PoseFormat::kCsv:
+      return poses_internal::ReadCsv(text, name);
+    default:
+      return poses_internal::ReadPosesJson(text, name);
+  }
+}
+
+std::string TextOf(PoseFormat format, const std::vector<SensorPose>& poses) {
+  switch (format) {
+    case PoseFormat::kOpen3d:
+      return poses_internal::WriteOpen3d(poses);
+    case PoseFormat::kOpen3dLog:
+      return poses_internal::WriteOpen3dLog(poses);
+    case PoseFormat::kOpencv:
+      return poses_internal::WriteOpencv(poses);
+    case PoseFormat::kRos:
+      return poses_internal::WriteRos(poses);
+    case PoseFormat::kUnity:
+      return poses_internal::WriteUnity(poses);
+    case PoseFormat::kTum:
+      return poses_internal::WriteTum(poses);
+    case PoseFormat::kCsv:
+      return poses_internal::WriteCsv(poses);
+    default:
+      return poses_internal::WritePosesJson(poses);
+  }
+}
+
+bool HoldsIntrinsics(PoseFormat format) {
+  return format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
+         format != PoseFormat::kVolumetricCapture && format != PoseFormat::kTum;
+}
+
+/// Throws where the format cannot be written; what it leaves out.
+std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorPose>& poses) {
+  const bool needs = format == PoseFormat::kOpen3d || format == PoseFormat::kColmap;
+  bool intrinsics = false, distortion = false;
+  for (const SensorPose& pose : poses) {
+    if (needs && !pose.intrinsics)
+      throw ConfigError(fmt::format("{} needs intrinsics, and those of \"{}\" are not known",
+                                    WordOf(format), pose.name));
+    if (format == PoseFormat::kVolumetricCapture &&
+        (pose.name.empty() || pose.name.find('/') != std::string::npos || pose.name[0] == '.'))
+      throw ConfigError(fmt::format("\"{}\" is no name of a file", pose.name));
+    intrinsics = intrinsics || pose.intrinsics;
+    distortion = distortion || (pose.intrinsics && !pose.intrinsics->distortion.empty());
+  }
+  std::vector<std::string> lost;
+  if (intrinsics && !HoldsIntrinsics(format)) lost.push_back("the intrinsics have no place in it");
+  if (distortion && format == PoseFormat::kOpen3d)
+    lost.push_back(
+        "the distortion has no place in it: Open3D's cameras are pinholes, so undistort the "
+        "pictures");
+  return lost;
+}
+
+}  // namespace
+
+PoseFormat ParsePoseFormat(const std::string& word) {
+  std::vector<std::string> words;
+  for (const auto& [known, format] : kPoseFormatWords) {
+    if (word == known) return format;
+    words.emplace_back(known);
+  }
+  throw ConfigError(fmt::format("\"{}\" is no format; known are {}", word, fmt::join(words, ", ")));
+}
+
+std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format) {
+  std::vector<SensorPose> poses = ReadAny(path, format);
+  if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
+  return poses;
+}
+
+std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
+                                    const std::vector<SensorPose>& poses) {
+  if (format == PoseFormat::kVolalign)
+    throw ConfigError(
+        "only `volalign calibrate` writes an extrinsics.json; --to poses has the "
+        "poses and intrinsics alone");
+  std::vector<std::string> lost = CheckPlace(format, poses);
+  if (!IsFolder(format)) {
+    WriteFileAtomically(path, TextOf(format, poses));
+    return lost;
+  }
+  const Files files = format == PoseFormat::kColmap ? poses_internal::WriteColmap(poses)
+                                                    : poses_internal::WriteVolumetricCapture(poses);
+  for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
+  return lost;
+}
+
+}  // namespace volalign

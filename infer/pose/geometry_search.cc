@@ -1,0 +1,261 @@
+#include "infer/pose/geometry_search.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <iterator>
+#include <utility>
+
+#include "infer/pose/box_fit.h"
+#include "infer/pose/floor.h"
+#include "infer/pose/initial_pose.h"
+#include "infer/pose/same_pose.h"
+#include "infer/pose/stack_search.h"
+#include "infer/pose/standing_guesses.h"
+
+namespace volalign {
+
+namespace {
+
+/// Large planes of a view that may be floors, or tell which way is up.
+constexpr int kMostPlanes = 10;
+/// Candidates of one guess: those that are looked at, and those of them that are brought onto the
+/// boxes. Without a floor there are many guesses: so many of all are looked at.
+constexpr std::size_t kMostLookedAt = 16, kMostFitted = 4;
+/// Without a floor, where much has to be tried: cells along the smallest edge of any box.
+constexpr double kCoarseCells = 5;
+constexpr std::size_t kMostOfGuess = 6, kMostOfAllGuesses = 40;
+/// Poses that are verified with all rays.
+constexpr std::size_t kMostVerified = 6;
+/// The first look is with every second ray of every second row.
+constexpr int kFirstLook = 2;
+/// A pose on a floor that explains so much of its view needs no other floor tried.
+constexpr double kCertain = 0.97;
+
+/// A plane is of the room that has so many times the most that the structure has in one plane;
+/// sides are in one that face alike (8 deg) and are no farther apart, m.
+constexpr double kLargerThanStack = 1.3, kSameDirection = 0.99, kSamePlane = 0.04;
+
+/// Sensors are mounted upright, on a side or overhead.
+std::vector<Eigen::Vector3d> UsualUps() {
+  return {-Eigen::Vector3d::UnitY(), -Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitX(),
+          Eigen::Vector3d::UnitY()};
+}
+
+/// What a pose explains, less what contradicts it, m^2.
+double Gain(const ShapeEvidence& shape) {
+  return shape.explained - shape.see_through - shape.larger - (shape.turned + shape.goes_on) / 2;
+}
+
+using Poses = std::vector<GeometricPose>;
+
+void SortByGain(std::size_t most, Poses* poses) {
+  std::stable_sort(poses->begin(), poses->end(),
+                   [](const auto& a, const auto& b) { return Gain(a.shape) > Gain(b.shape); });
+  if (poses->size() > most) poses->resize(most);
+}
+
+/// Of poses that are about the same, the first.
+Poses Distinct(Poses poses, const Structure& structure) {
+  Poses distinct;
+  for (GeometricPose& pose : poses) {
+    const bool known = std::any_of(distinct.begin(), distinct.end(), [&](const auto& other) {
+      return SamePose(structure, other.structure_from_sensor, pose.structure_from_sensor);
+    });
+    if (!known) distinct.push_back(pose);
+  }
+  return distinct;
+}
+
+/// The most of a structure's surface that lies in one plane, m^2.
+double LargestFlat(const Structure& structure) {
+  double largest = 0;
+  for (const Side& side : structure.sides()) {
+    double area = 0;
+    for (const Side& other : structure.sides()) {
+      if (other.normal.dot(side.normal) > kSameDirection &&
+          std::abs(side.normal.dot(other.centre - side.centre)) < kSamePlane)
+        area += other.exposed_area;
+    }
+    largest = std::max(largest, area);
+  }
+  return largest;
+}
+
+class Search {
+ public:
+  Search(const SensorView& view, const Structure& structure, double table_height_m,
+         const GeometryOptions& options)
+      : structure_(structure),
+        table_height_m_(table_height_m),
+        options_(options),
+        surface_(MakeSurfaceView(view, kCoarseRays)),
+        planes_(FindRoomPlanes(PointsOf(surface_), kMostPlanes)),
+        outline_(MakeStackOutline(structure)) {
+    floor_points_ = PointsOf(surface_);
+    MarkRoom(planes_, kLargerThanStack * LargestFlat(structure), &surface_);
+    first_look_ = Decimate(surface_, kFirstLook);
+    points_ = PointsOf(surface_);
+  }
+
+  Poses OnFloors() const {
+    Poses found;
+    if (table_height_m_ < 0) return found;
+    for (const StandingGuess& guess : GuessFloors(planes_, table_height_m_)) {
+      Poses poses = Look(SearchStack(points_, outline_, guess, kMostLookedAt));
+      Append(OnTheFloor(Verify(FitRoughly(std::move(poses), true))), &found);
+      const bool certain = std::any_of(found.begin(), found.end(), [](const auto& pose) {
+        return pose.shape.explained_share() > kCertain;
+      });
+      if (certain) break;
+    }
+    return found;
+  }
+
+  Poses WithoutFloor() const {
+    const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
+    std::vector<StackCandidate> candidates;
+    for (const StandingGuess& guess :
+         GuessWithoutFloor(points_, planes_, structure_, coarse, UsualUps())) {
+      Append(SearchStack(points_, coarse, guess, kMostOfGuess), &candidates);
+    }
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const auto& a, const auto& b) { return a.votes > b.votes; });
+    if (candidates.size() > kMostOfAllGuesses) candidates.resize(kMostOfAllGuesses);
+    return Verify(FitRoughly(Look(candidates), false));
+  }
+
+  /// The poses, and where their aliases explain the view, these.
+  Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
+    Poses moved;
+    for (const GeometricPose& pose : poses) {
+      for (const StructureAlias& alias : aliases) {
+        moved.push_back(pose);
+        moved.back().structure_from_sensor = alias.motion * pose.structure_from_sensor;
+        moved.back().shape =
+            MeasureShape(first_look_, structure_, moved.back().structure_from_sensor);
+      }
+    }
+    SortByGain(moved.size(), &moved);
+    Poses all = poses;
+    // Those need not pass the limits that their originals have passed: which of them explain as
+    // much is for Compete to say.
+    Append(FitWell(Distinct(std::move(moved), structure_)), &all);
+    return all;
+  }
+
+ private:
+  template <class T>
+  static void Append(std::vector<T> more, std::vector<T>* all) {
+    std::move(more.begin(), more.end(), std::back_inserter(*all));
+  }
+
+  /// Those with floor round them: a side of the structure itself may have been taken for one.
+  Poses OnTheFloor(Poses poses) const {
+    const auto off = [&](const GeometricPose& pose) {
+      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
+                   .share() > 0);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());
+    return poses;
+  }
+
+  Poses Look(const std::vector<StackCandidate>& candidates) const {
+    Poses poses;
+    for (const StackCandidate& candidate : candidates) {
+      poses.push_back({candidate.structure_from_sensor,
+                       MeasureShape(first_look_, structure_, candidate.structure_from_sensor), 0});
+    }
+    SortByGain(poses.size(), &poses);
+    return poses;
+  }
+
+  Poses FitRoughly(Poses poses, bool floor) const {
+    if (poses.size() > kMostFitted) poses.resize(kMostFitted);
+    BoxFit fit;
+    fit.floor = floor;
+    for (GeometricPose& pose : poses) {
+      pose.structure_from_sensor =
+          FitToBoxes(floor ? floor_points_ : points_, structure_, fit, pose.structure_from_sensor);
+      pose.shape = MeasureShape(first_look_, structure_, pose.structure_from_sensor);
+    }
+    SortByGain(poses.size(), &poses);
+    return Distinct(std::move(poses), structure_);
+  }
+
+  /// Fitted with more points, and looked at with all rays.
+  Poses FitWell(Poses poses) const {
+    if (poses.size() > kMostVerified) poses.resize(kMostVerified);
+    const BoxFit fit{4, 1500, 0.05, 0.03, false};
+    for (GeometricPose& pose : poses) {
+      pose.structure_from_sensor = FitToBoxes(points_, structure_, fit, pose.structure_from_sensor);
+      pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
+    }
+    return poses;
+  }
+
+  /// Those that have the structure's shape.
+  Poses Verify(Poses poses) const {
+    poses = FitWell(std::move(poses));
+    const auto other = [&](const GeometricPose& pose) {
+      return !HasShape(pose.shape, structure_, options_);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), other), poses.end());
+    return poses;
+  }
+
+  const Structure& structure_;
+  double table_height_m_;
+  const GeometryOptions& options_;
+  SurfaceView surface_, first_look_;
+  std::vector<RoomPlane> planes_;
+  std::vector<OrientedPoint> points_;        // without those of the room
+  std::vector<OrientedPoint> floor_points_;  // with them
+  StackOutline outline_;
+};
+
+/// Without those that explain clearly less than the best one, the best first.
+Poses Compete(Poses poses, const Structure& structure, double margin) {
+  double reference = 0, best = 0;
+  for (const GeometricPose& pose : poses) reference = std::max(reference, pose.shape.explained);
+  for (GeometricPose& pose : poses) {
+    pose.overlap = pose.shape.overlap(reference);
+    best = std::max(best, pose.overlap);
+  }
+  const auto misfit = [&](const GeometricPose& pose) { return pose.overlap < best - margin; };
+  poses.erase(std::remove_if(poses.begin(), poses.end(), misfit), poses.end());
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const auto& a, const auto& b) { return a.overlap > b.overlap; });
+  return Distinct(std::move(poses), structure);
+}
+
+}  // namespace
+
+SurfaceView PrepareSurface(const SensorView& view, const Structure& structure) {
+  SurfaceView surface = MakeSurfaceView(view, kCoarseRays);
+  MarkRoom(FindRoomPlanes(PointsOf(surface), kMostPlanes),
+           kLargerThanStack * LargestFlat(structure), &surface);
+  return surface;
+}
+
+bool HasShape(const ShapeEvidence& shape, const Structure& structure,
+              const GeometryOptions& options) {
+  double area = 0;
+  for (const Side& side : structure.sides()) area += side.label > 0 ? side.exposed_area : 0;
+  return shape.explained_share() >= options.min_explained_share &&
+         shape.visible_share() >= options.min_visible_share &&
+         shape.goes_on_share() <= options.max_goes_on_share &&
+         shape.explained >= options.min_area_share * area;
+}
+
+std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
+                                               const std::vector<StructureAlias>& aliases,
+                                               double table_height_m,
+                                               const GeometryOptions& options) {
+  const Search search(view, structure, table_height_m, options);
+  Poses found = search.OnFloors();
+  if (found.empty()) found = search.WithoutFloor();
+  found = Compete(std::move(found), structure, options.rival_margin);
+  return Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
+}
+
+}  // namespace volalign

@@ -1,0 +1,130 @@
+#include "infer/pose/pose_sources.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "infer/pose/agreement.h"
+#include "infer/pose/floor.h"
+#include "infer/pose/geometry_search.h"
+#include "infer/pose/same_pose.h"
+
+namespace volalign {
+
+namespace {
+
+/// Labels follow the pose that they led to, so often at most, and while it moves farther than this,
+/// m.
+constexpr int kLabelRounds = 3;
+constexpr double kLabelsStay = 0.005;
+
+/// Which of both sources a pose comes from makes no difference: shape, floor and the network's
+/// labels are compared at every one.
+void JudgeAlike(const SensorView& view, const Structure& structure,
+                const std::vector<PoseTrial>& trials, const InitialPoseOptions& initial,
+                std::vector<PoseEvidence>* poses) {
+  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
+  const SensorView coarse = Decimate(view, stride);
+  const SurfaceView surface = PrepareSurface(view, structure);
+  std::vector<ShapeEvidence> shapes;
+  std::vector<Pose> rivals;
+  double reference = 0;
+  for (const PoseEvidence& pose : *poses) {
+    shapes.push_back(MeasureShape(surface, structure, pose.structure_from_sensor));
+    reference = std::max(reference, shapes.back().explained);
+    rivals.push_back(pose.structure_from_sensor);
+  }
+  for (std::size_t k = 0; k < poses->size(); ++k) {
+    PoseEvidence& pose = (*poses)[k];
+    pose.overlap = shapes[k].overlap(reference);
+    pose.floor =
+        FindFloor(view, structure, pose.structure_from_sensor, initial.table_height_m, rivals)
+            .share();
+    pose.network_score = 0;
+    for (const PoseTrial& trial : trials) {
+      const Agreement agreement = CompareWithView(
+          coarse, Decimate(*trial.segmentation, stride), structure, pose.structure_from_sensor,
+          initial.evidence.min_confidence, kInitialTolerance);
+      pose.network_score = std::max(pose.network_score, agreement.score());
+    }
+  }
+}
+
+}  // namespace
+
+bool AsksNetwork(PoseMethod method, bool model) { return model && method != PoseMethod::kGeometry; }
+
+bool AsksGeometry(PoseMethod method) {
+  return method == PoseMethod::kAuto || method == PoseMethod::kGeometry;
+}
+
+std::vector<PoseEvidence> ProposeByGeometry(const SensorView& view, const Structure& structure,
+                                            const std::vector<StructureAlias>& aliases,
+                                            const InitialPoseOptions& options) {
+  std::vector<PoseEvidence> proposals;
+  std::vector<Pose> rivals;
+  for (const GeometricPose& pose :
+       FindPosesByGeometry(view, structure, aliases, options.table_height_m, options.geometry)) {
+    PoseEvidence proposal;
+    proposal.structure_from_sensor = pose.structure_from_sensor;
+    proposal.source = PoseSource::kGeometry;
+    proposal.overlap = proposal.network_score = pose.overlap;
+    proposals.push_back(proposal);
+    rivals.push_back(pose.structure_from_sensor);
+  }
+  for (PoseEvidence& proposal : proposals) {
+    proposal.floor =
+        FindFloor(view, structure, proposal.structure_from_sensor, options.table_height_m, rivals)
+            .share();
+  }
+  return proposals;
+}
+
+std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structure& structure,
+                                           const std::vector<PoseTrial>& trials,
+                                           std::vector<PoseEvidence> network,
+                                           std::vector<PoseEvidence> geometry,
+                                           const InitialPoseOptions& initial,
+                                           const PoseChoiceOptions& options) {
+  if (geometry.empty() || network.empty()) return geometry.empty() ? network : geometry;
+  const PoseChoice choice = Decide(network, structure, options);
+  const Pose& best =
+      choice.found ? choice.best.structure_from_sensor : network.front().structure_from_sensor;
+  const bool agree = std::any_of(geometry.begin(), geometry.end(), [&](const auto& other) {
+    return SamePose(structure, other.structure_from_sensor, best);
+  });
+  if (agree) return network;
+  if (!HasShape(MeasureShape(PrepareSurface(view, structure), structure, best), structure,
+                initial.geometry)) {
+    // Labels that fit no better there contradict geometry: a mirrored frame, a stack built
+    // otherwise.
+    std::vector<PoseEvidence> both = geometry;
+    PoseEvidence own;
+    own.structure_from_sensor = best;
+    both.push_back(own);
+    JudgeAlike(view, structure, trials, initial, &both);
+    const double own_score = both.back().network_score;
+    return both.front().network_score > own_score ? geometry : network;
+  }
+  network.insert(network.end(), geometry.begin(), geometry.end());
+  JudgeAlike(view, structure, trials, initial, &network);
+  DropMisfits(initial.geometry.rival_margin, &network);
+  std::stable_sort(network.begin(), network.end(),
+                   [](const auto& a, const auto& b) { return a.overlap > b.overlap; });
+  return network;
+}
+
+LabelledPose LabelByPose(const SensorView& view, const Structure& structure, const Pose& pose,
+                         const InitialPoseOptions& options) {
+  LabelledPose labelled;
+  Pose at = pose;
+  for (int round = 0; round < kLabelRounds; ++round) {
+    labelled.segmentation = LabelsFromPose(view, structure, at, kInitialTolerance);
+    labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &at);
+    if (!labelled.initial.found) break;
+    const Pose before = std::exchange(at, labelled.initial.structure_from_sensor);
+    if (ComparePoses(before, at).translation_m < kLabelsStay) break;
+  }
+  return labelled;
+}
+
+}  // namespace volalign

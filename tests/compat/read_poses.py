@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+"""Do Open3D and COLMAP's own readers understand what `volalign convert` writes?
+
+    tests/compat/read_poses.py VOLALIGN      (the program)
+
+Needs `open3d` and `pycolmap` of PyPI, for example: python3 -m venv build/venv && build/venv/bin/pip install open3d pycolmap.
+Exits with 77, which CTest calls skipped, where they are absent (build/venv is tried, too).
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+VENV = os.path.join(ROOT, "build", "venv", "bin", "python3")
+
+try:
+    import numpy as np
+    import open3d
+    import pycolmap
+except ImportError as error:
+    if os.path.exists(VENV) and os.path.realpath(sys.prefix) != os.path.join(ROOT, "build", "venv"):
+        os.execv(VENV, [VENV] + sys.argv)
+    print(f"skipped: {error}; python3 -m venv build/venv && build/venv/bin/pip install open3d pycolmap")
+    sys.exit(77)
+
+
+def some_poses():
+    """Three sensors round a stack, one with a lens, as a file of --to poses."""
+    sensors = []
+    for i, distortion in enumerate([None, [0.1, -0.05, 1e-3, 2e-3], [5.4, 3.6, 1e-4, -2e-4, 0.18, 5.7, 5.5, 0.95]]):
+        phi = 0.4 + 2.0 * i
+        forward = -np.array([np.cos(phi), 0.2, np.sin(phi)])
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 1, 0])
+        right /= np.linalg.norm(right)
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+        pose[:3, 3] = -2 * forward
+        intrinsics = {"width": 320, "height": 288, "fx": 252.5, "fy": 251.25, "cx": 163.1, "cy": 170.2}
+        if distortion:
+            intrinsics["distortion"] = distortion
+        sensors.append({"name": f"S{i}", "structure_from_sensor": pose.tolist(), "intrinsics": intrinsics})
+    return {"format": "volalign.poses/1", "convention": "", "sensors": sensors}
+
+
+def project(sensor, world):
+    """The pixel of a point, centres at integer coordinates, by OpenCV's documented model."""
+    p = np.linalg.inv(sensor["structure_from_sensor"]) @ np.append(world, 1)
+    k = sensor["intrinsics"]
+    d = np.zeros(8)
+    d[: len(k.get("distortion", []))] = k.get("distortion", [])
+    x, y = p[:2] / p[2]
+    r2 = x * x + y * y
+    radial = (1 + d[0] * r2 + d[1] * r2**2 + d[4] * r2**3) / (1 + d[5] * r2 + d[6] * r2**2 + d[7] * r2**3)
+    u = x * radial + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x)
+    v = y * radial + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y
+    return np.array([k["fx"] * u + k["cx"], k["fy"] * v + k["cy"]])
+
+
+def main():
+    volalign = sys.argv[1]
+    poses = some_poses()
+    with tempfile.TemporaryDirectory() as folder:
+        given = os.path.join(folder, "poses.json")
+        with open(given, "w", encoding="utf-8") as file:
+            json.dump(poses, file)
+
+        def convert(word, name):
+            path = os.path.join(folder, name)
+            subprocess.run([volalign, "convert", given, "--from", "poses", "--to", word, "-o", path], check=True)
+            return path
+
+        for word, name in (("open3d", "trajectory.json"), ("open3d_log", "trajectory.log")):
+            cameras = open3d.io.read_pinhole_camera_trajectory(convert(word, name)).parameters
+            assert len(cameras) == len(poses["sensors"]), (word, len(cameras))
+            for camera, sensor in zip(cameras, poses["sensors"]):
+                expected = np.linalg.inv(sensor["structure_from_sensor"])
+                assert np.allclose(camera.extrinsic, expected, atol=1e-9), (word, sensor["name"])
+                if word == "open3d":
+                    k = sensor["intrinsics"]
+                    assert np.allclose(camera.intrinsic.intrinsic_matrix,
+                                       [[k["fx"], 0, k["cx"]], [0, k["fy"], k["cy"]], [0, 0, 1]]), sensor["name"]
+
+        model = pycolmap.Reconstruction(convert("colmap", "colmap"))
+        assert model.num_images() == len(poses["sensors"])
+        for image in model.images.values():
+            sensor = next(s for s in poses["sensors"] if s["name"] == image.name)
+            world = np.array([0.15, -0.1, 0.2])
+            # The upper left pixel's centre is at (.5, .5) in COLMAP.
+            theirs = image.project_point(world)
+            assert np.allclose(theirs, project(sensor, world) + 0.5, atol=1e-6), (image.name, theirs)
+    print("Open3D and COLMAP read the poses as they are meant")
+
+
+main()
