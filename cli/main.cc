@@ -17,7 +17,8 @@ int main(int argc, char** argv) {
   program.require_subcommand(1);
   const std::vector<volalign::Command> commands = {
       volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
-      volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
+      volalign::AddTrainCommand(program),     volalign::AddRunsCommand(program),
+      volalign::AddValidateCommand(program),
 #ifdef VOLALIGN_HAS_INFER
       volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
       volalign::AddConvertCommand(program),

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/config.h"
+#include "train/train_config.h"
+#include "train/trainer.h"
+
+namespace volalign {
+
+/// Runs of every recipe with every combination of values and every seed (docs/training.md):
+///   recipes: [configs/m04.yaml, configs/m05.yaml]
+///   set: {optim.lr: [1e-4, 2e-4]}
+///   seeds: [1, 2, 3]
+struct Sweep {
+  std::vector<std::string> recipes;
+  std::vector<std::pair<std::string, std::vector<std::string>>> set;
+  std::vector<std::string> seeds;  ///< empty: the recipe's own
+};
+
+/// Throws ConfigError for a key that a sweep does not have, or no recipe.
+Sweep ReadSweep(const ConfigSource& source);
+
+struct SweepRun {
+  std::string name;  ///< of the folder: the recipe, and what tells it from the other runs
+  TrainConfig config;
+};
+
+/// The runs in order: recipes, then values, then seeds. `assignments` are set over all of them.
+/// Throws what reading a recipe throws.
+std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::string>& assignments);
+
+struct SweepResult {
+  bool finished = false;              ///< false: interrupted, can be called again
+  std::vector<std::string> failures;  ///< "NAME: message" of runs that ended with an error
+};
+
+/// Trains the runs one after the other in folders of `dir`; a run that was begun is resumed, one
+/// that has finished is left as it is. A run that fails is noted, and the next begins.
+SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet);
+
+}  // namespace volalign
