@@ -11,6 +11,7 @@
 #include "train/train_config.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/calibrate.h"
+#include "infer/evaluate/suite/suite_config.h"
 #endif
 
 namespace volalign {
@@ -53,6 +54,10 @@ Command AddConfigCommand(CLI::App& program) {
 #ifdef VOLALIGN_HAS_INFER
               PrintReference<CalibrateOptions>("Calibration",
                                                "`volalign calibrate --config` and `--set`.");
+              PrintReference<SuiteConfig>("Suites of experiments",
+                                          "`volalign evaluate --suite`, whose file is "
+                                          "`configs/paper/suite.yaml` unless `--suite-config` says "
+                                          "otherwise.");
 #endif
             } else {
               ConfigSource source = ConfigSource::FromFile(options->file);

@@ -13,6 +13,8 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "infer/evaluate/suite/figures.h"
+#include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/evaluate/suite/write_suite.h"
@@ -123,6 +125,8 @@ int RunPaperSuite(const Options& options) {
   run.progress = PrintProgress;
   SetTorchThreads(options.workers > 1 ? 1 : 2);
   fmt::print("{}", WriteSuite(run.output, suite, RunSuite(suite, run)));
+  for (const std::filesystem::path& file : WriteFigures(suite, run))
+    fmt::print(stderr, "written: {}\n", file.string());
   std::fflush(stdout);
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
   return 0;

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
 #include "core/procrustes.h"
@@ -16,6 +18,11 @@ namespace {
 constexpr int kDictionary = cv::aruco::DICT_4X4_50;
 constexpr int kMarkerCount = 50;
 constexpr int kBorderCells = 1;
+constexpr double kCornerWindow = 0.05;  // half of it, of the marker's shortest edge
+constexpr int kLargestWindow = 5;       // px, half of it
+// Markers seen at over 75 deg, whose cells are too narrow to refine corners in, and whose depth
+// jumps from pixel to pixel, are not used.
+constexpr double kLeastSlant = 0.25;
 constexpr double kCover = 1e-3;  // m above a side where another box covers it
 
 bool Covered(const Structure& structure, const Side& side) {
@@ -44,6 +51,29 @@ Eigen::Vector2d MeetingPoint(const std::array<Eigen::Vector2d, 4>& corners) {
   const Eigen::Vector2d c = corners[1] - corners[0];
   const double s = (c.x() * b.y() - c.y() * b.x()) / (a.x() * b.y() - a.y() * b.x());
   return corners[0] + s * a;
+}
+
+/// Shortest and longest edge of a marker's picture, px.
+struct EdgeLengths {
+  double shortest = std::numeric_limits<double>::infinity(), longest = 0;
+};
+EdgeLengths EdgesOf(const std::vector<cv::Point2f>& corners) {
+  EdgeLengths edges;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const double length = cv::norm(corners[k] - corners[(k + 1) % 4]);
+    edges.shortest = std::min(edges.shortest, length);
+    edges.longest = std::max(edges.longest, length);
+  }
+  return edges;
+}
+
+/// Below a pixel, in windows that hold no edges but the corner's own: as OpenCV does from 4.7 on,
+/// but by the shortest edge, so that markers seen at a slant are no exception.
+void RefineCorners(const cv::Mat& image, std::vector<cv::Point2f>* corners) {
+  const double shortest = EdgesOf(*corners).shortest;
+  const int window = std::clamp(static_cast<int>(kCornerWindow * shortest), 1, kLargestWindow);
+  cv::cornerSubPix(image, *corners, cv::Size(window, window), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01));
 }
 
 /// The point, sensor frame, that a position between pixel centres shows: its ray and its inverse
@@ -86,14 +116,16 @@ std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure&
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), corners, ids,
-                           parameters);
+  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), corners, ids);
   std::vector<FoundMarker> found;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (ids[i] < 1 || ids[i] >= structure.num_classes() ||
         Covered(structure, structure.SideOfLabel(ids[i]))) {
       continue;
     }
+    const EdgeLengths edges = EdgesOf(corners[i]);
+    if (edges.shortest < kLeastSlant * edges.longest) continue;
+    RefineCorners(image, &corners[i]);
     FoundMarker marker;
     marker.label = ids[i];
     for (std::size_t k = 0; k < 4; ++k) marker.corners[k] = {corners[i][k].x, corners[i][k].y};

@@ -27,7 +27,8 @@ struct FoundMarker {
   std::array<Eigen::Vector2d, 4> corners;  ///< of the black square, clockwise from its top left
   Eigen::Vector2d centre;                  ///< where the diagonals meet
 };
-/// Markers of StructureMarkers that OpenCV finds, corners refined below a pixel.
+/// Markers of StructureMarkers that OpenCV finds and that are not seen at over 75 deg, corners
+/// refined below a pixel.
 std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure& structure);
 
 /// The pose of a depth sensor from the markers in its infrared picture; nothing where those with a

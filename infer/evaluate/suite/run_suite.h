@@ -25,7 +25,4 @@ struct SuiteRun {
 /// rendering and calibration throw.
 std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& run);
 
-/// Whether a method can run: it needs no model, or the file is there.
-bool HasModel(const SuiteMethod& method);
-
 }  // namespace volalign

@@ -42,6 +42,13 @@ void CheckNames(const SuiteConfig& suite) {
   const std::set<std::string> datasets = UniqueNames(suite.datasets, "datasets");
   const std::set<std::string> methods = UniqueNames(suite.methods, "methods");
   UniqueNames(suite.tables, "tables");
+  UniqueNames(suite.figures, "figures");
+  for (const SuiteFigure& figure : suite.figures) {
+    for (const std::string& name : figure.methods) RequireKnown(methods, name, figure.name);
+  }
+  for (const SuiteMethod& method : suite.methods) {
+    for (const std::string& name : method.datasets) RequireKnown(datasets, name, method.name);
+  }
   for (const SuiteTable& table : suite.tables) {
     for (const SuiteBlock& block : table.blocks) {
       for (const std::string& name : block.datasets) RequireKnown(datasets, name, table.name);
@@ -66,6 +73,11 @@ const char* Word(const Words& words, Enum value) {
 }
 
 }  // namespace
+
+bool IsApplicable(const SuiteMethod& method, const std::string& dataset) {
+  return method.datasets.empty() || std::find(method.datasets.begin(), method.datasets.end(),
+                                              dataset) != method.datasets.end();
+}
 
 const char* WordOf(PoseStage stage) { return Word(kPoseStageWords, stage); }
 const char* WordOf(SuiteMetric metric) { return Word(kSuiteMetricWords, metric); }
@@ -103,6 +115,8 @@ SuiteConfig SelectTables(SuiteConfig suite, const std::string& name) {
       datasets.insert(block.datasets.begin(), block.datasets.end());
     for (const SuiteRow& row : table.rows) methods.insert(row.method);
   }
+  if (name == "all") return suite;
+  suite.figures.clear();
   erase(&suite.datasets, [&](const std::string& n) { return datasets.count(n) > 0; });
   erase(&suite.methods, [&](const std::string& n) { return methods.count(n) > 0; });
   return suite;

@@ -65,6 +65,7 @@ struct SuiteMethod {
   MethodKind kind = MethodKind::kNetwork;
   std::string model;
   bool statistical = false;
+  std::vector<std::string> datasets;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -78,8 +79,11 @@ struct SuiteMethod {
     ar("model", model, "checkpoint; where it does not exist, its rows say so");
     ar("statistical", statistical,
        "network and markers: refine by volalign's joint refinement too, not only by the paper's");
+    ar("datasets", datasets, "those that the method is applicable to; empty: all");
   }
 };
+
+bool IsApplicable(const SuiteMethod& method, const std::string& dataset);
 
 /// A group of columns: mean, STD, RSD and the distance to the best mean of one metric.
 struct SuiteBlock {
@@ -135,11 +139,38 @@ struct SuiteTable {
   }
 };
 
+/// labels: predicted labels over depth, a column for each view; clouds: points coloured by their
+/// distance to the structure.
+enum class FigureKind { kLabels, kClouds };
+inline constexpr std::array<std::pair<const char*, FigureKind>, 2> kFigureKindWords = {
+    {{"labels", FigureKind::kLabels}, {"clouds", FigureKind::kClouds}}};
+
+/// A picture with a row for each method.
+struct SuiteFigure {
+  std::string name;
+  FigureKind kind = FigureKind::kLabels;
+  std::string capture;
+  std::vector<std::string> methods;
+  PoseStage stage = PoseStage::kInitial;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; names the file");
+    DescribeWord(ar, "kind", kind, kFigureKindWords,
+                 "labels: predicted labels over depth, a column for each view; clouds: aligned "
+                 "points from two sides, blue on the structure's surface, red 5 cm off");
+    ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
+    ar("methods", methods, "a row for each");
+    DescribeWord(ar, "stage", stage, kPoseStageWords, "of clouds: which poses");
+  }
+};
+
 /// Experiments: captures, methods, and tables over both.
 struct SuiteConfig {
   std::vector<SuiteDataset> datasets;
   std::vector<SuiteMethod> methods;
   std::vector<SuiteTable> tables;
+  std::vector<SuiteFigure> figures;
   int min_side_pixels = 25;
   GraphIcpOptions graph;
   InfraredConfig infrared;
@@ -149,6 +180,7 @@ struct SuiteConfig {
     ar("datasets", datasets, "captures");
     ar("methods", methods, "what is compared");
     ar("tables", tables, "what is written");
+    ar("figures", figures, "what is drawn");
     ar("min_side_pixels", min_side_pixels, "least pixels of a side that counts as visible",
        AtLeast(1));
     ar("graph", graph, "the paper's dense refinement");
@@ -162,7 +194,7 @@ struct SuiteConfig {
 SuiteConfig ReadSuite(const std::string& path);
 
 /// The suite with the tables of this name alone ("all": every one), and the datasets and methods
-/// that they need. Throws ConfigError for an unknown name.
+/// that they need; figures belong to "all". Throws ConfigError for an unknown name.
 SuiteConfig SelectTables(SuiteConfig suite, const std::string& name);
 
 }  // namespace volalign

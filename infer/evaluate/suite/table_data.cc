@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <map>
 
-#include "infer/evaluate/suite/run_suite.h"
+#include "infer/evaluate/suite/method_set.h"
 
 namespace volalign {
 
@@ -144,12 +144,15 @@ TableData MakeTable(const SuiteConfig& suite, const SuiteTable& table,
   for (const SuiteRow& row : table.rows) {
     TableRowData of;
     of.row = row;
-    for (const SuiteMethod& method : suite.methods) {
-      if (method.name == row.method) of.has_model = HasModel(method);
-    }
+    const auto method = std::find_if(suite.methods.begin(), suite.methods.end(),
+                                     [&](const SuiteMethod& m) { return m.name == row.method; });
+    of.has_model = HasModel(*method);
     for (const SuiteBlock& block : table.blocks) {
       const std::vector<StageOfCapture> selected = Select(row, block, scores);
       of.cells.push_back(MakeCell(block.metric, selected));
+      of.cells.back().applicable =
+          std::any_of(block.datasets.begin(), block.datasets.end(),
+                      [&](const std::string& name) { return IsApplicable(*method, name); });
       of.truth.push_back(MakeTruth(selected));
     }
     data.rows.push_back(std::move(of));

@@ -17,6 +17,7 @@ bool InPercent(SuiteMetric metric);
 
 /// One metric of one row over a block's captures.
 struct TableCell {
+  bool applicable = true;
   std::vector<double> values;  ///< of each placed view, or of each capture with one
   ColumnStatistics column;
   std::optional<double> distance;  ///< to the best mean of the table's rows that the paper has

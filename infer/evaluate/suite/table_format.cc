@@ -15,6 +15,7 @@ constexpr const char* kColumns[4] = {"Mean", "STD", "RSD", "to best"};
 
 /// Our four cells of a block, as the paper prints them; "-" where there is nothing.
 std::vector<std::string> Cells(const TableCell& cell, SuiteMetric metric) {
+  if (!cell.applicable) return {"N/A", "N/A", "N/A", "N/A"};
   if (cell.values.empty()) return {"-", "-", "-", "-"};
   const ColumnStatistics& c = cell.column;
   const std::string distance = cell.distance ? fmt::format("{:+.2f}%", 100 * *cell.distance) : "-";
@@ -199,6 +200,7 @@ void Describe(Archive& ar, ColumnStatistics& column) {
 
 template <class Archive>
 void Describe(Archive& ar, TableCell& cell) {
+  ar("applicable", cell.applicable);
   ar("column", cell.column);
   ar.Optional("to_best", cell.distance);
   ar.Optional("floor", cell.floor);

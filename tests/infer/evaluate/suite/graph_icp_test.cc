@@ -36,12 +36,12 @@ Perturbed Perturb(const Rig& rig, double metres, double radians, std::uint64_t s
 }
 
 TEST(GraphIcp, FindsTheTruePosesOfExactDepth) {
-  // From so high that each sees the tops of boxes: with upright sides alone, heights are open.
+  // Each sees sides in three directions: what planes leave open, they do not tell.
   Rig rig{testing_infer::PaperStructure(), {}, {}};
-  for (int i = 0; i < 5; ++i) rig.Add("S" + std::to_string(i), RingPose(72.0 * i, 2.0, 1.0));
+  for (int i = 0; i < 4; ++i) rig.Add("S" + std::to_string(i), RingPose(90.0 * i + 45, 2.0, 1.0));
   const Perturbed start = Perturb(rig, 0.04, 0.02, 1);
   const std::vector<Pose> poses = RefineGraph(rig.structure, start.graph);
-  ASSERT_EQ(poses.size(), 5u);
+  ASSERT_EQ(poses.size(), 4u);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const PoseError before =
         ComparePoses(start.graph[i].structure_from_sensor, *rig.frames[i].ground_truth);
