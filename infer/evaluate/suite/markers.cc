@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -18,7 +17,7 @@ namespace {
 constexpr int kDictionary = cv::aruco::DICT_4X4_50;
 constexpr int kMarkerCount = 50;
 constexpr int kBorderCells = 1;
-constexpr double kCornerWindow = 0.05;  // half of it, of the marker's shortest edge
+constexpr double kCornerWindow = 0.05;  // half of it, of the marker's width
 constexpr int kLargestWindow = 5;       // px, half of it
 // Markers seen at over 75 deg, whose cells are too narrow to refine corners in, and whose depth
 // jumps from pixel to pixel, are not used.
@@ -53,25 +52,24 @@ Eigen::Vector2d MeetingPoint(const std::array<Eigen::Vector2d, 4>& corners) {
   return corners[0] + s * a;
 }
 
-/// Shortest and longest edge of a marker's picture, px.
-struct EdgeLengths {
-  double shortest = std::numeric_limits<double>::infinity(), longest = 0;
+/// Of a marker's picture, px: its longest edge, and its width square to that.
+struct Extent {
+  double length = 0, width = 0;
 };
-EdgeLengths EdgesOf(const std::vector<cv::Point2f>& corners) {
-  EdgeLengths edges;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const double length = cv::norm(corners[k] - corners[(k + 1) % 4]);
-    edges.shortest = std::min(edges.shortest, length);
-    edges.longest = std::max(edges.longest, length);
-  }
-  return edges;
+Extent ExtentOf(const std::vector<cv::Point2f>& corners) {
+  Extent extent;
+  for (std::size_t k = 0; k < 4; ++k)
+    extent.length = std::max(extent.length, cv::norm(corners[k] - corners[(k + 1) % 4]));
+  const cv::Point2f a = corners[2] - corners[0], b = corners[3] - corners[1];
+  extent.width = 0.5 * std::abs(a.cross(b)) / extent.length;
+  return extent;
 }
 
 /// Below a pixel, in windows that hold no edges but the corner's own: as OpenCV does from 4.7 on,
-/// but by the shortest edge, so that markers seen at a slant are no exception.
+/// but by the marker's width, so that markers seen at a slant are no exception.
 void RefineCorners(const cv::Mat& image, std::vector<cv::Point2f>* corners) {
-  const double shortest = EdgesOf(*corners).shortest;
-  const int window = std::clamp(static_cast<int>(kCornerWindow * shortest), 1, kLargestWindow);
+  const int window =
+      std::clamp(static_cast<int>(kCornerWindow * ExtentOf(*corners).width), 1, kLargestWindow);
   cv::cornerSubPix(image, *corners, cv::Size(window, window), cv::Size(-1, -1),
                    cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01));
 }
@@ -123,8 +121,8 @@ std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure&
         Covered(structure, structure.SideOfLabel(ids[i]))) {
       continue;
     }
-    const EdgeLengths edges = EdgesOf(corners[i]);
-    if (edges.shortest < kLeastSlant * edges.longest) continue;
+    const Extent extent = ExtentOf(corners[i]);
+    if (extent.width < kLeastSlant * extent.length) continue;
     RefineCorners(image, &corners[i]);
     FoundMarker marker;
     marker.label = ids[i];
