@@ -42,13 +42,12 @@ int TrainMany(const Options& options) {
   const std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
   const SweepResult result = TrainSweep(runs, options.run_dir, /*quiet=*/false);
-  const std::vector<LoggedRun> logged = ReadRuns({options.run_dir});
-  const Table summary = CompareRuns(GroupRuns(logged));
+  for (const std::string& failure : result.failures) fmt::print(stderr, "failed: {}\n", failure);
+  const Table summary = CompareRuns(GroupRuns(ReadRuns({options.run_dir})));
   const std::filesystem::path dir = options.run_dir;
   WriteFileAtomically(dir / "summary.csv", FormatTable(summary, TableFormat::kCsv));
   WriteFileAtomically(dir / "summary.json", FormatTable(summary, TableFormat::kJson));
   fmt::print("{}", FormatTable(summary, TableFormat::kText));
-  for (const std::string& failure : result.failures) fmt::print(stderr, "failed: {}\n", failure);
   if (!result.finished) fmt::print(stderr, "stopped: the same command continues the sweep\n");
   return result.failures.empty() ? 0 : 2;
 }

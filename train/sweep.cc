@@ -27,13 +27,12 @@ std::string InName(const std::string& text) {
 }
 
 /// All combinations of one value of each key, the last key's running fastest.
-std::vector<std::vector<std::string>> Combinations(
-    const std::vector<std::pair<std::string, std::vector<std::string>>>& choices) {
+std::vector<std::vector<std::string>> Combinations(const std::vector<SweepKey>& keys) {
   std::vector<std::vector<std::string>> all = {{}};
-  for (const auto& [key, values] : choices) {
+  for (const SweepKey& key : keys) {
     std::vector<std::vector<std::string>> longer;
     for (const auto& so_far : all) {
-      for (const std::string& value : values) {
+      for (const std::string& value : key.values) {
         longer.push_back(so_far);
         longer.back().push_back(value);
       }
@@ -59,13 +58,14 @@ void RequireDifferentNames(const std::vector<SweepRun>& runs) {
 
 Sweep ReadSweep(const ConfigSource& source) {
   Sweep sweep;
+  std::vector<SweepKey> seeds;
   for (const auto& [key, leaf] : source.leaves()) {
     if (key == "recipes") {
       sweep.recipes = leaf.values;
     } else if (key == "seeds") {
-      sweep.seeds = leaf.values;
+      seeds.push_back({"run.seed", leaf.values});
     } else if (key.rfind(kSet, 0) == 0) {
-      sweep.set.emplace_back(key.substr(sizeof(kSet) - 1), leaf.values);
+      sweep.keys.push_back({key.substr(sizeof(kSet) - 1), leaf.values, leaf.is_sequence});
     } else {
       throw ConfigError(
           fmt::format("{}: unknown key '{}': a sweep has recipes, set and seeds", leaf.where, key));
@@ -74,24 +74,23 @@ Sweep ReadSweep(const ConfigSource& source) {
       throw ConfigError(fmt::format("{}: {} is empty", leaf.where, key));
     }
   }
+  sweep.keys.insert(sweep.keys.end(), seeds.begin(), seeds.end());
   if (sweep.recipes.empty()) throw ConfigError("a sweep needs recipes: [RECIPE.yaml, ...]");
   return sweep;
 }
 
 std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::string>& assignments) {
-  auto choices = sweep.set;
-  if (!sweep.seeds.empty()) choices.emplace_back("run.seed", sweep.seeds);
   std::vector<SweepRun> runs;
   for (const std::string& recipe : sweep.recipes) {
-    for (const std::vector<std::string>& values : Combinations(choices)) {
+    for (const std::vector<std::string>& values : Combinations(sweep.keys)) {
       ConfigSource source = ConfigSource::FromFile(recipe);
       SweepRun run;
       run.name = fs::path(recipe).stem().string();
       for (const std::string& assignment : assignments) source.Set(assignment);
       for (std::size_t i = 0; i < values.size(); ++i) {
-        source.Set(choices[i].first + "=" + values[i]);
-        if (choices[i].second.size() < 2) continue;
-        run.name += fmt::format("_{}={}", choices[i].first, InName(values[i]));
+        const SweepKey& key = sweep.keys[i];
+        source.Set(key.key + "=" + values[i]);
+        if (key.listed) run.name += fmt::format("_{}={}", key.key, InName(values[i]));
       }
       run.config = ReadTrainConfig(source);
       runs.push_back(std::move(run));

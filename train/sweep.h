@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "core/config.h"
@@ -10,21 +9,27 @@
 
 namespace volalign {
 
+/// A key and the values that it takes in turn.
+struct SweepKey {
+  std::string key;
+  std::vector<std::string> values;
+  bool listed = true;  ///< false: one value for all runs, which no folder's name has
+};
+
 /// Runs of every recipe with every combination of values and every seed (docs/training.md):
 ///   recipes: [configs/m04.yaml, configs/m05.yaml]
-///   set: {optim.lr: [1e-4, 2e-4]}
+///   set: {model.base_channels: 8, optim.lr: [1e-4, 2e-4]}
 ///   seeds: [1, 2, 3]
 struct Sweep {
   std::vector<std::string> recipes;
-  std::vector<std::pair<std::string, std::vector<std::string>>> set;
-  std::vector<std::string> seeds;  ///< empty: the recipe's own
+  std::vector<SweepKey> keys;  ///< the seeds, where there are some, last
 };
 
 /// Throws ConfigError for a key that a sweep does not have, or no recipe.
 Sweep ReadSweep(const ConfigSource& source);
 
 struct SweepRun {
-  std::string name;  ///< of the folder: the recipe, and what tells it from the other runs
+  std::string name;  ///< of the folder: the recipe, and a value of each listed key
   TrainConfig config;
 };
 

@@ -1,19 +1,14 @@
 #include "train/event_file.h"
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "core/file_util.h"
 #include "tests/core/temp_folder.h"
-#include "train/tensorboard_sink.h"
 
 namespace volalign {
 namespace {
@@ -63,39 +58,6 @@ TEST(EventFile, LaterFilesSortAfterEarlierOnes) {
     EXPECT_LT(before, name);
     before = name;
   }
-}
-
-/// TensorBoard's own reader, where there is one: tests/train/tensorboard.sh installs it.
-TEST(EventFile, IsReadByTensorBoard) {
-  const std::filesystem::path python = "build/tensorboard/bin/python";
-  if (!std::filesystem::exists(python)) {
-    GTEST_SKIP() << python << " is missing: tests/train/tensorboard.sh installs TensorBoard there";
-  }
-  const TempFolder folder;
-  ValidationResult result;
-  result.miou = 0.25;
-  LabelExample example{DepthImage(4, 3), LabelImage(4, 3), LabelImage(4, 3)};
-  result.examples = {example, example};
-  {
-    TensorBoardSink sink(folder.path(), "run:\n  seed: 1\n", 0);
-    for (std::int64_t samples = 10; samples <= 50; samples += 10) {
-      TrainRow row;
-      row.samples = samples;
-      row.mean.loss = 100 + static_cast<double>(samples);
-      sink.Train(row);
-      sink.Validation({samples, samples, result});
-    }
-  }
-  // Killed, and resumed from sample 30: what came after it is void.
-  TensorBoardSink sink(folder.path(), "run:\n  seed: 1\n", 30);
-  TrainRow row;
-  row.samples = 40;
-  row.mean.loss = 7;
-  sink.Train(row);
-  const int status = std::system(fmt::format("{} tests/train/tensorboard_check.py {} 2>&1",
-                                             python.string(), folder.path().string())
-                                     .c_str());
-  EXPECT_EQ(status, 0);
 }
 
 }  // namespace

@@ -20,7 +20,8 @@ Sweep Read(const std::string& yaml) { return ReadSweep(ConfigSource::FromString(
 TEST(Sweep, HasEveryCombination) {
   const Sweep sweep = Read(
       "recipes: [configs/m04.yaml, configs/m05.yaml]\n"
-      "set: {optim.lr: [1e-4, 2e-4], loss.lambda: [0.2]}\nseeds: [3, 4]\n");
+      "set: {optim.lr: [1e-4, 2e-4], loss.lambda: 0.2, data.image_sizes: '[40x36, 64x36]'}\n"
+      "seeds: [3, 4]\n");
   const std::vector<SweepRun> runs = ExpandSweep(sweep, {"run.batch_size=8"});
   ASSERT_EQ(runs.size(), 8u);
   EXPECT_EQ(runs[0].name, "m04_optim.lr=1e-4_run.seed=3");
@@ -32,7 +33,11 @@ TEST(Sweep, HasEveryCombination) {
   for (const SweepRun& run : runs) {
     EXPECT_EQ(run.config.loss.lambda, 0.2);
     EXPECT_EQ(run.config.run.batch_size, 8);
+    EXPECT_EQ(run.config.data.image_sizes, (std::vector<std::string>{"40x36", "64x36"}));
   }
+  // Whoever adds a value or a seed later finds the earlier runs in the same folders.
+  EXPECT_EQ(ExpandSweep(Read("recipes: [configs/m04.yaml]\nseeds: [3]\n"), {}).at(0).name,
+            "m04_run.seed=3");
 }
 
 TEST(Sweep, SaysWhatIsWrong) {
