@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/torch_threads.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
@@ -24,7 +25,10 @@ Command AddTrainCommand(CLI::App& program) {
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")
       ->take_all();
-  app->add_option("-o,--run-dir", options->run_dir, "folder for config, metrics and checkpoints")
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
+  app->add_option("-o,--output,--run-dir", options->run_dir,
+                  "folder for config, metrics and checkpoints")
       ->required();
   app->add_flag("--resume", options->resume, "continue the run in that folder");
   return {app, [options] {

@@ -11,6 +11,8 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/gltf_parts.h"
+#include "core/input_file.h"
+#include "core/picture.h"
 
 namespace volalign {
 
@@ -267,7 +269,7 @@ void WriteStructureGlb(const std::filesystem::path& path, const Structure& struc
 }
 
 Structure ReadStructureGlb(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path);
+  const std::string bytes = ReadFile(FindInputFile(path.string()));
   tinygltf::TinyGLTF loader;
   tinygltf::Model model;
   std::string error, warning;
