@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "cli/commands.h"
 #include "core/error.h"
+#include "core/file_util.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/depth_renderer.h"
@@ -90,7 +92,9 @@ void WritePlacements(const std::string& output, const std::vector<RigCapture>& s
 
 void RenderOneRig(const RenderOptions& options, const ConfigSource& source) {
   DepthRenderer renderer;
-  const std::vector<RigCapture> stills = RenderPlacements(ReadRig(source), renderer);
+  const Rig rig = ReadRig(source);
+  const std::vector<RigCapture> stills = RenderPlacements(rig, renderer);
+  WriteFileAtomically(std::filesystem::path(options.output) / "rig.yaml", WriteConfig(rig));
   if (stills.size() > 1) {
     WritePlacements(options.output, stills);
     return;
@@ -103,7 +107,7 @@ void RenderOneRig(const RenderOptions& options, const ConfigSource& source) {
                sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(), p.y(),
                p.z());
   }
-  fmt::print("written: {}/capture.json, contact_sheet.png\n", options.output);
+  fmt::print("written: {}/capture.json, rig.yaml, contact_sheet.png\n", options.output);
 }
 
 void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
@@ -115,7 +119,8 @@ void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std:
   preview.count = static_cast<int>(std::min(options.count, kMostSamples));
   preview.real_frames = options.real_frames;
   preview.real_depth_scale = options.real_depth_scale;
-  fmt::print("\n{}written: {}/preview.png\n",
+  WriteFileAtomically(std::filesystem::path(options.output) / "config.yaml", WriteConfig(recipe));
+  fmt::print("\n{}written: {}/preview.png, config.yaml\n",
              WritePreview(options.output, recipe.data, preview, renderer), options.output);
 }
 

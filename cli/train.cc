@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
@@ -14,6 +15,7 @@
 #include "train/run_log.h"
 #include "train/run_table.h"
 #include "train/sweep.h"
+#include "train/together.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
 
@@ -80,7 +82,10 @@ Command AddTrainCommand(CLI::App& program) {
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")
       ->take_all();
-  app->add_option("-o,--run-dir", options->run_dir, "folder for config, metrics and checkpoints")
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
+  app->add_option("-o,--output,--run-dir", options->run_dir,
+                  "folder for config, metrics and checkpoints")
       ->required();
   app->add_option("--nproc", options->processes,
                   "train in so many processes on this machine, each with its slice of the batch")
