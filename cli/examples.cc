@@ -18,10 +18,6 @@ const std::map<std::string, std::string>& Examples() {
       render +
       "volalign calibrate --capture out/capture/capture.json --model models/m05-lite.pt "
       "-o out/calibration\n";
-  const std::string check =
-      calibrate +
-      "volalign check --extrinsics out/calibration/extrinsics.json --capture "
-      "out/capture/capture.json --model models/m05-lite.pt   # the same capture: nothing moved\n";
   const std::string draft = render +
                             "volalign capture init out/capture --depth-scale 0.001 -o "
                             "out/draft.json --force   # lists the "
@@ -36,7 +32,6 @@ const std::map<std::string, std::string>& Examples() {
       {"calibrate", calibrate},
       {"capture", draft},
       {"capture init", draft},
-      {"check", check},
       {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
                             "out/capture/capture.json --model models/m05-lite.pt -o out/check\n"},
       {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
@@ -54,7 +49,6 @@ const std::map<std::string, std::string>& Examples() {
        "-o out/evaluation\n"},
       {"export", "volalign export --model models/m05-lite.pt -o out/m05-lite.ts\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
-      {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
       {"runs", train + "volalign runs list out\n"},
       {"runs compare", train + "volalign runs compare out --format csv\n"},
@@ -62,7 +56,6 @@ const std::map<std::string, std::string>& Examples() {
       {"runs plot", train + "volalign runs plot out -o out/runs.svg\n"},
       {"structure", build},
       {"structure build", build},
-      {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
       {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
       {"structure show", "volalign structure show configs/structure.yaml\n"},
       {"train", train},
