@@ -15,6 +15,7 @@ struct Command {
 Command AddStructureCommand(CLI::App& program);
 Command AddRenderCommand(CLI::App& program);
 Command AddTrainCommand(CLI::App& program);
+Command AddRunsCommand(CLI::App& program);
 Command AddValidateCommand(CLI::App& program);
 Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);

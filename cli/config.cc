@@ -13,6 +13,7 @@
 #include "train/train_config.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/calibrate.h"
+#include "infer/evaluate/suite/suite_config.h"
 #endif
 
 namespace volalign {
@@ -37,6 +38,9 @@ int PrintKeys() {
   PrintReference<Rig>("Rigs", "`volalign render --rig`.");
 #ifdef VOLALIGN_HAS_INFER
   PrintReference<CalibrateOptions>("Calibration", "`volalign calibrate --config` and `--set`.");
+  PrintReference<SuiteConfig>("Suites of experiments",
+                              "`volalign evaluate --suite`, whose file is "
+                              "`configs/paper/suite.yaml` unless `--suite-config` says otherwise.");
 #endif
   return 0;
 }

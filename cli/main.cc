@@ -20,12 +20,12 @@ namespace {
 std::vector<Command> AddCommands(CLI::App& program) {
   return {
 #ifdef VOLALIGN_HAS_INFER
-      AddCalibrateCommand(program),  AddCaptureCommand(program),  AddCheckCommand(program),
-      AddConvertCommand(program),    AddEvaluateCommand(program), AddPlanCommand(program),
+      AddCalibrateCommand(program), AddCaptureCommand(program),    AddCheckCommand(program),
+      AddConvertCommand(program),   AddEvaluateCommand(program),   AddPlanCommand(program),
 #endif
-      AddStructureCommand(program),  AddRenderCommand(program),   AddTrainCommand(program),
-      AddValidateCommand(program),   AddExportCommand(program),   AddConfigCommand(program),
-      AddCompletionCommand(program), AddDoctorCommand(program)};
+      AddStructureCommand(program), AddRenderCommand(program),     AddTrainCommand(program),
+      AddRunsCommand(program),      AddValidateCommand(program),   AddExportCommand(program),
+      AddConfigCommand(program),    AddCompletionCommand(program), AddDoctorCommand(program)};
 }
 
 /// Reads the arguments; true where they were understood, else `status` is that of the program.

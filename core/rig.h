@@ -24,6 +24,7 @@ struct RigSensor {
   double height_cm = 100;
   double roll_deg = 90;
   std::array<double, 3> look_at_cm{0, 0, 0};
+  bool level = false;
   std::string image_size;
 
   template <class Archive>
@@ -35,6 +36,7 @@ struct RigSensor {
     ar("height_cm", height_cm, "height above the floor, cm", Above(0));
     ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
     ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
+    ar("level", level, "the optical axis is level: look_at_cm counts without its height");
     ar("image_size", image_size,
        "WIDTHxHEIGHT; empty: the pool's own size, a quarter of it where that is wider than 640");
   }
@@ -52,6 +54,34 @@ struct RigMovement {
     ar("sensor", sensor, "name of the sensor");
     ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
     ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+  }
+};
+
+/// Sensors that differ in angle and height alone: a ring, an arc, or a column.
+struct RigGroup {
+  std::string name = "S";
+  std::string sensor = "realsense_d415";
+  double rho_cm = 200;
+  std::vector<double> phi_deg{0};
+  std::vector<double> height_cm{100};
+  double roll_deg = 90;
+  std::array<double, 3> look_at_cm{0, 0, 0};
+  bool level = false;
+  std::string image_size;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "the sensors are called by it and their numbers from 1 on: S1, S2, ...");
+    ar("sensor", sensor, "as sensors[].sensor");
+    ar("rho_cm", rho_cm, "as sensors[].rho_cm", Above(0));
+    ar("phi_deg", phi_deg,
+       "angles of the sensors, deg. There are as many sensors as the longer list of phi_deg and "
+       "height_cm has elements; the shorter list is repeated");
+    ar("height_cm", height_cm, "heights of the sensors above the floor, cm", Above(0));
+    ar("roll_deg", roll_deg, "as sensors[].roll_deg");
+    ar("look_at_cm", look_at_cm, "as sensors[].look_at_cm");
+    ar("level", level, "as sensors[].level");
+    ar("image_size", image_size, "as sensors[].image_size");
   }
 };
 
@@ -87,6 +117,7 @@ struct Rig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";
   double structure_yaw_deg = 0;
+  std::vector<double> turns_deg;  ///< captures of their own, see Turns
   bool structure_present = true;
   bool room = true;
   bool tripods = true;
@@ -97,6 +128,7 @@ struct Rig {
   double missing_share = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
+  std::vector<RigGroup> groups;          ///< ReadRig makes sensors of them
   std::vector<RigPlacement> placements;  ///< after the first, which is the identity
   DeviceErrorDraw device_errors = DeviceErrorDraw::kPersistent;
   SceneConfig scene;
@@ -109,6 +141,10 @@ struct Rig {
     ar("structure_yaw_deg", structure_yaw_deg,
        "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
        "against the sense of phi_deg");
+    ar("turns_deg", turns_deg,
+       "captures to make, one with the structure turned by each of these angles beyond "
+       "structure_yaw_deg, deg: each draws room, assembly and noise anew (from seed, seed + "
+       "1000000, ...); empty: one capture");
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
@@ -130,6 +166,8 @@ struct Rig {
        Between(0, 1));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
+    ar("groups", groups,
+       "further sensors, alike but for angle and height: a ring, an arc, a column");
     ar("placements", placements,
        "further places of the structure, one still each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
@@ -146,7 +184,8 @@ struct Rig {
 };
 
 /// Reads and checks a rig: at least one sensor, names unique and fit for file names, movements of
-/// sensors that it has. Throws ConfigError.
+/// sensors that it has. Sensors of `groups` stand behind those of `sensors`; the result has no
+/// groups. Throws ConfigError.
 Rig ReadRig(const ConfigSource& source);
 
 /// The intrinsics that the pool has for a sensor, at the size of its image; not empty. Throws
@@ -169,5 +208,9 @@ Pose FirstFromPlacement(const RigPlacement& placement);
 /// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
 /// modulo 360, and the placements stay where they are among the sensors.
 void TurnStructure(double deg, Rig* rig);
+
+/// The captures that a rig asks for: one a turn, in order, each with a seed of its own and without
+/// turns; the rig itself where it has none.
+std::vector<Rig> Turns(const Rig& rig);
 
 }  // namespace volalign

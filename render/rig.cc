@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/image_size.h"
 #include "core/input_file.h"
 #include "core/lens.h"
 #include "core/random.h"
@@ -131,6 +132,20 @@ Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::
   return pose;
 }
 
+/// At the pool's largest size of the same aspect ratio.
+Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
+                              const std::vector<IntrinsicsPoolEntry>& pool) {
+  ImageSize size{sensor.intrinsics.width, sensor.intrinsics.height};
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    const Intrinsics& native = entry.intrinsics.front();
+    if (entry.sensor == sensor.sensor && native.width > size.width &&
+        SameAspect(native, {sensor.intrinsics.width, sensor.intrinsics.height})) {
+      size = {native.width, native.height};
+    }
+  }
+  return sensor.intrinsics.Resized(size.width, size.height);
+}
+
 /// A sensor with everything but its images.
 CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<IntrinsicsPoolEntry>& pool) {
   const std::uint64_t index = kRigIndex + i;
@@ -168,7 +183,11 @@ void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView
 
 }  // namespace
 
-std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer) {
+std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
+                                         const InfraredRequest* infrared) {
+  if (!rig.turns_deg.empty()) {
+    throw std::invalid_argument("RenderPlacements: a rig with turns_deg has several captures");
+  }
   RequireInputFile("structure", rig.structure);
   RequireInputFile("intrinsics", rig.intrinsics);
   const Structure nominal = ReadStructure(rig.structure);
@@ -216,6 +235,12 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       sensor.labels = std::move(noisy.labels);
       sensor.depth_clean = std::move(view.depth);
       sensor.labels_clean = std::move(view.labels);
+      if (infrared) {
+        sensor.infrared_intrinsics = InfraredIntrinsics(sensor, pool);
+        sensor.infrared = RenderInfrared(mesh, built, infrared->prints, sensor.infrared_intrinsics,
+                                         sensor.structure_from_sensor, infrared->config, renderer,
+                                         rig.seed, kRigIndex + k * kStillStride + i);
+      }
       stills[k].sensors.push_back(std::move(sensor));
     }
   }

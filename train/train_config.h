@@ -168,6 +168,7 @@ struct RunConfig {
   BestMetric best_metric = BestMetric::kMiou;
   int patience = 0;
   std::int64_t log_every = 160;
+  bool tensorboard = true;
   Precision precision = Precision::kFp32;
   Layout channels_last = Layout::kContiguous;
   bool half_checkpoint = true;
@@ -206,12 +207,15 @@ struct RunConfig {
        "validations in a row without a better run.best_metric after which the run ends; 0: never",
        AtLeast(0));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
+    ar("tensorboard", tensorboard,
+       "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
+       "pictures, configuration");
     DescribeWord(ar, "precision", precision, kPrecisions,
                  "fp32; bf16 for everything but depth, the first convolution and the soft "
                  "Procrustes term; auto: bf16 on a processor that has instructions for it, else "
                  "fp32; a resumed run keeps what was chosen");
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
-                 "memory layout of the activations; auto: the faster one for device and precision");
+                 "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
     ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));

@@ -23,6 +23,7 @@
 #include "train/sinks.h"
 #include "train/state.h"
 #include "train/step.h"
+#include "train/tensorboard_sink.h"
 
 namespace volalign {
 namespace {
@@ -76,6 +77,10 @@ class Run {
     WriteFileAtomically(folder.config(), WriteConfig(config));
     jsonl_.emplace(folder.metrics(), progress_.samples);
     sinks_ = {&*jsonl_};
+    if (config.run.tensorboard) {
+      sinks_.push_back(
+          &board_.emplace(folder.tensorboard(), WriteConfig(config), progress_.samples));
+    }
     if (!quiet) sinks_.push_back(&bar_.emplace(config.run.samples));
   }
 
@@ -207,6 +212,7 @@ class Run {
   std::int64_t saved_ = -1;     ///< samples of the newest state
   std::int64_t modelled_ = -1;  ///< samples of the model.pt that this process wrote
   std::optional<JsonlSink> jsonl_;
+  std::optional<TensorBoardSink> board_;
   std::optional<ProgressSink> bar_;
   std::vector<MetricSink*> sinks_;
 };

@@ -38,6 +38,7 @@ struct TrainResult {
 ///                  volalign.training/2); the run.keep_states newest ones
 ///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
 ///   best.pt        that of the best validation
+///   tensorboard/   event files of the same metrics, with pictures of labels
 /// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped
 /// or killed at any moment and is resumed ends with the weights of one that was not, bit for bit on
 /// a CPU with the same number of threads.

@@ -154,8 +154,10 @@ std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const Ri
           if (!series.keep_yaw) {
             TurnStructure(kGoldenAngleDeg * static_cast<double>(seed), &rig);
           }
-          SetPlacements(count, series.placement_radius_m, &rig);
-          items.push_back(RigItem(named.name, rig, sensors, renderer));
+          for (Rig& turn : Turns(rig)) {
+            SetPlacements(count, series.placement_radius_m, &turn);
+            items.push_back(RigItem(named.name, turn, sensors, renderer));
+          }
         }
       }
     }
