@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
@@ -72,6 +73,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the calibration options")
       ->take_all();
+  AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
   app->add_option("--placements", options->rigs.placements,
                   "numbers of placements of the structure, e.g. 1 2 4: each rig is calibrated with "
@@ -132,6 +134,14 @@ int RunPaperSuite(const Options& options) {
   return 0;
 }
 
+/// The resolved options beside the result: those of calibration, without --compare, and each rig.
+void SaveOptions(const std::filesystem::path& output, const ConfigSource& source,
+                 const std::vector<NamedRig>& rigs) {
+  WriteFileAtomically(output / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
+  for (const NamedRig& rig : rigs)
+    WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
+}
+
 int RunEvaluate(const Options& options) {
   if (!options.suite.empty()) return RunPaperSuite(options);
   if (options.model.empty()) throw ConfigError("evaluate wants --model, or --suite");
@@ -163,6 +173,7 @@ int RunEvaluate(const Options& options) {
     items.push_back(CaptureItem(capture, segmenter->structure()));
   }
   const EvaluateRun run = RunOf(options, *segmenter);
+  SaveOptions(options.output, source, rigs);
   const std::vector<EvaluatedCase> cases =
       Evaluate(items, variants, *segmenter, segmenter->structure(), run);
   fmt::print("{}", FormatEvaluation(cases));

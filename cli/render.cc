@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "cli/commands.h"
 #include "core/error.h"
+#include "core/file_util.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/depth_renderer.h"
@@ -101,7 +103,7 @@ void WriteStills(const std::string& output, const std::vector<RigCapture>& still
                sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(), p.y(),
                p.z());
   }
-  fmt::print("written: {}/capture.json, contact_sheet.png\n", output);
+  fmt::print("written: {}/capture.json, rig.yaml, contact_sheet.png\n", output);
 }
 
 /// Each turn of the structure in a folder of its own, where there are several.
@@ -109,9 +111,11 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
   DepthRenderer renderer;
   const std::vector<Rig> turns = Turns(ReadRig(source));
   for (std::size_t k = 0; k < turns.size(); ++k) {
-    WriteStills(
-        turns.size() == 1 ? options.output : fmt::format("{}/turn_{}", options.output, k + 1),
-        RenderPlacements(turns[k], renderer));
+    const std::string folder =
+        turns.size() == 1 ? options.output : fmt::format("{}/turn_{}", options.output, k + 1);
+    const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
+    WriteFileAtomically(std::filesystem::path(folder) / "rig.yaml", WriteConfig(turns[k]));
+    WriteStills(folder, stills);
   }
 }
 
@@ -124,7 +128,8 @@ void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std:
   preview.count = static_cast<int>(std::min(options.count, kMostSamples));
   preview.real_frames = options.real_frames;
   preview.real_depth_scale = options.real_depth_scale;
-  fmt::print("\n{}written: {}/preview.png\n",
+  WriteFileAtomically(std::filesystem::path(options.output) / "config.yaml", WriteConfig(recipe));
+  fmt::print("\n{}written: {}/preview.png, config.yaml\n",
              WritePreview(options.output, recipe.data, preview, renderer), options.output);
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/checkpoint.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
@@ -49,6 +50,8 @@ Command AddValidateCommand(CLI::App& program) {
   app->add_option("--config", options->config,
                   "recipe that says what the samples are; each checkpoint's own without it");
   app->add_option("--set", options->assignments, "KEY=VALUE over the recipe")->take_all();
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("--samples", options->samples, "number of samples, rounded up to whole batches")
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();

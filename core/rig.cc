@@ -66,7 +66,48 @@ Rig ReadRig(const ConfigSource& source) {
     }
     if (!sensor.image_size.empty()) ParseImageSize(sensor.image_size);
   }
+  for (std::size_t k = 0; k < rig.placements.size(); ++k) {
+    std::set<std::string> moved;
+    for (const RigMovement& movement : rig.placements[k].moved) {
+      if (names.count(movement.sensor) && moved.insert(movement.sensor).second) continue;
+      throw ConfigError(fmt::format("placements[{}].moved: {}", k,
+                                    names.count(movement.sensor)
+                                        ? movement.sensor + " stands twice"
+                                        : "there is no sensor \"" + movement.sensor + "\""));
+    }
+  }
   return rig;
+}
+
+std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
+                                     const std::vector<IntrinsicsPoolEntry>& pool,
+                                     const std::string& pool_name) {
+  constexpr int kWidestNative = 640;  // px; wider pictures are used at a quarter of their size
+  const bool native = sensor.image_size.empty();
+  const ImageSize size = native ? ImageSize{} : ParseImageSize(sensor.image_size);
+  std::vector<Intrinsics> choices;
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    if (entry.sensor != sensor.sensor) continue;
+    for (const Intrinsics& intrinsics : entry.intrinsics) {
+      const bool fits = native ? choices.empty() || (choices[0].width == intrinsics.width &&
+                                                     choices[0].height == intrinsics.height)
+                               : SameAspect(intrinsics, size);
+      if (fits) choices.push_back(intrinsics);
+    }
+  }
+  if (choices.empty()) {
+    throw ConfigError(fmt::format("sensors: {} is a {}{}, which {} does not have", sensor.name,
+                                  sensor.sensor, native ? "" : " of " + sensor.image_size,
+                                  pool_name));
+  }
+  for (Intrinsics& choice : choices) {
+    if (!native) {
+      choice = choice.Resized(size.width, size.height);
+    } else if (choice.width > kWidestNative) {
+      choice = choice.Resized(choice.width / 4, choice.height / 4);
+    }
+  }
+  return choices;
 }
 
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height) {
@@ -81,6 +122,15 @@ Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double flo
       Eigen::AngleAxisd(-structure_yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
   return structure_from_rig *
          LookAt(position, sensor.level ? level_target : target, sensor.roll_deg * kPi / 180);
+}
+
+Pose FirstFromMoved(const RigMovement& movement) {
+  const auto& [x, y, z] = movement.translation_mm;
+  const auto& [about_x, about_y, about_z] = movement.rotation_deg;
+  Pose first_from_moved(Pose::Identity());
+  first_from_moved.linear() = RotationExp(Eigen::Vector3d(about_x, about_y, about_z) * (kPi / 180));
+  first_from_moved.translation() = 0.001 * Eigen::Vector3d(x, y, z);
+  return first_from_moved;
 }
 
 Pose FirstFromPlacement(const RigPlacement& placement) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/camera.h"
 #include "core/config.h"
 #include "core/config_word.h"
 #include "core/pose.h"
@@ -69,17 +70,34 @@ struct RigGroup {
   }
 };
 
+/// A sensor that does not stand where it stood in the first still: its pose is then its first one
+/// times this, about its own axes (x right, y down, z forward).
+struct RigMovement {
+  std::string sensor;
+  std::array<double, 3> translation_mm{0, 0, 0};
+  std::array<double, 3> rotation_deg{0, 0, 0};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "name of the sensor");
+    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
+    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+  }
+};
+
 /// A further place of the structure: where its frame then stands in the frame of its first place.
 struct RigPlacement {
   double x_cm = 0;
   double z_cm = 0;
   double yaw_deg = 0;
+  std::vector<RigMovement> moved;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
     ar("z_cm", z_cm, "as x_cm");
     ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
+    ar("moved", moved, "sensors that somebody moved before this still, from their first poses");
   }
 };
 
@@ -106,6 +124,8 @@ struct Rig {
   std::string noise = "sensor";
   bool state_lens = true;
   double lens_spread_percent = 0;
+  double hidden_share = 0;
+  double missing_share = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
   std::vector<RigGroup> groups;          ///< ReadRig makes sensors of them
@@ -136,6 +156,14 @@ struct Rig {
        "standard deviation of each sensor's true focal length, and of its radial factor at r = 0.6 "
        "on the plane z = 1, from what the pool says and the capture states, %",
        Between(0, 5));
+    ar("hidden_share", hidden_share,
+       "share of each sensor's view of the structure that a board 0.7 m before it hides, from the "
+       "left, the right or below as the seed draws it",
+       Between(0, 1));
+    ar("missing_share", missing_share,
+       "share of all pixels that lose their depth beside those that the noise takes it from, each "
+       "by itself",
+       Between(0, 1));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
     ar("groups", groups,
@@ -155,12 +183,24 @@ struct Rig {
   }
 };
 
-/// Reads and checks a rig: at least one sensor, names unique and fit for file names. Sensors of
-/// `groups` stand behind those of `sensors`; the result has no groups. Throws ConfigError.
+/// Reads and checks a rig: at least one sensor, names unique and fit for file names, movements of
+/// sensors that it has. Sensors of `groups` stand behind those of `sensors`; the result has no
+/// groups. Throws ConfigError.
 Rig ReadRig(const ConfigSource& source);
+
+/// The intrinsics that the pool has for a sensor, at the size of its image; not empty. Throws
+/// ConfigError for a sensor that the pool (named `pool_name`) lacks, or an image size of another
+/// aspect ratio.
+std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
+                                     const std::vector<IntrinsicsPoolEntry>& pool,
+                                     const std::string& pool_name);
 
 /// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
+
+/// first_from_moved: the frame that the sensor had in the first still from the one that it has
+/// after the movement.
+Pose FirstFromMoved(const RigMovement& movement);
 
 /// The structure's frame at a placement in that of its first place, for a level floor.
 Pose FirstFromPlacement(const RigPlacement& placement);

@@ -1,7 +1,6 @@
 // The program as a user runs it: exit statuses, one-line errors, nothing half-written.
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <torch/csrc/jit/api/module.h>
@@ -10,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -25,27 +23,12 @@
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
 #include "infer/calibrate.h"
+#include "tests/cli/run_program.h"
 
 namespace volalign {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int status = -1;
-  std::string output;  // stdout and stderr
-};
-
-Outcome Volalign(const std::string& arguments) {
-  const std::string command = std::string(VOLALIGN_PROGRAM) + " " + arguments + " 2>&1";
-  Outcome run;
-  FILE* pipe = ::popen(command.c_str(), "r");
-  char buffer[4096];
-  while (std::fgets(buffer, sizeof(buffer), pipe)) run.output += buffer;
-  const int status = ::pclose(pipe);
-  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return run;
-}
 
 class Program : public testing::Test {
  protected:
@@ -134,7 +117,7 @@ TEST_F(Program, SaysWhatItCanDo) {
     EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
   };
   expect_usage("", "subcommand");
-  expect_usage("fly", "subcommand");
+  expect_usage("fly", "sub-command fly");
   expect_usage("calibrate --capture", "--capture");
 }
 

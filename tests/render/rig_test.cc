@@ -223,6 +223,64 @@ TEST_F(RigTest, RoomWithoutStructureAndSensorThatLooksAway) {
       0);
 }
 
+int Seen(const LabelImage& labels) {
+  return static_cast<int>(
+      std::count_if(labels.begin(), labels.end(), [](int label) { return label > 0; }));
+}
+
+TEST_F(RigTest, ABoardHidesAShareOfEachView) {
+  const std::string far_apart =
+      "room: false\nnoise: none\nsensors:\n"
+      "  - {name: A, sensor: azure_kinect_nfov_binned, phi_deg: 0, roll_deg: 90}\n"
+      "  - {name: B, sensor: realsense_d415, phi_deg: 120, roll_deg: 0, height_cm: 150}\n"
+      "  - {name: C, sensor: realsense_d415, phi_deg: 240, roll_deg: 37, height_cm: 60}\n";
+  for (int seed = 1; seed < 5; ++seed) {
+    const std::string rig = "seed: " + std::to_string(seed) + "\n" + far_apart;
+    const RigCapture free = RenderRig(Parse(rig), renderer_);
+    for (const double share : {0.2, 0.6}) {
+      const RigCapture hidden =
+          RenderRig(Parse("hidden_share: " + std::to_string(share) + "\n" + rig), renderer_);
+      for (std::size_t i = 0; i < 3; ++i) {
+        const LabelImage& labels = hidden.sensors[i].labels_clean;
+        EXPECT_NEAR(Seen(labels), (1 - share) * Seen(free.sensors[i].labels_clean),
+                    0.03 * Seen(free.sensors[i].labels_clean));
+        // What hides it stands before the sensor.
+        const DepthImage& z = hidden.sensors[i].depth_clean;
+        const auto is_near = [](float depth) { return depth > 0 && depth < 1; };
+        EXPECT_GT(std::count_if(z.begin(), z.end(), is_near),
+                  share * Seen(free.sensors[i].labels_clean));
+      }
+    }
+  }
+}
+
+TEST_F(RigTest, MissingPixelsAreLostByThemselves) {
+  const std::string rig = std::string("noise: none\n") + kTwo;
+  const RigCapture whole = RenderRig(Parse(rig), renderer_);
+  const RigCapture part = RenderRig(Parse("missing_share: 0.3\n" + rig), renderer_);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const DepthImage& before = whole.sensors[i].depth;
+    const DepthImage& after = part.sensors[i].depth;
+    int kept = 0, kept_beside = 0, measured = 0, beside = 0;
+    for (int v = 0; v < before.height(); ++v) {
+      for (int u = 1; u < before.width(); ++u) {
+        if (!(before(u, v) > 0)) continue;
+        ++measured;
+        kept += after(u, v) > 0;
+        if (after(u, v) > 0) {
+          EXPECT_EQ(after(u, v), before(u, v));
+        }
+        if (!(before(u - 1, v) > 0) || after(u - 1, v) > 0) continue;
+        ++beside;
+        kept_beside += after(u, v) > 0;
+      }
+    }
+    EXPECT_NEAR(kept, 0.7 * measured, 0.01 * measured);
+    EXPECT_NEAR(kept_beside, 0.7 * beside, 0.02 * beside);  // of those beside a lost one
+    EXPECT_LT(Seen(part.sensors[i].labels), 0.75 * Seen(whole.sensors[i].labels));
+  }
+}
+
 TEST_F(RigTest, SameSeedSameBytes) {
   const Rig rig = Parse(kTwo);
   const RigCapture first = RenderRig(rig, renderer_), second = RenderRig(rig, renderer_);
@@ -337,6 +395,29 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
   EXPECT_LT(tilt.rotation_deg, 3);
   EXPECT_LT(tilt.translation_m, 0.05);
   EXPECT_GT(tilt.rotation_deg, 0.05);  // the floor's
+}
+
+TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
+  const std::string moved =
+      "placements:\n  - {x_cm: 40, z_cm: 10, yaw_deg: 30}\n"
+      "  - {x_cm: 40, z_cm: 10, yaw_deg: 30, moved: [{sensor: B, translation_mm: [10, 0, 20], "
+      "rotation_deg: [0, 3, 0]}]}\n";
+  const std::vector<RigCapture> stills =
+      RenderPlacements(Parse(std::string(kTwo) + moved), renderer_);
+  ASSERT_EQ(stills.size(), 3u);
+  const auto pose = [&](std::size_t still, std::size_t sensor) {
+    return stills[still].sensors[sensor].structure_from_sensor;
+  };
+  EXPECT_EQ(pose(1, 0).matrix(), pose(2, 0).matrix());
+  const Pose before_from_after = pose(1, 1).inverse() * pose(2, 1);
+  EXPECT_LT((before_from_after.translation() - Eigen::Vector3d(0.01, 0, 0.02)).norm(), 1e-12);
+  EXPECT_LT(
+      (RotationLog(before_from_after.linear()) - Eigen::Vector3d(0, 3 * M_PI / 180, 0)).norm(),
+      1e-12);
+  EXPECT_TRUE(stills[1].sensors[0].labels_clean == stills[2].sensors[0].labels_clean);
+  EXPECT_FALSE(stills[1].sensors[1].labels_clean == stills[2].sensors[1].labels_clean);
+  EXPECT_THROW(Parse(std::string(kTwo) + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"),
+               ConfigError);
 }
 
 TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
