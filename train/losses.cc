@@ -88,6 +88,11 @@ LossShare TrainingLoss::ShareOf(const at::Tensor& labels, std::int64_t first,
   return share;
 }
 
+double TrainingLoss::WeightOf(const at::Tensor& labels) const {
+  if (!weights_.defined()) return static_cast<double>(labels.numel());
+  return weights_.index_select(0, labels.flatten()).to(at::kDouble).sum().item<double>();
+}
+
 LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
                                    const at::Tensor& labels, const at::Tensor& rays,
                                    std::int64_t samples, const LossShare& share) const {

@@ -46,6 +46,14 @@ double Gain(const ShapeEvidence& shape) {
   return shape.explained - shape.see_through - shape.larger - (shape.turned + shape.goes_on) / 2;
 }
 
+/// Of the different planes that the structure has, those that have to be seen where nothing hides
+/// it: other boxes that look like the structure by area show few of its edges.
+constexpr double kLeastPlanes = 0.6;
+/// Where less is measured than min_area_share, down to this part of it, because the picture's
+/// border cuts the structure off or something hides it: the least share that is explained, and of
+/// planes.
+constexpr double kSmallPart = 0.6, kSmallExplained = 0.97, kSmallPlanes = 0.7;
+
 using Poses = std::vector<GeometricPose>;
 
 void SortByGain(std::size_t most, Poses* poses) {
@@ -66,19 +74,34 @@ Poses Distinct(Poses poses, const Structure& structure) {
   return distinct;
 }
 
+bool InOnePlane(const Side& a, const Side& b) {
+  return b.normal.dot(a.normal) > kSameDirection &&
+         std::abs(a.normal.dot(b.centre - a.centre)) < kSamePlane;
+}
+
 /// The most of a structure's surface that lies in one plane, m^2.
 double LargestFlat(const Structure& structure) {
   double largest = 0;
   for (const Side& side : structure.sides()) {
     double area = 0;
     for (const Side& other : structure.sides()) {
-      if (other.normal.dot(side.normal) > kSameDirection &&
-          std::abs(side.normal.dot(other.centre - side.centre)) < kSamePlane)
-        area += other.exposed_area;
+      if (InOnePlane(side, other)) area += other.exposed_area;
     }
     largest = std::max(largest, area);
   }
   return largest;
+}
+
+/// Different planes of the sides that can be seen.
+int CountPlanes(const Structure& structure) {
+  std::vector<const Side*> different;
+  for (const Side& side : structure.sides()) {
+    if (side.label == 0 || !(side.exposed_area > 0)) continue;
+    const bool known = std::any_of(different.begin(), different.end(),
+                                   [&](const Side* other) { return InOnePlane(side, *other); });
+    if (!known) different.push_back(&side);
+  }
+  return static_cast<int>(different.size());
 }
 
 class Search {
@@ -113,9 +136,10 @@ class Search {
 
   Poses WithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
+    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kMostPlanes);
     std::vector<StackCandidate> candidates;
     for (const StandingGuess& guess :
-         GuessWithoutFloor(points_, planes_, structure_, coarse, UsualUps())) {
+         GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
       Append(SearchStack(points_, coarse, guess, kMostOfGuess), &candidates);
     }
     std::stable_sort(candidates.begin(), candidates.end(),
@@ -241,10 +265,15 @@ bool HasShape(const ShapeEvidence& shape, const Structure& structure,
               const GeometryOptions& options) {
   double area = 0;
   for (const Side& side : structure.sides()) area += side.label > 0 ? side.exposed_area : 0;
-  return shape.explained_share() >= options.min_explained_share &&
-         shape.visible_share() >= options.min_visible_share &&
-         shape.goes_on_share() <= options.max_goes_on_share &&
-         shape.explained >= options.min_area_share * area;
+  if (!(shape.explained_share() >= options.min_explained_share &&
+        shape.visible_share() >= options.min_visible_share &&
+        shape.goes_on_share() <= options.max_goes_on_share)) {
+    return false;
+  }
+  const double planes = shape.planes / (CountPlanes(structure) * shape.visible_share());
+  if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
+  return shape.explained >= kSmallPart * options.min_area_share * area &&
+         shape.explained_share() >= kSmallExplained && planes >= kSmallPlanes;
 }
 
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,

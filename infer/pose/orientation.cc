@@ -62,27 +62,38 @@ void TakeGeometry(const LabelContext& context, const UnlabelledView& from, const
   out->quarter_turns = from.quarter_turns == kAutoTurns ? UprightTurns(pose) : from.quarter_turns;
 }
 
+/// The trial of the only orientation that is beyond doubt; null where there is none or several.
+const OrientationTrial* OnlySettled(const LabelContext& context,
+                                    const std::vector<OrientationTrial*>& trials) {
+  const OrientationTrial* only = nullptr;
+  for (const OrientationTrial* trial : trials) {
+    if (!Settled(*trial, context.options)) continue;
+    if (only) return nullptr;
+    only = trial;
+  }
+  return only;
+}
+
 /// The network's poses that compete for a view over all orientations and aliases: the only one
 /// where a single orientation is beyond doubt. The paper's estimator knows none.
 std::vector<PoseEvidence> OfNetwork(const LabelContext& context, std::size_t i,
                                     const std::vector<OrientationTrial*>& trials,
                                     const std::vector<PoseTrial>& poses) {
   const UnlabelledView& from = context.views[i];
-  const OrientationOptions& options = context.options;
   if (trials.empty() || context.initial.method == PoseMethod::kPaper) return {};
-  const auto settled = [&](const OrientationTrial* t) { return Settled(*t, options); };
-  if (std::count_if(trials.begin(), trials.end(), settled) == 1) {
-    const auto only = std::find_if(trials.begin(), trials.end(), settled);
+  if (const OrientationTrial* only = OnlySettled(context, trials)) {
     PoseEvidence pose;
-    pose.structure_from_sensor = (*only)->initial.structure_from_sensor;
-    pose.trial = static_cast<std::size_t>(only - trials.begin());
+    pose.structure_from_sensor = only->initial.structure_from_sensor;
+    pose.trial =
+        static_cast<std::size_t>(std::find(trials.begin(), trials.end(), only) - trials.begin());
     return {pose};
   }
   return FindCompetitors(*from.view, context.structure, context.aliases, poses,
-                         from.quarter_turns != kAutoTurns, context.initial, options.choice);
+                         from.quarter_turns != kAutoTurns, context.initial, context.options.choice);
 }
 
-/// Those of the network and of geometry.
+/// Those of the network and of geometry, which is not asked about what the network leaves no doubt
+/// of: labels and depths that agree with a pose whose floor no other pose has.
 std::vector<PoseEvidence> Competitors(const LabelContext& context, std::size_t i,
                                       const std::vector<OrientationTrial*>& trials) {
   const UnlabelledView& from = context.views[i];
@@ -90,7 +101,8 @@ std::vector<PoseEvidence> Competitors(const LabelContext& context, std::size_t i
   poses.reserve(trials.size());
   for (const OrientationTrial* t : trials) poses.push_back({&t->segmentation, &t->initial});
   std::vector<PoseEvidence> of_network = OfNetwork(context, i, trials, poses);
-  if (!from.usable || !AsksGeometry(context.initial.method)) return of_network;
+  if (!from.usable || !AsksGeometry(context.initial.method) || OnlySettled(context, trials))
+    return of_network;
   return CombineProposals(
       *from.view, context.structure, poses, std::move(of_network),
       ProposeByGeometry(*from.view, context.structure, context.aliases, context.initial),

@@ -1,6 +1,7 @@
 #include "infer/pose/shape_evidence.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -22,6 +23,12 @@ constexpr double kFacesAlike = 0.7, kGoesOnAlike = 0.9;
 constexpr double kBeyondFrom = 0.02, kBeyondTo = 0.07;
 /// m: nearer to the foot the floor begins.
 constexpr double kFloorDistance = 0.05;
+/// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
+/// area, or so much of a border, as a part of its length, and less than half as much goes on there.
+constexpr double kLeastOfSide = 0.15, kLeastOfBorder = 0.25;
+/// Planes are one whose normals are no farther apart than this (8 deg), and whose places than this,
+/// m.
+constexpr double kSameDirection = 0.99, kSamePlane = 0.025;
 
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
@@ -34,17 +41,61 @@ struct Ray {
 
 double Tolerance(double z) { return kTolerance + kSquaredTolerance * z * z; }
 
+/// A side's borders: at +u, -u, +v, -v.
+constexpr int kBorders = 4;
+
 /// How far a point of a side's plane lies beyond the side's border, m; negative within it.
-double Beyond(const Side& side, const Eigen::Vector3d& p) {
+/// `border`: the one that it lies farthest beyond, or nearest to.
+double Beyond(const Side& side, const Eigen::Vector3d& p, int* border = nullptr) {
   const Eigen::Vector3d local = p - side.centre;
-  return std::max(std::abs(local.dot(side.axis_u)) - side.half_u,
-                  std::abs(local.dot(side.axis_v)) - side.half_v);
+  const double u = local.dot(side.axis_u), v = local.dot(side.axis_v);
+  const double beyond_u = std::abs(u) - side.half_u, beyond_v = std::abs(v) - side.half_v;
+  if (border) *border = beyond_u > beyond_v ? (u > 0 ? 0 : 1) : (v > 0 ? 2 : 3);
+  return std::max(beyond_u, beyond_v);
 }
 
 /// What one side was found to be.
 struct SideShape {
-  double explained = 0, goes_on = 0, ends = 0;
+  double explained = 0;
+  std::array<double, kBorders> border_ends{}, border_goes_on{};
 };
+
+/// A plane of the structure.
+struct StructurePlane {
+  Eigen::Vector3d normal;
+  double offset = 0;
+};
+
+/// The plane of the face that a side has beyond its border.
+StructurePlane PlaneBeyond(const Side& side, int border) {
+  const Eigen::Vector3d& axis = border < 2 ? side.axis_u : side.axis_v;
+  const Eigen::Vector3d normal = border % 2 == 0 ? axis : Eigen::Vector3d(-axis);
+  return {normal, normal.dot(side.centre) + (border < 2 ? side.half_u : side.half_v)};
+}
+
+double BorderLength(const Side& side, int border) {
+  return 2 * (border < 2 ? side.half_v : side.half_u);
+}
+
+void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
+  const bool known = std::any_of(planes->begin(), planes->end(), [&](const StructurePlane& other) {
+    return other.normal.dot(plane.normal) > kSameDirection &&
+           std::abs(other.offset - plane.offset) < kSamePlane;
+  });
+  if (!known) planes->push_back(plane);
+}
+
+/// The planes that one side shows.
+void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePlane>* planes) {
+  if (!(shape.explained > kLeastOfSide * side.exposed_area)) return;
+  AddPlane({side.normal, side.normal.dot(side.centre)}, planes);
+  for (int border = 0; border < kBorders; ++border) {
+    const auto b = static_cast<std::size_t>(border);
+    const double least = kLeastOfBorder * BorderLength(side, border) * (kBeyondTo - kBeyondFrom);
+    if (shape.border_ends[b] > std::max(least, 2 * shape.border_goes_on[b]))
+      AddPlane(PlaneBeyond(side, border), planes);
+  }
+}
 
 class Measurement {
  public:
@@ -95,24 +146,34 @@ class Measurement {
       const double tolerance = Tolerance(t);
       if (ray.expected > 0 && ray.expected < t + 2 * tolerance) continue;
       const Eigen::Vector3d p = ray.origin + t * ray.direction;
-      const double beyond = Beyond(side, p);
+      int border = 0;
+      const double beyond = Beyond(side, p, &border);
       if (beyond < kBeyondFrom || beyond > kBeyondTo || p.y() < foot_ + kFloorDistance) continue;
       if (!(ray.measured > 0) || ray.measured > t + 2 * tolerance) {
-        shapes_[index].ends += Area(ray, side, t);
+        shapes_[index].border_ends[static_cast<std::size_t>(border)] += Area(ray, side, t);
       } else if (std::abs(ray.measured - t) < tolerance &&
                  ray.normal.dot(side.normal) > kGoesOnAlike) {
-        shapes_[index].goes_on += Area(ray, side, t);
+        shapes_[index].border_goes_on[static_cast<std::size_t>(border)] += Area(ray, side, t);
       }
     }
   }
 
   ShapeEvidence Result() const {
     ShapeEvidence evidence = evidence_;
-    for (const SideShape& shape : shapes_) {
-      evidence.goes_on += shape.goes_on;
-      evidence.ends += shape.ends;
-      (shape.goes_on > shape.ends ? evidence.larger : evidence.explained) += shape.explained;
+    std::vector<StructurePlane> planes;
+    for (std::size_t i = 0; i < shapes_.size(); ++i) {
+      const SideShape& shape = shapes_[i];
+      double goes_on = 0, ends = 0;
+      for (std::size_t b = 0; b < kBorders; ++b) {
+        goes_on += shape.border_goes_on[b];
+        ends += shape.border_ends[b];
+      }
+      evidence.goes_on += goes_on;
+      evidence.ends += ends;
+      (goes_on > ends ? evidence.larger : evidence.explained) += shape.explained;
+      if (goes_on <= ends) AddPlanes(structure_.sides()[i], shape, &planes);
     }
+    evidence.planes = static_cast<int>(planes.size());
     return evidence;
   }
 

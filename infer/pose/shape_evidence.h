@@ -19,6 +19,10 @@ struct ShapeEvidence {
   // Just beyond the borders of the sides, where nothing of the structure is.
   double goes_on = 0;  ///< the surface goes on there, which contradicts the pose
   double ends = 0;     ///< something behind was measured, or nothing
+  /// Different planes of the structure that the view shows: of sides that were measured, and of
+  /// those whose edge was, because what is before it ends there. What leaves k of them to
+  /// coincidence is found once in so many places, the larger k the rarer.
+  int planes = 0;
 
   double explained_share() const { return Share(explained, see_through + larger + turned / 2); }
   double visible_share() const { return Share(explained, occluded); }

@@ -15,7 +15,9 @@ constexpr double kSlabsPerBox = 3;
 constexpr double kLeastCell = 0.015, kMostCell = 0.06;  // m
 constexpr double kLeastSlab = 0.04, kMostSlab = 0.2;    // m
 constexpr double kLeastYawStep = 3 * M_PI / 180;
-constexpr int kMostSlabs = 24;
+constexpr int kMostSlabs = 16;
+/// Cells along the structure's radius: what is small beside the whole need not be seen to find it.
+constexpr double kMostCellsOfRadius = 16;
 /// Inside begins so many cells behind the surface.
 constexpr double kInsideDepth = 1.3;
 
@@ -62,7 +64,7 @@ StackOutline MakeStackOutline(const Structure& structure, double cells) {
   double smallest = std::numeric_limits<double>::infinity(), lowest = smallest;
   Eigen::AlignedBox3d bounds;
   for (const Box& box : structure.boxes()) {
-    smallest = std::min(smallest, box.size.minCoeff());
+    smallest = std::min({smallest, box.size.x(), box.size.z()});
     lowest = std::min(lowest, box.size.y());
     for (int k = 0; k < 8; ++k) {
       const Eigen::Vector3d sign(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
@@ -73,7 +75,8 @@ StackOutline MakeStackOutline(const Structure& structure, double cells) {
   outline.foot = bounds.center();
   outline.foot.y() = structure.FloorHeight();
   outline.radius = std::hypot(bounds.sizes().x(), bounds.sizes().z()) / 2;
-  outline.cell = std::clamp(smallest / cells, kLeastCell, kMostCell);
+  outline.cell = std::max(std::clamp(smallest / cells, kLeastCell, kMostCell),
+                          outline.radius / kMostCellsOfRadius);
   outline.slab = std::clamp(lowest / kSlabsPerBox, kLeastSlab, kMostSlab);
   outline.slab = std::max(outline.slab, structure.Height() / kMostSlabs);
   outline.slabs = static_cast<int>(std::ceil(structure.Height() / outline.slab + 0.1));

@@ -32,7 +32,7 @@ struct StackOutline {
   int SlabAt(double height) const { return static_cast<int>(std::floor(height / slab)); }
   bool Has(int slab_index) const { return slab_index >= 0 && slab_index < slabs; }
 };
-/// `cells`: along the smallest edge of any box, where that gives no extreme size.
+/// `cells`: along the smallest horizontal edge of any box, where that gives no extreme size.
 StackOutline MakeStackOutline(const Structure& structure, double cells = 8);
 
 /// Upward part of a unit normal from which on a surface counts as a top, and up to which as a side;

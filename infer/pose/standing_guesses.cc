@@ -24,6 +24,8 @@ constexpr std::size_t kMostUps = 12;
 /// the area that the highest count has.
 constexpr double kLevelCell = 0.2, kLeastLevel = 0.15;
 constexpr std::size_t kMostLevels = 4;
+/// Feet nearer than this part of a slab are one.
+constexpr double kSameFoot = 0.3;
 /// Of a surface that is level, its normal's upward part.
 constexpr double kLevel = 0.9;
 
@@ -147,7 +149,12 @@ std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::
   std::vector<double> feet;
   if (points.empty()) return feet;
   for (const double level : Levels(points, up, kLevelCell * outline.slab)) {
-    for (const double top : TopsOf(structure)) feet.push_back(level - top);
+    for (const double top : TopsOf(structure)) {
+      const bool known = std::any_of(feet.begin(), feet.end(), [&](double foot) {
+        return std::abs(foot - (level - top)) < kSameFoot * outline.slab;
+      });
+      if (!known) feet.push_back(level - top);
+    }
   }
   if (!feet.empty()) return feet;
   double lowest = 1e9, highest = -1e9;
@@ -175,12 +182,15 @@ std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes,
 
 std::vector<StandingGuess> GuessWithoutFloor(const std::vector<OrientedPoint>& points,
                                              const std::vector<RoomPlane>& planes,
+                                             const std::vector<RoomPlane>& small,
                                              const Structure& structure,
                                              const StackOutline& outline,
                                              const std::vector<Eigen::Vector3d>& usual) {
   std::vector<StandingGuess> guesses;
-  for (const Eigen::Vector3d& up : Ups(Axes(planes), usual)) {
-    const std::vector<double> turns = Turns(up, planes, structure);
+  std::vector<RoomPlane> all = planes;
+  all.insert(all.end(), small.begin(), small.end());
+  for (const Eigen::Vector3d& up : Ups(Axes(all), usual)) {
+    const std::vector<double> turns = Turns(up, small, structure);
     if (turns.empty()) continue;
     guesses.push_back({up, Feet(points, up, structure, outline), turns});
   }

@@ -18,8 +18,11 @@ std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, dou
 /// none does, at any height at which something was measured. `usual`: directions, sensor frame, in
 /// which up may be, to 35 deg; where only planes of one direction are seen, up is as these are, as
 /// far as the planes are upright.
+/// `points`: without those of the room, and `small` the planes among them, as which the structure's
+/// sides may face; `planes`: all.
 std::vector<StandingGuess> GuessWithoutFloor(const std::vector<OrientedPoint>& points,
                                              const std::vector<RoomPlane>& planes,
+                                             const std::vector<RoomPlane>& small,
                                              const Structure& structure,
                                              const StackOutline& outline,
                                              const std::vector<Eigen::Vector3d>& usual);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/random.h"
 #include "infer/calibrate.h"
 #include "infer/io/report.h"
 #include "infer/pose/agreement.h"
@@ -201,6 +202,56 @@ TEST(CalibrateByGeometry, MirroredFramesAreNotFound) {
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
   result.sensors.erase(result.sensors.begin());
   ExpectTrueReasons(result);
+}
+
+/// A room full of boxes, none of them on another, that no stack is made of.
+Structure ManyBoxes(std::uint64_t seed) {
+  RandomStream random(seed, 0, "boxes");
+  std::vector<Box> boxes;
+  for (int i = 0; i < 16; ++i) {
+    const Eigen::Vector3d size(random.Uniform(0.25, 0.6), random.Uniform(0.2, 1.2),
+                               random.Uniform(0.25, 0.6));
+    Box box{"box" + std::to_string(i), size, Pose::Identity()};
+    box.structure_from_box.translation() =
+        Eigen::Vector3d(-1.35 + 0.9 * (i % 4), size.y() / 2, -1.35 + 0.9 * (i / 4));
+    box.structure_from_box.linear() =
+        Eigen::AngleAxisd(random.Uniform(-0.8, 0.8), Eigen::Vector3d::UnitY()).toRotationMatrix();
+    boxes.push_back(box);
+  }
+  return Structure::FromBoxes("many", boxes);
+}
+
+TEST(CalibrateByGeometry, NothingIsOkInARoomFullOfOtherBoxes) {
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    Rig rig{ManyBoxes(seed), {}, {}};
+    for (int i = 0; i < 4; ++i) {
+      rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.6, 1.4, 90, {0, 0.3, 0}),
+              {true, 3.5});
+      AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+      rig.frames.back().quarter_turns = kAutoTurns;
+    }
+    for (const Structure& described : {OwnBoxes(), testing_infer::PaperStructure()}) {
+      for (const SensorResult& sensor : WithoutAModel(rig.frames, described).sensors)
+        EXPECT_NE(sensor.status, SensorStatus::kOk) << seed << " " << described.name();
+    }
+  }
+}
+
+// One of four sensors sees no floor, and the paper's stack looks the same upside down. The others
+// are mounted as it is.
+TEST(CalibrateByGeometry, UpFromTheOtherSensors) {
+  Rig rig = FourThatSee(testing_infer::PaperStructure());
+  DepthImage& depth = rig.frames[2].depth;
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    if (rig.labels[2][i] == 0) depth[i] = 0;
+  }
+  const CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+  for (const SensorResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + sensor.reason);
+    ASSERT_TRUE(sensor.error.has_value());
+    EXPECT_LT(sensor.error->translation_m, 0.02);
+    EXPECT_LT(sensor.error->rotation_deg, 1);
+  }
 }
 
 TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {
