@@ -16,8 +16,10 @@ volalign=build/release/cli/volalign
 cat <<END
 
 Look at:
+  $out/calibration/report.html           the report: open it in a browser (docs/report.md explains it)
   $out/capture/contact_sheet.png         what the eight sensors measure, and the true labels
-  $out/calibration/pictures/overview.png depth, predicted labels, and the structure drawn at the estimated poses
+  $out/calibration/pictures/overview.png depth, labels found, the structure at the estimated poses, residuals
   $out/calibration/clouds/merged.ply     all sensors' points in the structure's frame (any point cloud viewer)
+  $out/calibration/rig.glb               stack, sensors and points as glTF (Blender, MeshLab)
   $out/calibration/extrinsics.json       the poses, with their convention and uncertainty
 END

@@ -15,13 +15,19 @@ struct Command {
 Command AddStructureCommand(CLI::App& program);
 Command AddRenderCommand(CLI::App& program);
 Command AddTrainCommand(CLI::App& program);
+Command AddRunsCommand(CLI::App& program);
 Command AddValidateCommand(CLI::App& program);
 Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
+Command AddCompletionCommand(CLI::App& program);
+Command AddDoctorCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
+Command AddCheckCommand(CLI::App& program);
+Command AddCaptureCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
 Command AddConvertCommand(CLI::App& program);
+Command AddPlanCommand(CLI::App& program);
 #endif
 
 }  // namespace volalign

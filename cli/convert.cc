@@ -13,7 +13,9 @@ Command AddConvertCommand(CLI::App& program) {
     std::string input, from = "volalign", to, output;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("convert", "Write poses as other programs read them");
+  CLI::App* app = program.add_subcommand(
+      "convert",
+      "Write poses as other programs read them (docs/conversion.md has the conventions of each)");
   app->add_option("input", options->input,
                   "extrinsics.json of `volalign calibrate`, or what --from names")
       ->required();
@@ -25,9 +27,6 @@ Command AddConvertCommand(CLI::App& program) {
   app->add_option("-o,--output", options->output,
                   "file to write; a folder for colmap and volumetric_capture")
       ->required();
-  app->footer(
-      "The conventions of every format: docs/conversion.md. For example:\n"
-      "  volalign convert out/extrinsics.json --to colmap -o out/colmap");
   return {app, [options] {
             const PoseFormat to = ParsePoseFormat(options->to);
             const auto poses = ReadPoses(options->input, ParsePoseFormat(options->from));

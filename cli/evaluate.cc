@@ -10,9 +10,15 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "infer/evaluate/suite/figures.h"
+#include "infer/evaluate/suite/method_set.h"
+#include "infer/evaluate/suite/run_suite.h"
+#include "infer/evaluate/suite/suite_config.h"
+#include "infer/evaluate/suite/write_suite.h"
 #include "infer/evaluate/tables.h"
 #include "infer/view/segmenter.h"
 #include "render/depth_renderer.h"
@@ -27,10 +33,32 @@ struct Options {
   std::vector<std::string> captures, assignments;
   RigSeries rigs;
   int device = -1;
+  std::string suite, suite_config = "configs/paper/suite.yaml";
+  int workers = 1, max_captures = 0;
 };
 
+void AddSuiteOptions(CLI::App* app, Options* options) {
+  CLI::Option* suite =
+      app->add_option("--suite", options->suite,
+                      "run the experiments of one of the paper's tables (table2 ... table6) or all "
+                      "of them, instead of rigs and captures of your own (docs/paper.md)");
+  app->add_option("--suite-config", options->suite_config,
+                  "YAML of the suite's captures, methods and tables")
+      ->needs(suite)
+      ->capture_default_str();
+  app->add_option("--workers", options->workers, "captures that are worked on at the same time")
+      ->needs(suite)
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  app->add_option("--max-captures", options->max_captures,
+                  "so many captures of each dataset, evenly taken; 0: all")
+      ->needs(suite)
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+}
+
 void AddOptions(CLI::App* app, Options* options) {
-  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
+  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt");
   app->add_option("--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "
@@ -45,6 +73,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", options->assignments, "KEY=VALUE over the calibration options")
       ->take_all();
+  AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
   app->add_option("--placements", options->rigs.placements,
                   "numbers of placements of the structure, e.g. 1 2 4: each rig is calibrated with "
@@ -60,9 +89,16 @@ void AddOptions(CLI::App* app, Options* options) {
                 "angle more");
   app->add_option("--device", options->device,
                   "EGL device; the first that works, or software, without it");
+  AddSuiteOptions(app, options);
   app->add_option("-o,--output", options->output,
-                  "folder for evaluation.json; what a killed run left there is not done again")
+                  "folder for evaluation.json, or for the suite's tables; what a killed run left "
+                  "there is not done again")
       ->required();
+}
+
+void PrintProgress(const std::string& line) {
+  fmt::print(stderr, "{}\n", line);
+  std::fflush(stderr);
 }
 
 EvaluateRun RunOf(const Options& options, const NetworkSegmenter& segmenter) {
@@ -71,14 +107,44 @@ EvaluateRun RunOf(const Options& options, const NetworkSegmenter& segmenter) {
   run.model_file = segmenter.file();
   run.model_sha256 = segmenter.sha256();
   run.program = Sha256(ReadFile("/proc/self/exe"));
-  run.progress = [](const std::string& line) {
-    fmt::print(stderr, "{}\n", line);
-    std::fflush(stderr);
-  };
+  run.progress = PrintProgress;
   return run;
 }
 
+/// The resolved options beside the result: those of calibration, without --compare, and each rig.
+void SaveOptions(const std::filesystem::path& output, const ConfigSource& source,
+                 const std::vector<NamedRig>& rigs) {
+  WriteFileAtomically(output / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
+  for (const NamedRig& rig : rigs)
+    WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
+}
+
+int RunPaperSuite(const Options& options) {
+  const SuiteConfig suite = SelectTables(ReadSuite(options.suite_config), options.suite);
+  for (const SuiteMethod& method : suite.methods) {
+    if (!HasModel(method)) {
+      fmt::print(stderr, "{}: {} does not exist; its rows stay empty\n", method.name, method.model);
+    }
+  }
+  SuiteRun run;
+  run.output = options.output;
+  run.program = Sha256(ReadFile("/proc/self/exe"));
+  run.workers = options.workers;
+  run.device = options.device;
+  run.max_captures = options.max_captures;
+  run.progress = PrintProgress;
+  SetTorchThreads(options.workers > 1 ? 1 : 2);
+  fmt::print("{}", WriteSuite(run.output, suite, RunSuite(suite, run)));
+  for (const std::filesystem::path& file : WriteFigures(suite, run))
+    fmt::print(stderr, "written: {}\n", file.string());
+  std::fflush(stdout);
+  fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
+  return 0;
+}
+
 int RunEvaluate(const Options& options) {
+  if (!options.suite.empty()) return RunPaperSuite(options);
+  if (options.model.empty()) throw ConfigError("evaluate wants --model, or --suite");
   if (options.rigs.files.empty() && options.captures.empty()) {
     throw ConfigError("evaluate wants --rigs RIG.yaml ..., --captures capture.json ..., or both");
   }
@@ -107,6 +173,7 @@ int RunEvaluate(const Options& options) {
     items.push_back(CaptureItem(capture, segmenter->structure()));
   }
   const EvaluateRun run = RunOf(options, *segmenter);
+  SaveOptions(options.output, source, rigs);
   const std::vector<EvaluatedCase> cases =
       Evaluate(items, variants, *segmenter, segmenter->structure(), run);
   fmt::print("{}", FormatEvaluation(cases));

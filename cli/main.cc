@@ -5,38 +5,84 @@
 #include <string>
 #include <vector>
 
+#include "cli/app_tree.h"
+#include "cli/command_line.h"
 #include "cli/commands.h"
+#include "cli/data_folder.h"
 #include "core/error.h"
+#include "core/input_file.h"
 #include "render/egl_context.h"
 
-int main(int argc, char** argv) {
-  volalign::KeepSoftwareRenderingOnOneThread();
+namespace volalign {
+
+namespace {
+
+std::vector<Command> AddCommands(CLI::App& program) {
+  return {
+#ifdef VOLALIGN_HAS_INFER
+      AddCalibrateCommand(program), AddCaptureCommand(program),    AddCheckCommand(program),
+      AddConvertCommand(program),   AddEvaluateCommand(program),   AddPlanCommand(program),
+#endif
+      AddStructureCommand(program), AddRenderCommand(program),     AddTrainCommand(program),
+      AddRunsCommand(program),      AddValidateCommand(program),   AddExportCommand(program),
+      AddConfigCommand(program),    AddCompletionCommand(program), AddDoctorCommand(program)};
+}
+
+/// Reads the arguments; true where they were understood, else `status` is that of the program.
+bool Parse(CLI::App* program, int argc, char** argv, int* status) {
+  const std::string unknown = UnknownCommand(program, {argv + 1, argv + argc});
+  if (!unknown.empty()) {
+    fmt::print(stderr, "error: {}\n", unknown);
+    *status = 1;
+    return false;
+  }
+  try {
+    program->parse(argc, argv);
+    return true;
+  } catch (const CLI::ExtrasError&) {
+    fmt::print(stderr, "error: {}\n", UnknownOption(program));
+    *status = 1;
+  } catch (const CLI::ParseError& error) {
+    *status = program->exit(error) == 0 ? 0 : 1;
+  }
+  return false;
+}
+
+int Run(int argc, char** argv) {
   CLI::App program("volalign aligns depth sensors from one still frame each of a stack of boxes",
                    "volalign");
   program.set_version_flag("--version", "volalign " VOLALIGN_VERSION);
   program.require_subcommand(1);
-  const std::vector<volalign::Command> commands = {
-      volalign::AddStructureCommand(program), volalign::AddRenderCommand(program),
-      volalign::AddTrainCommand(program),     volalign::AddValidateCommand(program),
-#ifdef VOLALIGN_HAS_INFER
-      volalign::AddCalibrateCommand(program), volalign::AddEvaluateCommand(program),
-      volalign::AddConvertCommand(program),
-#endif
-      volalign::AddExportCommand(program),    volalign::AddConfigCommand(program)};
+  const std::vector<Command> commands = AddCommands(program);
+  std::string data_dir;
+  ForEachApp(&program, [&](CLI::App* app, const std::string&) {
+    app->add_option("--data-dir", data_dir,
+                    "folder that has configs and models, where inputs that are not in the working "
+                    "directory are looked for");
+  });
+  AddExamples(&program);
+  int status = 1;
+  if (!Parse(&program, argc, argv, &status)) return status;
   try {
-    program.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return program.exit(e) == 0 ? 0 : 1;
-  }
-  try {
-    for (const volalign::Command& command : commands) {
+    SetDataFolder(FindDataFolder(data_dir));
+    for (const Command& command : commands) {
       if (*command.app) return command.run();
     }
-  } catch (const volalign::Error& e) {
+  } catch (const Error& e) {
     fmt::print(stderr, "error: {}\n", e.what());
   } catch (const std::exception& e) {
     const std::string text = e.what();
     fmt::print(stderr, "error: {}\n", text.substr(0, text.find('\n')));
   }
   return 1;
+}
+
+}  // namespace
+
+}  // namespace volalign
+
+int main(int argc, char** argv) {
+  volalign::KeepSoftwareRenderingOnOneThread();
+  volalign::KeepCommandLine(argc, argv);
+  return volalign::Run(argc, argv);
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "cli/commands.h"
 #include "core/error.h"
+#include "core/file_util.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/depth_renderer.h"
@@ -88,22 +90,33 @@ void WritePlacements(const std::string& output, const std::vector<RigCapture>& s
   }
 }
 
-void RenderOneRig(const RenderOptions& options, const ConfigSource& source) {
-  DepthRenderer renderer;
-  const std::vector<RigCapture> stills = RenderPlacements(ReadRig(source), renderer);
+void WriteStills(const std::string& output, const std::vector<RigCapture>& stills) {
   if (stills.size() > 1) {
-    WritePlacements(options.output, stills);
+    WritePlacements(output, stills);
     return;
   }
   const RigCapture& capture = stills.front();
-  WriteCapture(options.output, capture);
+  WriteCapture(output, capture);
   for (const CapturedSensor& sensor : capture.sensors) {
     const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
     fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
                sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(), p.y(),
                p.z());
   }
-  fmt::print("written: {}/capture.json, contact_sheet.png\n", options.output);
+  fmt::print("written: {}/capture.json, rig.yaml, contact_sheet.png\n", output);
+}
+
+/// Each turn of the structure in a folder of its own, where there are several.
+void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
+  DepthRenderer renderer;
+  const std::vector<Rig> turns = Turns(ReadRig(source));
+  for (std::size_t k = 0; k < turns.size(); ++k) {
+    const std::string output =
+        turns.size() == 1 ? options.output : fmt::format("{}/turn_{}", options.output, k + 1);
+    const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
+    WriteFileAtomically(std::filesystem::path(output) / "rig.yaml", WriteConfig(turns[k]));
+    WriteStills(output, stills);
+  }
 }
 
 void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
@@ -115,7 +128,8 @@ void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std:
   preview.count = static_cast<int>(std::min(options.count, kMostSamples));
   preview.real_frames = options.real_frames;
   preview.real_depth_scale = options.real_depth_scale;
-  fmt::print("\n{}written: {}/preview.png\n",
+  WriteFileAtomically(std::filesystem::path(options.output) / "config.yaml", WriteConfig(recipe));
+  fmt::print("\n{}written: {}/preview.png, config.yaml\n",
              WritePreview(options.output, recipe.data, preview, renderer), options.output);
 }
 
@@ -150,7 +164,7 @@ int RunRender(const RenderOptions& options) {
   const EglContext egl(context_options);
   fmt::print("renderer: {}\n", egl.Describe());
   if (!options.rig.empty()) {
-    RenderOneRig(options, source);
+    RenderRigTurns(options, source);
     return 0;
   }
   const TrainConfig recipe = ReadTrainConfig(source);

@@ -4,7 +4,11 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "core/file_util.h"
 #include "core/structure_gltf.h"
+#ifdef VOLALIGN_HAS_INFER
+#include "infer/io/target_report.h"
+#endif
 
 namespace volalign {
 
@@ -25,11 +29,26 @@ void PrintStructure(const Structure& structure) {
   }
 }
 
+#ifdef VOLALIGN_HAS_INFER
+void CheckStructure(const std::string& file, const TargetViewOptions& views,
+                    const std::string& picture) {
+  const Structure structure = ReadStructure(file);
+  const TargetQuality quality = MeasureTarget(structure, views);
+  fmt::print("{}", FormatTarget(structure, quality));
+  if (picture.empty()) return;
+  WriteFileAtomically(picture, TargetPicture(structure, quality));
+  fmt::print("written: {}\n", picture);
+}
+#endif
+
 }  // namespace
 
 Command AddStructureCommand(CLI::App& program) {
   struct Options {
-    std::string boxes, glb, show;
+    std::string boxes, glb, show, check, picture;
+#ifdef VOLALIGN_HAS_INFER
+    TargetViewOptions views;
+#endif
   };
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("structure", "Build or show the structure of boxes");
@@ -42,7 +61,27 @@ Command AddStructureCommand(CLI::App& program) {
   build->add_option("-o,--output", options->glb, "structure file to write (.glb)")->required();
   CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
   show->add_option("structure", options->show, ".glb or .yaml")->required();
-  return {app, [options, build] {
+#ifdef VOLALIGN_HAS_INFER
+  CLI::App* check = app->add_subcommand(
+      "check", "Say whether a set of boxes is a good target: symmetries, and what views tell");
+  check->add_option("structure", options->check, ".glb or .yaml")->required();
+  check
+      ->add_option("--distance", options->views.distance_m,
+                   "horizontal distance of the sensors from the stack's middle, m")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  check->add_option("--heights", options->views.heights_m, "of the sensors above the floor, m")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  check->add_option("-o,--output", options->picture, "picture of it, SVG");
+#endif
+  return {app, [=] {
+#ifdef VOLALIGN_HAS_INFER
+            if (*check) {
+              CheckStructure(options->check, options->views, options->picture);
+              return 0;
+            }
+#endif
             if (*build) {
               WriteStructureGlb(options->glb, ReadStructureYaml(options->boxes));
               PrintStructure(ReadStructureGlb(options->glb));

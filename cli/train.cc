@@ -1,42 +1,103 @@
 #include <fmt/format.h>
 
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/options.h"
+#include "core/error.h"
+#include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "train/launch.h"
+#include "train/run_log.h"
+#include "train/run_table.h"
+#include "train/sweep.h"
+#include "train/together.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
 
 namespace volalign {
 
+namespace {
+
+struct Options {
+  std::string config, sweep, run_dir;
+  std::vector<std::string> assignments;
+  bool resume = false;
+  int processes = 1;
+};
+
+int TrainOne(const Options& options) {
+  ConfigSource source = ConfigSource::FromFile(options.config);
+  for (const std::string& assignment : options.assignments) source.Set(assignment);
+  TrainOptions train_options;
+  train_options.world = ReadWorld();
+  train_options.run_dir = options.run_dir;
+  train_options.resume = options.resume;
+  const TrainConfig config = ReadTrainConfig(source);
+  if (options.processes > 1) {
+    if (train_options.world.size > 1) {
+      throw ConfigError(
+          "--nproc starts processes, and WORLD_SIZE says that somebody has done so already: leave "
+          "one of them out");
+    }
+    RequireProcesses(config, options.processes);
+    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+  }
+  SetTorchThreads(config.run.threads);
+  Train(config, train_options);
+  return 0;
+}
+
+int TrainMany(const Options& options) {
+  const std::vector<SweepRun> runs =
+      ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
+  const SweepResult result = TrainSweep(runs, options.run_dir, /*quiet=*/false);
+  for (const std::string& failure : result.failures) fmt::print(stderr, "failed: {}\n", failure);
+  const Table summary = CompareRuns(GroupRuns(ReadRuns({options.run_dir})));
+  const std::filesystem::path dir = options.run_dir;
+  WriteFileAtomically(dir / "summary.csv", FormatTable(summary, TableFormat::kCsv));
+  WriteFileAtomically(dir / "summary.json", FormatTable(summary, TableFormat::kJson));
+  fmt::print("{}", FormatTable(summary, TableFormat::kText));
+  if (!result.finished) fmt::print(stderr, "stopped: the same command continues the sweep\n");
+  return result.failures.empty() ? 0 : 2;
+}
+
+}  // namespace
+
 Command AddTrainCommand(CLI::App& program) {
-  struct Options {
-    std::string config, run_dir;
-    std::vector<std::string> assignments;
-    bool resume = false;
-  };
   auto options = std::make_shared<Options>();
   CLI::App* app =
       program.add_subcommand("train", "Train the segmentation network on rendered samples");
-  app->add_option("--config", options->config, "recipe, e.g. configs/m05-lite.yaml")->required();
+  CLI::Option* config =
+      app->add_option("--config", options->config, "recipe, e.g. configs/m05-lite.yaml");
+  CLI::Option* sweep =
+      app->add_option("--sweep", options->sweep,
+                      "YAML of recipes, values and seeds: trains all combinations in folders of "
+                      "--run-dir, and goes on where it was stopped");
+  sweep->excludes(config);
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")
       ->take_all();
-  app->add_option("-o,--run-dir", options->run_dir, "folder for config, metrics and checkpoints")
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
+  app->add_option("-o,--output,--run-dir", options->run_dir,
+                  "folder for config, metrics and checkpoints")
       ->required();
-  app->add_flag("--resume", options->resume, "continue the run in that folder");
+  app->add_option("--nproc", options->processes,
+                  "train in so many processes on this machine, each with its slice of the batch")
+      ->check(CLI::Range(1, 1024))
+      ->excludes(sweep);
+  app->add_flag("--resume", options->resume, "continue the run in that folder")->excludes(sweep);
   return {app, [options] {
-            ConfigSource source = ConfigSource::FromFile(options->config);
-            for (const std::string& assignment : options->assignments) source.Set(assignment);
-            TrainOptions train_options;
-            train_options.run_dir = options->run_dir;
-            train_options.resume = options->resume;
-            const TrainConfig config = ReadTrainConfig(source);
-            SetTorchThreads(config.run.threads);
-            Train(config, train_options);
-            return 0;
+            if (!options->sweep.empty()) return TrainMany(*options);
+            if (options->config.empty()) {
+              throw ConfigError("train wants --config RECIPE.yaml or --sweep SWEEP.yaml");
+            }
+            return TrainOne(*options);
           }};
 }
 

@@ -11,6 +11,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 
 namespace volalign {
 
@@ -111,7 +112,7 @@ Intrinsics ParseIntrinsics(const YAML::Node& item, const std::vector<int>& size,
 }  // namespace
 
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
-  const std::string text = ReadFile(path);
+  const std::string text = ReadFile(FindInputFile(path));
   std::vector<IntrinsicsPoolEntry> pool;
   try {
     for (const YAML::Node& node : YAML::Load(text)) {

@@ -14,6 +14,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 
 namespace volalign {
 namespace {
@@ -174,7 +175,7 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) 
 }
 
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
-  const std::string content = ReadFile(path);
+  const std::string content = ReadFile(FindInputFile(path.string()));
   const auto foreign = [&](const std::string& why) {
     return DataError(
         fmt::format("{}: not a whole file of format {} ({})", path.string(), format, why));

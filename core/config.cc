@@ -11,6 +11,7 @@
 #include <set>
 
 #include "core/file_util.h"
+#include "core/input_file.h"
 
 namespace volalign {
 
@@ -192,7 +193,7 @@ ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string
 ConfigSource ConfigSource::FromFile(const std::string& path) {
   std::vector<std::string> chain;
   std::vector<ConfigSource> sources;
-  for (std::string next = path; !next.empty();) {
+  for (std::string next = FindInputFile(path); !next.empty();) {
     const std::string canonical = std::filesystem::weakly_canonical(next).string();
     if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
       throw ConfigError(fmt::format("{}: `inherits` comes back to this file", next));

@@ -299,6 +299,10 @@ std::string EncodePng(const LabelImage& image, PngEffort effort) {
   return Encode(image.data(), image.width(), image.height(), 8, 1, effort);
 }
 
+std::string EncodePng(const RgbImage& image, PngEffort effort) {
+  return Encode(image.data(), image.width(), image.height(), 8, 3, effort);
+}
+
 void WritePng(const std::filesystem::path& path, const Image16& image) {
   WriteEncoded(path, image.data(), image.width(), image.height(), 16, 1);
 }

@@ -23,6 +23,7 @@ RgbImage ReadPngRgb(const std::filesystem::path& path);
 enum class PngEffort { kSmall, kFast };
 std::string EncodePng(const Image16& image, PngEffort effort = PngEffort::kSmall);
 std::string EncodePng(const LabelImage& image, PngEffort effort = PngEffort::kSmall);
+std::string EncodePng(const RgbImage& image, PngEffort effort = PngEffort::kSmall);
 
 /// The writers encode in memory and replace `path` atomically (see WriteFileAtomically).
 void WritePng(const std::filesystem::path& path, const Image16& image);

@@ -4,7 +4,17 @@
 
 namespace volalign {
 
-/// Throws IoError when the file that the configuration's `key` names is not there, with the folder
+/// The folder that has `configs` and `models`: relative paths of inputs that are not in the working
+/// directory are looked for there. Empty at first: nowhere else. A program sets it before it starts
+/// a thread.
+void SetDataFolder(const std::string& folder);
+const std::string& DataFolder();
+
+/// `path` or, where only that exists, the same path in the data folder. Structures, intrinsics
+/// pools, recipes, rigs and checkpoints are read through it.
+std::string FindInputFile(const std::string& path);
+
+/// Throws IoError when the file that the configuration's `key` names is not there, with the folders
 /// that a relative path was looked for in and how to give another file.
 void RequireInputFile(const std::string& key, const std::string& path);
 

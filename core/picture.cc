@@ -9,21 +9,41 @@ namespace volalign {
 
 namespace {
 
-/// Turbo as a polynomial (A. Mikhailov, "Turbo, an improved rainbow colormap", 2019; polynomial by
-/// R. Du), t in [0, 1].
-Rgb Turbo(double t) {
-  const double t2 = t * t, t3 = t2 * t, t4 = t2 * t2, t5 = t4 * t;
-  const double r = 0.13572138 + 4.61539260 * t - 42.66032258 * t2 + 132.13108234 * t3 -
-                   152.94239396 * t4 + 59.28637943 * t5;
-  const double g = 0.09140261 + 2.19418839 * t + 4.84296658 * t2 - 14.18503333 * t3 +
-                   4.27729857 * t4 + 2.82956604 * t5;
-  const double b = 0.10667330 + 12.64194608 * t - 60.58204836 * t2 + 110.36276771 * t3 -
-                   89.90310912 * t4 + 27.34824973 * t5;
-  const auto byte = [](double x) {
-    return static_cast<std::uint8_t>(std::lround(255 * std::clamp(x, 0.0, 1.0)));
+struct Stop {
+  double at;
+  Rgb colour;
+};
+
+/// Between the stops, in steps that the eye cannot tell and that leave a picture few colours.
+template <std::size_t N>
+Rgb Between(const Stop (&stops)[N], double t) {
+  constexpr double kSteps = 160;
+  t = std::round(std::clamp(t, 0.0, 1.0) * kSteps) / kSteps;
+  std::size_t i = 1;
+  while (i + 1 < N && t > stops[i].at) ++i;
+  const Stop &low = stops[i - 1], &high = stops[i];
+  const double share = (t - low.at) / (high.at - low.at);
+  const auto mix = [&](std::uint8_t a, std::uint8_t b) {
+    return static_cast<std::uint8_t>(std::lround(a + share * (b - a)));
   };
-  return {byte(r), byte(g), byte(b)};
+  return {mix(low.colour.r, high.colour.r), mix(low.colour.g, high.colour.g),
+          mix(low.colour.b, high.colour.b)};
 }
+
+/// Viridis (S. van der Walt and N. Smith, CC0) at ninths.
+constexpr Stop kViridis[] = {{0.0, {68, 1, 84}},        {1 / 9.0, {72, 40, 120}},
+                             {2 / 9.0, {62, 74, 137}},  {3 / 9.0, {49, 104, 142}},
+                             {4 / 9.0, {38, 130, 142}}, {5 / 9.0, {31, 158, 137}},
+                             {6 / 9.0, {53, 183, 121}}, {7 / 9.0, {109, 205, 89}},
+                             {8 / 9.0, {180, 222, 44}}, {1.0, {253, 231, 37}}};
+
+/// Blue over a light grey to orange, which no common colour blindness confuses (after PuOr of
+/// C. Brewer's ColorBrewer, with blue for its purple).
+constexpr Stop kDiverging[] = {{0.0, {5, 60, 145}},
+                               {0.25, {84, 148, 216}},
+                               {0.5, {236, 236, 232}},
+                               {0.75, {241, 150, 62}},
+                               {1.0, {150, 60, 5}}};
 
 Rgb FromHsv(double hue_deg, double saturation, double value) {
   const auto channel = [&](double n) {
@@ -53,37 +73,57 @@ RgbImage ColourLabels(const LabelImage& labels) {
   return picture;
 }
 
+Rgb DepthColour(double t) { return Between(kViridis, 1 - 0.95 * std::clamp(t, 0.0, 1.0)); }
+
+Rgb SignedColour(double t) { return Between(kDiverging, (1 + t) / 2); }
+
 RgbImage ColourDepth(const DepthImage& depth, double near_m, double far_m) {
   RgbImage picture(depth.width(), depth.height());
   for (std::size_t i = 0; i < depth.size(); ++i) {
     if (!(depth[i] > 0)) continue;
-    const double t = std::clamp((depth[i] - near_m) / (far_m - near_m), 0.0, 1.0);
-    picture[i] = Turbo(0.95 - 0.9 * t);
+    picture[i] = DepthColour((depth[i] - near_m) / (far_m - near_m));
   }
   return picture;
+}
+
+Image<float> ShadeDepth(const DepthImage& depth) {
+  constexpr double kSteps = 7;
+  Image<float> shade(depth.width(), depth.height());
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 0; u < depth.width(); ++u) {
+      const float z = depth(u, v);
+      if (!(z > 0)) continue;
+      const float right = u + 1 < depth.width() ? depth(u + 1, v) : 0;
+      const float below = v + 1 < depth.height() ? depth(u, v + 1) : 0;
+      double slope = 0;
+      if (right > 0 && below > 0) slope = std::clamp(40.0 * (right - z + below - z) / z, -1.0, 1.0);
+      shade(u, v) = static_cast<float>(0.78 - 0.22 * std::round(kSteps * slope) / kSteps);
+    }
+  }
+  return shade;
+}
+
+Rgb SurroundingsColour(double z, double shade) {
+  // Even numbers: with the labels' shades these are few enough for a palette.
+  const double fade = std::clamp(1.2 - z / 7.0, 0.25, 1.0);
+  const auto grey = static_cast<std::uint8_t>(2 * std::lround(55 * shade * fade));
+  return {grey, grey, grey};
 }
 
 RgbImage OverlayLabels(const DepthImage& depth, const LabelImage& labels) {
   if (labels.width() != depth.width() || labels.height() != depth.height()) {
     throw Error("OverlayLabels: the depth and the label map have different sizes");
   }
+  const Image<float> shades = ShadeDepth(depth);
   RgbImage picture(depth.width(), depth.height());
-  for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      const float z = depth(u, v);
-      if (!(z > 0)) continue;
-      // Shade by the depth's slope, so that faces stand out under flat label colours.
-      const float right = u + 1 < depth.width() ? depth(u + 1, v) : 0;
-      const float below = v + 1 < depth.height() ? depth(u, v + 1) : 0;
-      double slope = 0;
-      if (right > 0 && below > 0) slope = std::clamp(40.0 * (right - z + below - z) / z, -1.0, 1.0);
-      const double shade = 0.78 - 0.22 * slope;
-      const Rgb colour = labels(u, v) == 0 ? Rgb{110, 110, 110} : LabelColour(labels(u, v));
-      const double fade = labels(u, v) == 0 ? std::clamp(1.2 - z / 7.0, 0.25, 1.0) : 1.0;
-      picture(u, v) = {static_cast<std::uint8_t>(colour.r * shade * fade),
-                       static_cast<std::uint8_t>(colour.g * shade * fade),
-                       static_cast<std::uint8_t>(colour.b * shade * fade)};
-    }
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    if (!(depth[i] > 0)) continue;
+    const double shade = shades[i];
+    const Rgb colour = LabelColour(labels[i]);
+    picture[i] = labels[i] == 0 ? SurroundingsColour(depth[i], shade)
+                                : Rgb{static_cast<std::uint8_t>(colour.r * shade),
+                                      static_cast<std::uint8_t>(colour.g * shade),
+                                      static_cast<std::uint8_t>(colour.b * shade)};
   }
   return picture;
 }

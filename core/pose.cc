@@ -11,12 +11,7 @@ namespace volalign {
 
 Eigen::Matrix3d RotationExp(const Eigen::Vector3d& rotation_vector) {
   const double angle = rotation_vector.norm();
-  if (angle < 1e-12) {
-    Eigen::Matrix3d skew;
-    skew << 0, -rotation_vector.z(), rotation_vector.y(), rotation_vector.z(), 0,
-        -rotation_vector.x(), -rotation_vector.y(), rotation_vector.x(), 0;
-    return Eigen::Matrix3d::Identity() + skew;
-  }
+  if (angle < 1e-12) return Eigen::Matrix3d::Identity() + Cross(rotation_vector);
   return Eigen::AngleAxisd(angle, rotation_vector / angle).toRotationMatrix();
 }
 
@@ -31,6 +26,26 @@ Pose PerturbLeft(const Vector6d& delta, const Pose& pose) {
   result.linear() = r * pose.linear();
   result.translation() = r * pose.translation() + delta.head<3>();
   return result;
+}
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+Vector6d LeftDifference(const Pose& from, const Pose& to) {
+  const Eigen::Matrix3d rotation = to.linear() * from.linear().transpose();
+  Vector6d delta;
+  delta << to.translation() - rotation * from.translation(), RotationLog(rotation);
+  return delta;
+}
+
+Matrix6d Adjoint(const Pose& pose) {
+  Matrix6d adjoint = Matrix6d::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = pose.linear();
+  adjoint.topRightCorner<3, 3>().noalias() = Cross(pose.translation()) * pose.linear();
+  return adjoint;
 }
 
 PoseError ComparePoses(const Pose& a, const Pose& b) {

@@ -19,6 +19,15 @@ Eigen::Vector3d RotationLog(const Eigen::Matrix3d& rotation);
 /// vector (rad) in the target frame, R = Exp(w) R^, t = Exp(w) t^ + v. Covariances are delta's.
 Pose PerturbLeft(const Vector6d& delta, const Pose& pose);
 
+/// Matrix of the cross product: Cross(v) * w = v x w.
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v);
+
+/// delta with PerturbLeft(delta, from) = to.
+Vector6d LeftDifference(const Pose& from, const Pose& to);
+
+/// T Exp(delta) = Exp(Adjoint(T) delta) T, for delta = [translation; rotation vector].
+Matrix6d Adjoint(const Pose& pose);
+
 struct PoseError {
   double translation_m = 0;  ///< distance between the two sensor positions
   double rotation_deg = 0;   ///< angle of the relative rotation

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/camera.h"
 #include "core/config.h"
 #include "core/config_word.h"
 #include "core/pose.h"
@@ -23,6 +24,7 @@ struct RigSensor {
   double height_cm = 100;
   double roll_deg = 90;
   std::array<double, 3> look_at_cm{0, 0, 0};
+  bool level = false;
   std::string image_size;
 
   template <class Archive>
@@ -34,8 +36,52 @@ struct RigSensor {
     ar("height_cm", height_cm, "height above the floor, cm", Above(0));
     ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
     ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
+    ar("level", level, "the optical axis is level: look_at_cm counts without its height");
     ar("image_size", image_size,
        "WIDTHxHEIGHT; empty: the pool's own size, a quarter of it where that is wider than 640");
+  }
+};
+
+/// A sensor that does not stand where it stood in the first still: its pose is then its first one
+/// times this, about its own axes (x right, y down, z forward).
+struct RigMovement {
+  std::string sensor;
+  std::array<double, 3> translation_mm{0, 0, 0};
+  std::array<double, 3> rotation_deg{0, 0, 0};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "name of the sensor");
+    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
+    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+  }
+};
+
+/// Sensors that differ in angle and height alone: a ring, an arc, or a column.
+struct RigGroup {
+  std::string name = "S";
+  std::string sensor = "realsense_d415";
+  double rho_cm = 200;
+  std::vector<double> phi_deg{0};
+  std::vector<double> height_cm{100};
+  double roll_deg = 90;
+  std::array<double, 3> look_at_cm{0, 0, 0};
+  bool level = false;
+  std::string image_size;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "the sensors are called by it and their numbers from 1 on: S1, S2, ...");
+    ar("sensor", sensor, "as sensors[].sensor");
+    ar("rho_cm", rho_cm, "as sensors[].rho_cm", Above(0));
+    ar("phi_deg", phi_deg,
+       "angles of the sensors, deg. There are as many sensors as the longer list of phi_deg and "
+       "height_cm has elements; the shorter list is repeated");
+    ar("height_cm", height_cm, "heights of the sensors above the floor, cm", Above(0));
+    ar("roll_deg", roll_deg, "as sensors[].roll_deg");
+    ar("look_at_cm", look_at_cm, "as sensors[].look_at_cm");
+    ar("level", level, "as sensors[].level");
+    ar("image_size", image_size, "as sensors[].image_size");
   }
 };
 
@@ -44,12 +90,14 @@ struct RigPlacement {
   double x_cm = 0;
   double z_cm = 0;
   double yaw_deg = 0;
+  std::vector<RigMovement> moved;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
     ar("z_cm", z_cm, "as x_cm");
     ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
+    ar("moved", moved, "sensors that somebody moved before this still, from their first poses");
   }
 };
 
@@ -69,6 +117,7 @@ struct Rig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";
   double structure_yaw_deg = 0;
+  std::vector<double> turns_deg;  ///< captures of their own, see Turns
   bool structure_present = true;
   bool room = true;
   bool tripods = true;
@@ -79,6 +128,7 @@ struct Rig {
   double missing_share = 0;
   std::uint64_t seed = 1;
   std::vector<RigSensor> sensors;
+  std::vector<RigGroup> groups;          ///< ReadRig makes sensors of them
   std::vector<RigPlacement> placements;  ///< after the first, which is the identity
   DeviceErrorDraw device_errors = DeviceErrorDraw::kPersistent;
   SceneConfig scene;
@@ -91,6 +141,10 @@ struct Rig {
     ar("structure_yaw_deg", structure_yaw_deg,
        "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
        "against the sense of phi_deg");
+    ar("turns_deg", turns_deg,
+       "captures to make, one with the structure turned by each of these angles beyond "
+       "structure_yaw_deg, deg: each draws room, assembly and noise anew (from seed, seed + "
+       "1000000, ...); empty: one capture");
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
@@ -112,6 +166,8 @@ struct Rig {
        Between(0, 1));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
+    ar("groups", groups,
+       "further sensors, alike but for angle and height: a ring, an arc, a column");
     ar("placements", placements,
        "further places of the structure, one still each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
@@ -127,12 +183,24 @@ struct Rig {
   }
 };
 
-/// Reads and checks a rig: at least one sensor, names unique and fit for file names. Throws
-/// ConfigError.
+/// Reads and checks a rig: at least one sensor, names unique and fit for file names, movements of
+/// sensors that it has. Sensors of `groups` stand behind those of `sensors`; the result has no
+/// groups. Throws ConfigError.
 Rig ReadRig(const ConfigSource& source);
+
+/// The intrinsics that the pool has for a sensor, at the size of its image; not empty. Throws
+/// ConfigError for a sensor that the pool (named `pool_name`) lacks, or an image size of another
+/// aspect ratio.
+std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
+                                     const std::vector<IntrinsicsPoolEntry>& pool,
+                                     const std::string& pool_name);
 
 /// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
+
+/// first_from_moved: the frame that the sensor had in the first still from the one that it has
+/// after the movement.
+Pose FirstFromMoved(const RigMovement& movement);
 
 /// The structure's frame at a placement in that of its first place, for a level floor.
 Pose FirstFromPlacement(const RigPlacement& placement);
@@ -140,5 +208,9 @@ Pose FirstFromPlacement(const RigPlacement& placement);
 /// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
 /// modulo 360, and the placements stay where they are among the sensors.
 void TurnStructure(double deg, Rig* rig);
+
+/// The captures that a rig asks for: one a turn, in order, each with a seed of its own and without
+/// turns; the rig itself where it has none.
+std::vector<Rig> Turns(const Rig& rig);
 
 }  // namespace volalign

@@ -14,6 +14,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 
 namespace volalign {
 
@@ -368,7 +369,7 @@ Box ReadBox(const YAML::Node& node, const std::string& path) {
 }  // namespace
 
 Structure ReadStructureYaml(const std::string& path) {
-  const std::string text = ReadFile(path);
+  const std::string text = ReadFile(FindInputFile(path));
   try {
     const YAML::Node root = YAML::Load(text);
     if (!root.IsMap() || !root["boxes"] || !root["boxes"].IsSequence()) {

@@ -2,19 +2,16 @@
 
 #include <fmt/format.h>
 
-#define TINYGLTF_NO_STB_IMAGE
-#define TINYGLTF_NO_STB_IMAGE_WRITE
-#include <tiny_gltf.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <map>
-#include <sstream>
 #include <utility>
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/gltf_parts.h"
+#include "core/input_file.h"
 #include "core/picture.h"
 
 namespace volalign {
@@ -23,83 +20,6 @@ namespace {
 
 constexpr char kFormat[] = "volalign.structure/1";
 constexpr double kGeometryTolerance = 1e-4;  // m
-
-tinygltf::Value ToValue(const Eigen::Vector3d& p) {
-  return tinygltf::Value(tinygltf::Value::Array{tinygltf::Value(p.x()), tinygltf::Value(p.y()),
-                                                tinygltf::Value(p.z())});
-}
-
-/// Appends `count` elements to the buffer as one view and one accessor; returns the accessor.
-template <class T>
-int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int target, int component,
-                int type, std::size_t count) {
-  auto& bytes = model->buffers[0].data;
-  while (bytes.size() % 4 != 0) bytes.push_back(0);
-  tinygltf::BufferView view;
-  view.buffer = 0;
-  view.byteOffset = bytes.size();
-  view.byteLength = values.size() * sizeof(T);
-  view.target = target;
-  const auto* raw = reinterpret_cast<const unsigned char*>(values.data());
-  bytes.insert(bytes.end(), raw, raw + view.byteLength);
-  model->bufferViews.push_back(view);
-  tinygltf::Accessor accessor;
-  accessor.bufferView = static_cast<int>(model->bufferViews.size()) - 1;
-  accessor.componentType = component;
-  accessor.type = type;
-  accessor.count = count;
-  model->accessors.push_back(accessor);
-  return static_cast<int>(model->accessors.size()) - 1;
-}
-
-tinygltf::Primitive MakePrimitive(tinygltf::Model* model, const Box& box, const Side& side) {
-  const Pose box_from_structure = box.structure_from_box.inverse();
-  std::vector<float> positions, normals;
-  const Eigen::Vector3d normal = box_from_structure.linear() * side.normal;
-  Eigen::Vector3f low = Eigen::Vector3f::Constant(1e9f), high = -low;
-  for (const auto& [su, sv] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}}) {
-    const Eigen::Vector3f p =
-        (box_from_structure * Eigen::Vector3d(side.centre + su * side.half_u * side.axis_u +
-                                              sv * side.half_v * side.axis_v))
-            .cast<float>();
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-    for (int i = 0; i < 3; ++i) {
-      positions.push_back(p[i]);
-      normals.push_back(static_cast<float>(normal[i]));
-    }
-  }
-  tinygltf::Primitive primitive;
-  primitive.mode = TINYGLTF_MODE_TRIANGLES;
-  const int position = AddAccessor(model, positions, TINYGLTF_TARGET_ARRAY_BUFFER,
-                                   TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3, 4);
-  auto& accessor = model->accessors[static_cast<std::size_t>(position)];
-  accessor.minValues = {low.x(), low.y(), low.z()};
-  accessor.maxValues = {high.x(), high.y(), high.z()};
-  primitive.attributes["POSITION"] = position;
-  primitive.attributes["NORMAL"] =
-      AddAccessor(model, normals, TINYGLTF_TARGET_ARRAY_BUFFER, TINYGLTF_COMPONENT_TYPE_FLOAT,
-                  TINYGLTF_TYPE_VEC3, 4);
-  primitive.indices = AddAccessor(model, std::vector<std::uint16_t>{0, 1, 2, 0, 2, 3},
-                                  TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER,
-                                  TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_SCALAR, 6);
-  tinygltf::Value::Object extras;
-  extras["side"] = tinygltf::Value(std::string(FaceName(side.face)));
-  extras["label"] = tinygltf::Value(static_cast<int>(side.label));
-  extras["centre"] = ToValue(side.centre);
-  extras["exposed_centroid"] = ToValue(side.exposed_centroid);
-  primitive.extras = tinygltf::Value(std::move(extras));
-
-  const Rgb colour = side.label == 0 ? Rgb{90, 90, 90} : LabelColour(side.label);
-  tinygltf::Material material;
-  material.name = side.name;
-  material.pbrMetallicRoughness.baseColorFactor = {colour.r / 255.0, colour.g / 255.0,
-                                                   colour.b / 255.0, 1};
-  material.pbrMetallicRoughness.metallicFactor = 0;
-  model->materials.push_back(material);
-  primitive.material = static_cast<int>(model->materials.size()) - 1;
-  return primitive;
-}
 
 /// Reads structures out of a parsed model; `where` names file and node in every message.
 class Reader {
@@ -340,46 +260,16 @@ class Reader {
 }  // namespace
 
 void WriteStructureGlb(const std::filesystem::path& path, const Structure& structure) {
-  tinygltf::Model model;
-  model.asset.version = "2.0";
-  model.asset.generator = "volalign";
-  model.buffers.emplace_back();
-  tinygltf::Scene scene;
-  scene.name = structure.name();
-  scene.extras =
+  tinygltf::Model model = NewGltf(structure.name());
+  model.scenes[0].extras =
       tinygltf::Value(tinygltf::Value::Object{{"format", tinygltf::Value(std::string(kFormat))},
                                               {"name", tinygltf::Value(structure.name())}});
-  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
-    const Box& box = structure.boxes()[b];
-    tinygltf::Mesh mesh;
-    mesh.name = box.name;
-    for (const Side& side : structure.sides()) {
-      if (side.box == static_cast<int>(b))
-        mesh.primitives.push_back(MakePrimitive(&model, box, side));
-    }
-    model.meshes.push_back(std::move(mesh));
-    tinygltf::Node node;
-    node.name = box.name;
-    node.mesh = static_cast<int>(b);
-    const Eigen::Vector3d t = box.structure_from_box.translation();
-    const Eigen::Quaterniond q(box.structure_from_box.linear());
-    node.translation = {t.x(), t.y(), t.z()};
-    node.rotation = {q.x(), q.y(), q.z(), q.w()};
-    model.nodes.push_back(node);
-    scene.nodes.push_back(static_cast<int>(b));
-  }
-  model.scenes.push_back(scene);
-  model.defaultScene = 0;
-  std::ostringstream bytes;
-  tinygltf::TinyGLTF writer;
-  if (!writer.WriteGltfSceneToStream(&model, bytes, false, true)) {
-    throw Error(fmt::format("{}: glTF encoding failed", path.string()));
-  }
-  WriteFileAtomically(path, bytes.str());
+  model.scenes[0].nodes = AddBoxes(&model, structure);
+  WriteGlb(path, model);
 }
 
 Structure ReadStructureGlb(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path);
+  const std::string bytes = ReadFile(FindInputFile(path.string()));
   tinygltf::TinyGLTF loader;
   tinygltf::Model model;
   std::string error, warning;

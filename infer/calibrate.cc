@@ -73,7 +73,12 @@ constexpr int kMostLensRounds = 3;
 }  // namespace
 
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
-                            Segmenter* segmenter, const CalibrateOptions& options) {
+                            Segmenter* segmenter, const CalibrateOptions& options,
+                            const CalibrateProgress& progress) {
+  const auto begin = [&](const char* stage) {
+    if (progress) progress(stage);
+  };
+  begin("lenses, by walls and floors");
   CheckRequest(stills, options, segmenter != nullptr);
   const bool estimate_lens = ParseEstimate(options.refine.estimate).lens;
   const int threads = options.threads;
@@ -91,6 +96,7 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   clock.Lap("rays");
   const PlacementOptions placement{options.initial, options.refine, options.verdict,
                                    options.assembly, threads};
+  begin("first poses");
   for (StillStages& still : stages) {
     still.labelled = LabelViews(Unlabelled(still), structure, segmenter, options.initial,
                                 options.orientation, threads, &clock);
@@ -100,8 +106,10 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   std::vector<RefineFrame> to_refine;
   RefineResult refined;
   for (int round = 1;; ++round) {
+    begin("each sensor by itself");
     const std::vector<Pose> placements = PlaceInStills(structure, lenses, placement, &stages);
     clock.Lap("placement");
+    begin("all sensors together");
     to_refine = FramesToRefine(stages, lenses, options.refine);
     refined = RefineTogether(structure, to_refine, lenses, placements, options.refine);
     clock.Lap("refinement");
@@ -112,6 +120,7 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
     for (StillStages& still : stages)
       UpdateInitialPoses(still.views, structure, options.initial, threads, &still.labelled);
   }
+  begin("residuals and verdict");
   const std::vector<std::optional<Finding>> suspect_lenses =
       CheckLenses(FindPlanes(stages, lenses, threads), lenses, estimate_lens, options.verdict.lens);
   clock.Lap("lenses");

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <string>
 #include <vector>
 
 #include "core/config.h"
@@ -34,6 +36,10 @@ struct CalibrateOptions {
   }
 };
 
+/// Told what begins, in a few words for a person: "first poses". Calibrations that look at a lens
+/// again come to some stages twice.
+using CalibrateProgress = std::function<void(const std::string& stage)>;
+
 /// Calibrates a rig from depth maps and intrinsics in memory: no file, no GL context. Without a
 /// segmenter (null), initial poses come from the structure's geometry alone. Between the
 /// stills the stack was moved and nothing else; poses are in the structure where it stood in the
@@ -42,7 +48,8 @@ struct CalibrateOptions {
 /// intrinsics or share a name in one still, for stills that share one, and for a sensor that is not
 /// the same in two stills or has the same depth map in both.
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
-                            Segmenter* segmenter, const CalibrateOptions& options = {});
+                            Segmenter* segmenter, const CalibrateOptions& options = {},
+                            const CalibrateProgress& progress = nullptr);
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/noise_fields.h"
+#include "core/noise_fields.h"
 
 namespace volalign {
 

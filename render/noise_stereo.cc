@@ -2,7 +2,7 @@
 #include <cmath>
 #include <vector>
 
-#include "render/noise_fields.h"
+#include "core/noise_fields.h"
 #include "render/noise_models.h"
 
 namespace volalign {

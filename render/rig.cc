@@ -33,29 +33,9 @@ constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Az
 
 Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsPoolEntry>& pool,
                           const std::string& pool_name, std::uint64_t seed, std::uint64_t index) {
-  const bool native = sensor.image_size.empty();
-  const ImageSize size = native ? ImageSize{} : ParseImageSize(sensor.image_size);
-  std::vector<const Intrinsics*> choices;
-  for (const IntrinsicsPoolEntry& entry : pool) {
-    if (entry.sensor != sensor.sensor) continue;
-    for (const Intrinsics& intrinsics : entry.intrinsics) {
-      const bool fits = native ? choices.empty() || (choices[0]->width == intrinsics.width &&
-                                                     choices[0]->height == intrinsics.height)
-                               : SameAspect(intrinsics, size);
-      if (fits) choices.push_back(&intrinsics);
-    }
-  }
-  if (choices.empty()) {
-    throw ConfigError(fmt::format("sensors: {} is a {}{}, which {} does not have", sensor.name,
-                                  sensor.sensor, native ? "" : " of " + sensor.image_size,
-                                  pool_name));
-  }
+  const std::vector<Intrinsics> choices = IntrinsicsOf(sensor, pool, pool_name);
   RandomStream random(seed, index, "sensor");
-  const Intrinsics& drawn =
-      *choices[static_cast<std::size_t>(random.Below(static_cast<int>(choices.size())))];
-  if (!native) return drawn.Resized(size.width, size.height);
-  if (drawn.width <= 640) return drawn;
-  return drawn.Resized(drawn.width / 4, drawn.height / 4);
+  return choices[static_cast<std::size_t>(random.Below(static_cast<int>(choices.size())))];
 }
 
 /// The intrinsics of a device that deviates from its kind: the focal length, and the radial factor
@@ -141,6 +121,31 @@ RigScene BuildRigScene(const Rig& rig, const Structure& nominal,
   return out;
 }
 
+/// How a sensor stands in the frame of the first placement while the structure is at its k-th
+/// place.
+Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::size_t i) {
+  Pose pose = scene.first_from_sensors[i];
+  if (k == 0) return pose;
+  for (const RigMovement& movement : rig.placements[k - 1].moved) {
+    if (movement.sensor == rig.sensors[i].name) pose = pose * FirstFromMoved(movement);
+  }
+  return pose;
+}
+
+/// At the pool's largest size of the same aspect ratio.
+Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
+                              const std::vector<IntrinsicsPoolEntry>& pool) {
+  ImageSize size{sensor.intrinsics.width, sensor.intrinsics.height};
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    const Intrinsics& native = entry.intrinsics.front();
+    if (entry.sensor == sensor.sensor && native.width > size.width &&
+        SameAspect(native, {sensor.intrinsics.width, sensor.intrinsics.height})) {
+      size = {native.width, native.height};
+    }
+  }
+  return sensor.intrinsics.Resized(size.width, size.height);
+}
+
 /// A sensor with everything but its images.
 CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<IntrinsicsPoolEntry>& pool) {
   const std::uint64_t index = kRigIndex + i;
@@ -178,7 +183,11 @@ void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView
 
 }  // namespace
 
-std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer) {
+std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
+                                         const InfraredRequest* infrared) {
+  if (!rig.turns_deg.empty()) {
+    throw std::invalid_argument("RenderPlacements: a rig with turns_deg has several captures");
+  }
   RequireInputFile("structure", rig.structure);
   RequireInputFile("intrinsics", rig.intrinsics);
   const Structure nominal = ReadStructure(rig.structure);
@@ -213,7 +222,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       const Pose placement_from_first = placements[k].first_from_placement.inverse();
       const SceneMesh mesh = k == 0 ? around : MoveStructure(around, built, placement_from_first);
       CapturedSensor sensor = device;
-      sensor.structure_from_sensor = placement_from_first * scene.first_from_sensors[i];
+      sensor.structure_from_sensor = placement_from_first * FirstFromSensor(rig, scene, k, i);
       RenderedView view;
       renderer.Render(mesh, sensor.intrinsics, sensor.structure_from_sensor, &view);
       if (rig.device_errors == DeviceErrorDraw::kRedrawn) errors = {};
@@ -226,6 +235,12 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       sensor.labels = std::move(noisy.labels);
       sensor.depth_clean = std::move(view.depth);
       sensor.labels_clean = std::move(view.labels);
+      if (infrared) {
+        sensor.infrared_intrinsics = InfraredIntrinsics(sensor, pool);
+        sensor.infrared = RenderInfrared(mesh, built, infrared->prints, sensor.infrared_intrinsics,
+                                         sensor.structure_from_sensor, infrared->config, renderer,
+                                         rig.seed, kRigIndex + k * kStillStride + i);
+      }
       stills[k].sensors.push_back(std::move(sensor));
     }
   }
@@ -250,7 +265,9 @@ std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radiu
     for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
       const double rho = 100 * radius_m * std::sqrt(random.Uniform());
       const double phi = random.Uniform(0, 2 * kPi);
-      placement = {rho * std::cos(phi), rho * std::sin(phi), random.Uniform(0, 360)};
+      placement.x_cm = rho * std::cos(phi);
+      placement.z_cm = rho * std::sin(phi);
+      placement.yaw_deg = random.Uniform(0, 360);
       free = std::none_of(rig.sensors.begin(), rig.sensors.end(), stands_in_tripod);
     }
     if (!free) {

@@ -8,6 +8,7 @@
 #include "core/pose.h"
 #include "core/rig.h"
 #include "core/structure.h"
+#include "render/infrared.h"
 
 namespace volalign {
 
@@ -24,6 +25,15 @@ struct CapturedSensor {
   LabelImage labels;                              ///< 0 where noise took the depth away
   DepthImage depth_clean;
   LabelImage labels_clean;
+  GreyImage infrared;  ///< empty unless asked for
+  /// Of the infrared picture: the sensor's, at the pool's largest size of the same aspect ratio.
+  Intrinsics infrared_intrinsics;
+};
+
+/// Infrared pictures to take beside the depth maps.
+struct InfraredRequest {
+  std::vector<MarkerPrint> prints;
+  InfraredConfig config;
 };
 
 /// One still of a rig.
@@ -39,10 +49,13 @@ struct RigCapture {
 
 /// One still of the first placement, and one of each further: the same sensors, with the errors of
 /// their devices (Rig::device_errors), and the same room; pixel noise, gaps and holes are drawn
-/// anew. All sensors see the same structure; each has noise of its own. A pure function of the
-/// rig. Throws ConfigError (a sensor that the pool lacks, an image size of another aspect ratio, a
-/// placement in a tripod), IoError or DataError.
-std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer);
+/// anew. All sensors see the same structure; each has noise of its own. `infrared`, where given,
+/// asks for infrared pictures too, and changes nothing else. A pure function of the rig. Throws
+/// std::invalid_argument for a rig with turns_deg (core/rig.h, Turns), ConfigError (a sensor that
+/// the pool lacks, an image size of another aspect ratio, a placement in a tripod), IoError or
+/// DataError.
+std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
+                                         const InfraredRequest* infrared = nullptr);
 
 /// `count` further placements for a rig, from its seed: uniform in a disc about the first, in any
 /// orientation, none in a sensor's tripod. The first ones do not depend on `count`. Throws

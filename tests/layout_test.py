@@ -27,7 +27,7 @@ MAY_INCLUDE = {"core": (), "render": ("core",), "train": ("core", "render")}
 # First folder of a library's headers, and the folders of ours that may use the library.
 LIBRARIES = {
     "ceres": ("infer", "tests/infer"),
-    "opencv2": ("tests/infer",),
+    "opencv2": ("infer/evaluate", "tests/infer"),
     "epoxy": ("render", "tests/render"),
     "EGL": ("render", "tests/render"),
     "GL": ("render", "tests/render"),
@@ -92,7 +92,7 @@ def check_arrows(root):
 
 
 def check_libraries(root):
-    """Ceres is used in infer alone, OpenGL and EGL in render alone, OpenCV only by infer's tests."""
+    """Ceres is used in infer alone, OpenGL and EGL in render alone, OpenCV in the evaluation and infer's tests."""
     violations = []
     for path in files_of(root, (".h", ".cc"), CODE_FOLDERS + ("tests",)):
         for library in library_includes(text_of(root, path)):

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 #include <vector>
@@ -27,6 +29,39 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
                         0);
   return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
                   source, samples, compute.device, compute.channels_last);
+}
+
+namespace {
+
+nlohmann::ordered_json ToJson(const ValidationResult& r) {
+  nlohmann::ordered_json j = {{"samples", r.samples},
+                              {"loss_seg", r.loss_seg},
+                              {"miou", r.miou},
+                              {"miou_authors", r.miou_authors},
+                              {"posed", r.posed}};
+  if (r.posed == 0) return j;
+  j["keypoint_rmse_m"] = r.keypoint_rmse_m;
+  j["median_translation_error_m"] = r.median_translation_error_m;
+  j["median_rotation_error_deg"] = r.median_rotation_error_deg;
+  return j;
+}
+
+}  // namespace
+
+std::string ValidationJson(const std::vector<ValidatedModel>& models) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const ValidatedModel& model : models) {
+    nlohmann::ordered_json j = {{"model", model.file},
+                                {"training_samples", model.training_samples}};
+    j.update(ToJson(model.result));
+    std::map<std::string, std::vector<SampleScore>> by_sensor;
+    for (const SampleScore& score : model.result.scores) by_sensor[score.sensor].push_back(score);
+    for (const auto& [sensor, scores] : by_sensor) {
+      j["by_sensor"][sensor] = ToJson(Summarise(scores));
+    }
+    list.push_back(j);
+  }
+  return list.dump(1) + "\n";
 }
 
 std::string ValidationTable(const ValidationResult& result) {

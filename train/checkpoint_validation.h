@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "core/checkpoint.h"
 #include "train/train_config.h"
@@ -13,6 +15,17 @@ namespace volalign {
 /// the losses are config.loss's. Throws DataError when the model has other labels than the
 /// configuration's structure.
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples);
+
+/// A checkpoint and its scores.
+struct ValidatedModel {
+  std::string file;
+  std::int64_t training_samples = 0;
+  ValidationResult result;
+};
+
+/// A JSON list of objects: model, training_samples, the means of ValidationResult by their names,
+/// and `by_sensor`, the same for each sensor.
+std::string ValidationJson(const std::vector<ValidatedModel>& models);
 
 /// Markdown table: all samples, each sensor, and each band of horizontal distance 150-225, 225-275
 /// and 275-350 cm that has samples: what each of the paper's three ranges adds to the one before.

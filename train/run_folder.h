@@ -21,6 +21,7 @@ class RunFolder {
   const std::filesystem::path& dir() const { return dir_; }
   std::filesystem::path config() const { return dir_ / "config.yaml"; }
   std::filesystem::path metrics() const { return dir_ / "metrics.jsonl"; }
+  std::filesystem::path tensorboard() const { return dir_ / "tensorboard"; }
   std::filesystem::path model() const { return dir_ / "model.pt"; }
   std::filesystem::path best() const { return dir_ / "best.pt"; }
   /// Of the state after so many samples.

@@ -88,8 +88,8 @@ ProgressSink::ProgressSink(std::int64_t total)
 void ProgressSink::Train(const TrainRow& row) {
   const double share = static_cast<double>(row.samples) / static_cast<double>(total_);
   const std::string text = fmt::format(
-      "{}/{}  loss {:.4f}  {:.1f} samples/s  lr {:.2e}  {} left", row.samples, total_,
-      row.mean.loss, row.samples_per_s, row.lr,
+      "{}/{}  loss {:.4f}{}  {:.1f} samples/s  lr {:.2e}  {} left", row.samples, total_,
+      row.mean.loss, miou_, row.samples_per_s, row.lr,
       Duration(static_cast<double>(total_ - row.samples) / std::max(row.samples_per_s, 1e-9)));
   if (terminal_) {
     constexpr int kWidth = 30;
@@ -103,6 +103,7 @@ void ProgressSink::Train(const TrainRow& row) {
 
 void ProgressSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
+  miou_ = fmt::format("  mIoU {:.3f}", v.miou);
   Line(
       fmt::format("validation at {}: loss_seg {:.4f}  mIoU {:.3f}  posed {}/{}  median pose "
                   "error {:.1f} cm {:.2f} deg",

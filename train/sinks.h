@@ -44,6 +44,7 @@ class ProgressSink : public MetricSink {
 
  private:
   std::int64_t total_;
+  std::string miou_;  ///< of the last validation, ready to print
   bool terminal_;
 };
 

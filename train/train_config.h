@@ -168,6 +168,7 @@ struct RunConfig {
   BestMetric best_metric = BestMetric::kMiou;
   int patience = 0;
   std::int64_t log_every = 160;
+  bool tensorboard = true;
   Precision precision = Precision::kFp32;
   Layout channels_last = Layout::kContiguous;
   bool half_checkpoint = true;
@@ -175,6 +176,7 @@ struct RunConfig {
   int loader_threads = 1;
   int prefetch = 4;
   std::string device = "cpu";
+  double lost_after_s = 600;
   std::string dataset;
   std::string validation_dataset;
 
@@ -184,7 +186,7 @@ struct RunConfig {
        "length of the run; a resumed run may have another one unless the learning rate depends on "
        "it (optim.schedule one_cycle, or cosine without period_samples)",
        AtLeast(1));
-    ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("batch_size", batch_size, "samples a step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
        "samples that pass the network at once, for less memory: a step adds up the gradients of "
        "its batch's parts, which is the whole batch's gradient except with batch normalisation, "
@@ -206,17 +208,25 @@ struct RunConfig {
        "validations in a row without a better run.best_metric after which the run ends; 0: never",
        AtLeast(0));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
+    ar("tensorboard", tensorboard,
+       "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
+       "pictures, configuration");
     DescribeWord(ar, "precision", precision, kPrecisions,
                  "fp32; bf16 for everything but depth, the first convolution and the soft "
                  "Procrustes term; auto: bf16 on a processor that has instructions for it, else "
                  "fp32; a resumed run keeps what was chosen");
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
-                 "memory layout of the activations; auto: the faster one for device and precision");
+                 "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
-    ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
+    ar("threads", threads, "threads of LibTorch in a process; 0: as LibTorch chooses", AtLeast(0));
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
     ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
-    ar("device", device, "cpu, cuda or cuda:N");
+    ar("device", device,
+       "cpu, cuda or cuda:N; of several processes on a machine each takes the CUDA device of its "
+       "LOCAL_RANK");
+    ar("lost_after_s", lost_after_s,
+       "a process of a run of several that is not heard of for so long counts as lost, s",
+       Above(0));
     ar("dataset", dataset,
        "folder of `volalign render --config` to train on, written from the same data section; "
        "empty: render");

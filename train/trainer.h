@@ -6,6 +6,7 @@
 #include "train/train_config.h"
 #include "train/training_data.h"
 #include "train/validation.h"
+#include "train/world.h"
 
 namespace volalign {
 
@@ -18,6 +19,7 @@ struct TrainOptions {
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
   bool quiet = false;  ///< no progress on stderr
+  World world;         ///< this process among those that train together
 };
 
 struct TrainResult {
@@ -38,6 +40,7 @@ struct TrainResult {
 ///                  volalign.training/2); the run.keep_states newest ones
 ///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
 ///   best.pt        that of the best validation
+///   tensorboard/   event files of the same metrics, with pictures of labels
 /// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped
 /// or killed at any moment and is resumed ends with the weights of one that was not, bit for bit on
 /// a CPU with the same number of threads.

@@ -70,6 +70,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
   c10::NoGradGuard no_grad;
   net->eval();
   std::vector<SampleScore> scores;
+  std::vector<LabelExample> examples;
   double loss_3d = 0;
   MiouOptions present, all;
   present.num_classes = all.num_classes = structure.num_classes();
@@ -110,11 +111,15 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
         score.rotation_error_deg = error.rotation_deg;
       }
       scores.push_back(std::move(score));
+      if (static_cast<int>(examples.size()) < kLabelExamples) {
+        examples.push_back({s.depth, s.labels, std::move(labels)});
+      }
     }
   }
   ValidationResult result = Summarise(scores);
   result.loss_3d = loss_3d / result.samples;
   result.scores = std::move(scores);
+  result.examples = std::move(examples);
   return result;
 }
 

@@ -10,6 +10,8 @@
 
 namespace volalign {
 
+inline constexpr int kLabelExamples = 4;
+
 /// One validation sample.
 struct SampleScore {
   std::string sensor;  ///< pool name
@@ -18,6 +20,12 @@ struct SampleScore {
   double miou = 0, miou_authors = 0;
   bool posed = false;  ///< the predicted keypoints fix a pose; what follows is of posed samples
   double keypoint_rmse_m = 0, translation_error_m = 0, rotation_error_deg = 0;
+};
+
+/// What the network made of a sample, to be looked at.
+struct LabelExample {
+  DepthImage depth;
+  LabelImage labels, predicted;
 };
 
 /// Means over the validation samples unless said otherwise.
@@ -32,6 +40,7 @@ struct ValidationResult {
   double median_translation_error_m = 0;  ///< over posed samples
   double median_rotation_error_deg = 0;   ///< over posed samples
   std::vector<SampleScore> scores;        ///< of each sample, in order
+  std::vector<LabelExample> examples;     ///< the first kLabelExamples samples
 };
 
 /// Means and medians over some samples; `loss_3d`, which is a batch's, stays 0 and `scores` empty.

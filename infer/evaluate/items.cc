@@ -1,6 +1,7 @@
 #include "infer/evaluate/items.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -10,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 #include "core/procrustes.h"
 #include "core/structure_gltf.h"
 #include "infer/io/capture.h"
@@ -95,8 +97,8 @@ EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sens
       sensor.image_size.clear();
     }
   }
-  item.identity =
-      WriteConfig(rig) + ReadStructure(rig.structure).Hash() + Sha256(ReadFile(rig.intrinsics));
+  item.identity = WriteConfig(rig) + ReadStructure(rig.structure).Hash() +
+                  Sha256(ReadFile(FindInputFile(rig.intrinsics)));
   item.load = [rig, renderer] { return StillOf(RenderPlacements(rig, *renderer)); };
   return item;
 }
@@ -110,6 +112,10 @@ EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& s
     for (const std::string& file : frame.depth_files) {
       item.identity += Sha256(ReadFile(path.parent_path() / file));
     }
+    // They may come from another file than the capture.
+    const Intrinsics& k = frame.intrinsics;
+    item.identity +=
+        fmt::format(" {} {} {} {} {}", k.fx, k.fy, k.cx, k.cy, fmt::join(k.distortion, " "));
   }
   EvaluationStill still;
   still.structure = capture.structure ? ReadStructure(capture.structure->string()) : structure;
@@ -148,8 +154,10 @@ std::vector<EvaluationItem> RigItems(const std::vector<NamedRig>& rigs, const Ri
           if (!series.keep_yaw) {
             TurnStructure(kGoldenAngleDeg * static_cast<double>(seed), &rig);
           }
-          SetPlacements(count, series.placement_radius_m, &rig);
-          items.push_back(RigItem(named.name, rig, sensors, renderer));
+          for (Rig& turn : Turns(rig)) {
+            SetPlacements(count, series.placement_radius_m, &turn);
+            items.push_back(RigItem(named.name, turn, sensors, renderer));
+          }
         }
       }
     }

@@ -132,13 +132,6 @@ EvaluatedSensor Measure(const SensorResult& result, std::size_t i, const Evaluat
 
 }  // namespace
 
-Vector6d LeftDifference(const Pose& from, const Pose& to) {
-  const Eigen::Matrix3d rotation = to.linear() * from.linear().transpose();
-  Vector6d delta;
-  delta << to.translation() - rotation * from.translation(), RotationLog(rotation);
-  return delta;
-}
-
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
                                          const std::vector<EvaluationVariant>& variants,
                                          Segmenter& segmenter) {

@@ -50,9 +50,6 @@ struct EvaluatedCase {
   int placements = 1;
 };
 
-/// [translation; rotation vector] with PerturbLeft(delta, from) = to.
-Vector6d LeftDifference(const Pose& from, const Pose& to);
-
 /// Calibrates a still, or all placements together, under each variant; the network sees each frame
 /// once. Poses are compared in the frame of the first still.
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,

@@ -1,10 +1,10 @@
 #include "infer/io/capture.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -12,16 +12,20 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
-#include "core/image_io.h"
-#include "core/statistics.h"
 #include "core/strict_json.h"
-#include "infer/view/sensor_view.h"
+#include "infer/io/formats/depth_file.h"
+#include "infer/io/formats/intrinsics_file.h"
+#include "infer/io/formats/recording.h"
+#include "infer/io/mean_depth.h"
 
 namespace volalign {
 
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr int kDefaultFrames = 10;  // of a recording
+constexpr int kMostFrames = 1000;
 
 int ParseTurns(const JsonObject& object) {
   if (!object.Has("quarter_turns")) return kAutoTurns;
@@ -33,51 +37,6 @@ int ParseTurns(const JsonObject& object) {
   }
   throw DataError(fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor \"auto\"",
                               object.where(), value.dump()));
-}
-
-/// What several frames say about one pixel, in their units.
-struct PixelMean {
-  double value = 0, sigma = 0;
-};
-
-/// `values`: not zero. `jump`: how far two values of one surface may be apart.
-PixelMean MeanOf(const std::vector<std::uint16_t>& values, double jump) {
-  constexpr double kWithin = 0.68;      // share of the values, of a normal distribution's one sigma
-  constexpr double kFar = 3;            // spreads, of a value that does not count
-  constexpr double kLeastSpread = 0.3;  // steps of one unit have a standard deviation of 0.29
-  if (values.empty()) return {};
-  const double middle = Quantile(values, 0.5);
-  std::vector<double> deviations;
-  deviations.reserve(values.size());
-  for (const std::uint16_t value : values) deviations.push_back(std::abs(value - middle));
-  const double spread = std::max(kLeastSpread, NearestQuantile(deviations, kWithin));
-  const double gate = std::min(std::max(1.0, kFar * spread), jump);
-  double sum = 0, count = 0;
-  for (const std::uint16_t value : values) {
-    if (std::abs(value - middle) > gate) continue;
-    sum += value;
-    ++count;
-  }
-  return {sum / count, spread / std::sqrt(static_cast<double>(values.size()))};
-}
-
-/// Sets the frame's depth, and its standard error where there is more than one image.
-void SetDepth(const std::vector<Image16>& images, SensorFrame* frame) {
-  const double scale = frame->depth_scale;
-  frame->depth = ToMetres(images.front(), scale);
-  if (images.size() == 1) return;
-  frame->depth_sigma = Image<float>(frame->depth.width(), frame->depth.height(), 0.0f);
-  std::vector<std::uint16_t> values;
-  for (std::size_t i = 0; i < frame->depth.size(); ++i) {
-    values.clear();
-    for (const Image16& image : images) {
-      if (image[i] > 0) values.push_back(image[i]);
-    }
-    const double near = values.empty() ? 0 : scale * Quantile(values, 0.5);
-    const PixelMean mean = MeanOf(values, DepthJump(near) / scale);
-    frame->depth[i] = static_cast<float>(scale * mean.value);
-    frame->depth_sigma[i] = static_cast<float>(scale * mean.sigma);
-  }
 }
 
 std::string ParseName(const JsonObject& object) {
@@ -115,38 +74,124 @@ std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   return files;
 }
 
-double ParseDepthScale(const JsonObject& object, std::optional<double> common_scale) {
-  if (!object.Has("depth_scale") && !common_scale) {
-    throw DataError(fmt::format(
-        "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
-        object.where()));
-  }
-  const double scale = object.Has("depth_scale") ? object.Number("depth_scale") : *common_scale;
-  if (!(scale > 0)) {
-    throw DataError(
-        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), scale));
-  }
-  return scale;
-}
+/// Where depth comes from: files, or a stream of a recording with what that says of it.
+struct DepthSource {
+  std::vector<StoredDepth> images;
+  std::optional<Intrinsics> intrinsics;
+  std::optional<double> depth_scale;
+  std::string kind, serial;
+};
 
-/// One depth file of a sensor, of its intrinsics' size.
-Image16 ReadFrame(const std::filesystem::path& path, const Intrinsics& intrinsics,
-                  const std::string& where) {
-  Image16 image;
+/// Runs `read`; what it throws names the sensor first.
+template <class Read>
+auto ReadingFor(const std::string& where, const Read& read) {
   try {
-    image = ReadDepthFile(path);
+    return read();
   } catch (const IoError& error) {
     throw IoError(fmt::format("{}: {}; depth paths are relative to the capture's folder", where,
                               error.what()));
   } catch (const DataError& error) {
     throw DataError(fmt::format("{}: {}", where, error.what()));
   }
-  if (image.width() != intrinsics.width || image.height() != intrinsics.height) {
+}
+
+DepthSource ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path) {
+  const int frames = object.Has("frames") ? object.Int("frames") : kDefaultFrames;
+  if (frames < 1 || frames > kMostFrames) {
+    throw DataError(fmt::format("{}: frames = {} violates 1 <= frames <= {}", object.where(),
+                                frames, kMostFrames));
+  }
+  std::vector<RecordedDepth> streams =
+      ReadingFor(object.where(), [&] { return ReadRecording(path, frames); });
+  std::vector<std::string> names;
+  for (const RecordedDepth& stream : streams) names.push_back(stream.stream);
+  std::size_t chosen = 0;
+  if (object.Has("stream")) {
+    const std::string wanted = object.Text("stream");
+    chosen =
+        static_cast<std::size_t>(std::find(names.begin(), names.end(), wanted) - names.begin());
+    if (chosen == names.size()) {
+      throw DataError(fmt::format("{}: {} has no depth stream \"{}\", but {}", object.where(),
+                                  path.string(), wanted, fmt::join(names, ", ")));
+    }
+  } else if (streams.size() > 1) {
+    throw DataError(fmt::format("{}: {} has several depth streams; choose one by \"stream\": {}",
+                                object.where(), path.string(), fmt::join(names, ", ")));
+  }
+  RecordedDepth& stream = streams[chosen];
+  return {std::move(stream.frames), stream.intrinsics, stream.depth_scale, stream.kind,
+          stream.serial};
+}
+
+DepthSource ReadDepth(const JsonObject& object, const std::vector<std::string>& files,
+                      const std::filesystem::path& folder) {
+  const auto is_recording = [&](const std::string& file) { return IsRecording(folder / file); };
+  const auto recording = std::find_if(files.begin(), files.end(), is_recording);
+  if (recording != files.end()) {
+    if (files.size() > 1) {
+      throw DataError(fmt::format("{}: {} is a recording; it cannot stand in a list of depth files",
+                                  object.where(), *recording));
+    }
+    return ReadRecordedDepth(object, folder / *recording);
+  }
+  DepthSource source;
+  for (const std::string& file : files) {
+    source.images.push_back(
+        ReadingFor(object.where(), [&] { return ReadStoredDepth(folder / file); }));
+  }
+  return source;
+}
+
+/// Stated by the sensor itself, else by its recording, else for the whole capture.
+double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
+                       std::optional<double> common) {
+  std::optional<double> scale = recorded ? recorded : common;
+  if (object.Has("depth_scale")) scale = object.Number("depth_scale");
+  if (!scale) {
+    throw DataError(fmt::format(
+        "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
+        object.where()));
+  }
+  if (!(*scale > 0)) {
+    throw DataError(
+        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), *scale));
+  }
+  return *scale;
+}
+
+/// A file's name, volalign's own keys, or one of the other forms of infer/io/formats.
+Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem::path& folder,
+                                 const DepthSource& source) {
+  const Image<float>& first = source.images.front().values;
+  const FrameSize size{first.width(), first.height()};
+  if (!object.Has("intrinsics")) {
+    if (source.intrinsics) return *source.intrinsics;
+    throw DataError(
+        fmt::format("{}: the key \"intrinsics\" is missing; give an object, or the name of a file",
+                    object.where()));
+  }
+  const Json& given = object.Get("intrinsics");
+  if (given.is_string()) {
+    return ReadingFor(object.where(),
+                      [&] { return ReadIntrinsicsFile(folder / given.get<std::string>(), size); });
+  }
+  if (given.is_object() && !given.contains("fx") && !given.contains("cx") && !given.empty())
+    return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
+  if (given.is_object() && given.contains("ppx"))
+    return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
+  return ParseIntrinsics(object.Child("intrinsics"));
+}
+
+void RequireSizes(const DepthSource& source, const Intrinsics& intrinsics,
+                  const std::vector<std::string>& files, const std::string& where) {
+  for (std::size_t i = 0; i < source.images.size(); ++i) {
+    const Image<float>& image = source.images[i].values;
+    if (image.width() == intrinsics.width && image.height() == intrinsics.height) continue;
     throw DataError(fmt::format(
         "{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution", where,
-        path.string(), image.width(), image.height(), intrinsics.width, intrinsics.height));
+        files[std::min(i, files.size() - 1)], image.width(), image.height(), intrinsics.width,
+        intrinsics.height));
   }
-  return image;
 }
 
 SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& folder,
@@ -155,18 +200,15 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   frame.name = ParseName(object);
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
   frame.depth_files = ParseDepthFiles(object);
-  frame.intrinsics = ParseIntrinsics(object.Child("intrinsics"));
+  const DepthSource source = ReadDepth(object, frame.depth_files, folder);
+  frame.intrinsics = ParseSensorIntrinsics(object, folder, source);
   frame.quarter_turns = ParseTurns(object);
-  frame.sensor = ParseKind(object);
-  if (object.Has("serial")) frame.serial = object.Text("serial");
-  frame.depth_scale = ParseDepthScale(object, common_scale);
+  frame.sensor = object.Has("sensor") ? ParseKind(object) : source.kind;
+  frame.serial = object.Has("serial") ? object.Text("serial") : source.serial;
+  frame.depth_scale = ParseDepthScale(object, source.depth_scale, common_scale);
   object.RejectOthers();
-
-  std::vector<Image16> images;
-  for (const std::string& file : frame.depth_files) {
-    images.push_back(ReadFrame(folder / file, frame.intrinsics, where));
-  }
-  SetDepth(images, &frame);
+  RequireSizes(source, frame.intrinsics, frame.depth_files, where);
+  SetMeanDepth(source.images, &frame);
   return frame;
 }
 

@@ -22,13 +22,11 @@ bool IsFileName(const std::string& name);
 
 inline constexpr char kCaptureFormat[] = "volalign.capture/1";
 
-/// Reads capture.json and its depth files. A list of depth files is one still: each pixel becomes
-/// the mean of those of its non-zero values that are near their (lower) median, so that no value is
-/// invented between foreground and background. SensorFrame::depth_sigma is the standard error of
-/// that mean, by the deviation from the median that 68 % of the values keep. Throws IoError for a
-/// missing file, and DataError in one line naming file, sensor and way out for bad JSON, unknown or
-/// duplicate keys, null, duplicate sensor names, another format, bad images, or sizes that differ
-/// from the intrinsics'.
+/// Reads capture.json and its depth files or recordings. A list of depth files, or the first frames
+/// of a recording, is one still (infer/io/mean_depth.h). Throws IoError for a missing file, and
+/// DataError in one line naming file, sensor and way out for bad JSON, unknown or duplicate keys,
+/// null, duplicate sensor names, another format, bad images, or sizes that differ from the
+/// intrinsics'.
 Capture ReadCapture(const std::filesystem::path& path);
 
 /// Captures of the same sensors as stills, each with a name that serves as the name of a folder:

@@ -17,26 +17,38 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/palette_png.h"
 #include "core/parallel_for.h"
 #include "core/picture.h"
 #include "core/strict_json.h"
 #include "infer/io/capture.h"
+#include "infer/io/html_report/encode.h"
+#include "infer/io/html_report/page.h"
+#include "infer/io/panels.h"
 #include "infer/io/pictures.h"
 #include "infer/io/ply.h"
+#include "infer/io/rig_gltf.h"
 
 namespace volalign {
 
 namespace {
 
-/// What a sensor adds to the pictures and clouds of all.
-struct SensorFiles {
+/// What a frame adds to the files of all.
+struct FrameFiles {
   RgbImage picture;
   std::vector<AlignedPoint> cloud;
+  std::vector<AlignedPoint> thinned;  // for report.html and rig.glb
+  nlohmann::ordered_json report;
 };
+
+/// Points in report.html and in rig.glb: of one frame, and of all together.
+constexpr std::size_t kReportPointsAFrame = 12000, kReportPoints = 120000;
 
 /// Folders that a calibration's images and clouds are in.
 constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "pictures"};
 constexpr const char* kCloudFolder = "clouds";
+constexpr const char* kReportFile = "report.html";
+constexpr const char* kRigFile = "rig.glb";
 
 /// The sensors of one still, what they are seen against, and where their files go.
 struct StillFiles {
@@ -51,40 +63,74 @@ struct StillFiles {
   }
 };
 
-SensorFiles WriteSensor(const std::filesystem::path& folder, const StillFiles& still,
-                        const SensorResult& sensor, int turns) {
+/// `points`: at most so many in the report; 0 without one.
+FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& still,
+                      const SensorResult& sensor, int turns, std::size_t points) {
   const std::string png = sensor.name + ".png";
   WritePng(still.Path(folder, "labels", png), sensor.segmentation.labels);
   WritePng(still.Path(folder, "confidence", png), ConfidenceImage(sensor.segmentation.confidence));
-  SensorFiles written{SensorPicture(sensor, *still.built, turns),
-                      AlignedPoints(sensor, *still.built)};
-  WritePng(still.Path(folder, "pictures", png), written.picture);
+  FramePanels panels = MakePanels(sensor, *still.built, turns);
+  FrameFiles written;
+  written.picture = SensorPicture(sensor, panels, *still.built, false);
+  WriteFileAtomically(still.Path(folder, "pictures", png),
+                      EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
+  written.cloud = AlignedPoints(sensor, *still.built);
   for (AlignedPoint& point : written.cloud) {
     point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
   }
   if (sensor.structure_from_sensor) {
     WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud);
   }
+  if (points > 0) {
+    written.thinned = ThinCloud(written.cloud, points);
+    written.report = ReportFrameJson({sensor.name, std::move(panels), written.thinned});
+  }
   return written;
 }
 
-void WriteStill(const std::filesystem::path& folder, const StillFiles& still) {
+/// Returns what each frame adds to the report, without pictures and whole clouds.
+std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const StillFiles& still,
+                                   std::size_t points) {
   const std::vector<SensorResult>& sensors = *still.sensors;
   const std::vector<int> turns = UprightTurnsOf(sensors);
-  std::vector<SensorFiles> written(sensors.size());
+  std::vector<FrameFiles> written(sensors.size());
   const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   ParallelFor(sensors.size(), threads, [&](std::size_t i) {
-    written[i] = WriteSensor(folder, still, sensors[i], turns[i]);
+    written[i] = WriteFrame(folder, still, sensors[i], turns[i], points);
   });
   std::vector<RgbImage> pictures;
   std::vector<AlignedPoint> merged;
-  for (SensorFiles& files : written) {
-    pictures.push_back(std::move(files.picture));
+  for (FrameFiles& files : written) {
+    pictures.push_back(std::exchange(files.picture, {}));
     merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
+    files.cloud.clear();
   }
-  WritePng(still.Path(folder, "pictures", "overview.png"),
-           Montage(pictures, pictures.size() > 3 ? 2 : 1));
+  WriteFileAtomically(
+      still.Path(folder, "pictures", "overview.png"),
+      EncodePalettePng(OverviewPicture(pictures, pictures.size() > 3 ? 2 : 1, *still.built)));
   WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
+  return written;
+}
+
+void WriteReport(const std::filesystem::path& folder, const std::vector<StillFiles>& files,
+                 std::vector<std::vector<FrameFiles>> written, const Extrinsics& extrinsics,
+                 const std::string& notes, const ReportRun& run) {
+  std::vector<ReportStill> stills;
+  std::vector<Structure> structures;
+  std::vector<RigCloud> clouds;
+  for (std::size_t s = 0; s < files.size(); ++s) {
+    ReportStill still{files[s].name, *files[s].built, {}};
+    for (std::size_t i = 0; i < written[s].size(); ++i) {
+      FrameFiles& frame = written[s][i];
+      still.frames.push_back(std::move(frame.report));
+      clouds.push_back({(*files[s].sensors)[i].name, files[s].name, std::move(frame.thinned)});
+    }
+    structures.push_back(still.built);
+    stills.push_back(std::move(still));
+  }
+  WriteRigGlb(folder / kRigFile, extrinsics, structures, clouds);
+  WriteFileAtomically(folder / kReportFile,
+                      ReportPage(ReportPayload(extrinsics, stills, notes, run)));
 }
 
 std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure) {
@@ -134,6 +180,8 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
     }
     if (stills.empty()) stills = {""};
     for (const std::string& still : stills) AddPaths(still, sensors, sensors, &files);
+    files.insert(kReportFile);
+    files.insert(kRigFile);
   } catch (const Error&) {
     files.clear();
   }
@@ -150,9 +198,10 @@ void RemoveFile(const std::filesystem::path& path) {
 }
 
 /// Removes what an earlier run wrote and this one does not.
-void RemoveEarlierFiles(const std::filesystem::path& folder,
-                        const std::vector<StillFiles>& stills) {
+void RemoveEarlierFiles(const std::filesystem::path& folder, const std::vector<StillFiles>& stills,
+                        bool report) {
   std::set<std::filesystem::path> now;
+  if (report) now = {kReportFile, kRigFile};
   for (const StillFiles& still : stills) {
     std::vector<std::string> sensors, placed;
     for (const SensorResult& sensor : *still.sensors) {
@@ -179,11 +228,18 @@ void PrepareFolder(const std::filesystem::path& folder) {
 
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
-                      const ExtrinsicsSource& source) {
+                      const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
   const std::vector<StillFiles> files = StillsOf(result, structure);
-  for (const StillFiles& still : files) WriteStill(folder, still);
-  RemoveEarlierFiles(folder, files);
-  WriteExtrinsics(folder / "extrinsics.json", MakeExtrinsics(result, stills, structure, source));
+  std::size_t frames = 1;
+  for (const StillFiles& still : files) frames += still.sensors->size();
+  const std::size_t points = report ? std::min(kReportPointsAFrame, kReportPoints / frames) : 0;
+  std::vector<std::vector<FrameFiles>> written;
+  for (const StillFiles& still : files) written.push_back(WriteStill(folder, still, points));
+  const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
+  if (report)
+    WriteReport(folder, files, std::move(written), extrinsics, FormatNotes(result), *report);
+  RemoveEarlierFiles(folder, files, report.has_value());
+  WriteExtrinsics(folder / "extrinsics.json", extrinsics);
 }
 
 }  // namespace volalign

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "core/structure.h"
 #include "infer/io/extrinsics.h"
+#include "infer/io/html_report/payload.h"
 #include "infer/io/report.h"
 #include "infer/result.h"
 #include "infer/view/sensor_frame.h"
@@ -19,11 +21,12 @@ void PrepareFolder(const std::filesystem::path& folder);
 /// labels/NAME.png (ids), confidence/NAME.png (255 = certain), pictures/NAME.png and
 /// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. Of several
 /// stills, each has folders of its own in these (labels/STILL/NAME.png), and clouds are in the
-/// structure frame of the first. `stills` are those that `result` is of. Of the sensors that an
-/// earlier extrinsics.json in the folder lists, the files that this run does not write go; nothing
-/// else is removed. Throws IoError.
+/// structure frame of the first. `stills` are those that `result` is of. With `report`, report.html
+/// and rig.glb, too. Of the sensors that an earlier extrinsics.json in the folder lists, the files
+/// that this run does not write go; nothing else is removed. Throws IoError.
 void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
-                      const ExtrinsicsSource& source);
+                      const ExtrinsicsSource& source,
+                      const std::optional<ReportRun>& report = std::nullopt);
 
 }  // namespace volalign

@@ -193,6 +193,10 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   return out;
 }
 
+nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where) {
+  return DescribedJson(extrinsics, where);
+}
+
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics) {
   WriteFileAtomically(path, WriteDescribed(extrinsics, path.string(), 2));
 }

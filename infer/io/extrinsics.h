@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -86,6 +87,9 @@ struct Extrinsics {
 /// A sensor with numbers that are not finite is demoted (DemoteIfNotFinite).
 Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
                           const Structure& structure, const ExtrinsicsSource& source);
+
+/// The file's content. `where` begins every message. Throws as WriteExtrinsics.
+nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where);
 
 /// Writes atomically. Throws IoError, or Error for a sensor's own pose or intrinsics that are not
 /// finite.

@@ -4,6 +4,7 @@
 
 #include "core/image.h"
 #include "core/structure.h"
+#include "infer/io/panels.h"
 #include "infer/result.h"
 
 namespace volalign {
@@ -11,12 +12,13 @@ namespace volalign {
 /// 0 to 1 as 0 to 255.
 LabelImage ConfidenceImage(const Image<float>& confidence);
 
-/// Depth, predicted labels over depth and, for a placed sensor, the structure as seen from the
-/// estimated pose, side by side, turned upright by `turns`.
-RgbImage SensorPicture(const SensorResult& sensor, const Structure& structure, int turns);
+/// A frame's panels side by side under the sensor's name, status and figures, each with its caption
+/// and its scale. `caption_labels`: a legend of the sides' colours below them.
+RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
+                       const Structure& structure, bool caption_labels);
 
-/// The turns that bring each sensor's picture upright. One without a pose is shown as most of the
-/// others are mounted.
-std::vector<int> UprightTurnsOf(const std::vector<SensorResult>& sensors);
+/// The sensors' pictures in `columns` columns, and one legend of the sides' colours below them all.
+RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, int columns,
+                         const Structure& structure);
 
 }  // namespace volalign

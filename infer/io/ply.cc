@@ -50,6 +50,10 @@ std::vector<AlignedPoint> AlignedPoints(const SensorResult& sensor, const Struct
       point.residual =
           static_cast<float>(side ? (structure.SideOfLabel(point.label).ClosestPoint(p) - p).norm()
                                   : DistanceToSurface(structure, p).distance);
+      if (side) {
+        const Side& named = structure.SideOfLabel(point.label);
+        point.side_residual = static_cast<float>(named.normal.dot(p - named.centre));
+      }
       points.push_back(point);
     }
   }

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <vector>
 
 #include "core/image.h"
@@ -19,6 +20,8 @@ struct AlignedPoint {
   float confidence = 0;
   /// m: to the side that the label names, or, for background, to the structure.
   float residual = 0;
+  /// m: to the plane of that side, positive outside the box; NaN for background.
+  float side_residual = std::numeric_limits<float>::quiet_NaN();
 };
 
 /// Points of a sensor within `max_radius` m of the structure's vertical axis, depths corrected by

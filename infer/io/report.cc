@@ -108,6 +108,14 @@ std::string BothPoses(const SensorResult& sensor) {
       1000 * apart.translation_m, apart.rotation_deg);
 }
 
+std::string BothPosesOf(const std::vector<SensorResult>& sensors) {
+  std::string text;
+  for (const SensorResult& sensor : sensors) {
+    if (sensor.together) text += BothPoses(sensor);
+  }
+  return text;
+}
+
 /// Why sensors are not ok, and what their views leave open.
 std::string Reasons(const std::vector<SensorResult>& sensors) {
   std::string text;
@@ -128,9 +136,7 @@ std::string Reasons(const std::vector<SensorResult>& sensors) {
     text += fmt::format("{} {} {} ({}): {}; {}\n", names, names == sensor.name ? "is" : "are",
                         ToString(sensor.status), ToString(sensor.code), sensor.reason, sensor.hint);
   }
-  for (const SensorResult& sensor : sensors) {
-    if (sensor.together) text += BothPoses(sensor);
-  }
+  text += BothPosesOf(sensors);
   for (const SensorResult& sensor : sensors) {
     if (!sensor.structure_from_sensor) continue;
     for (const std::string& direction : UnconstrainedDirections(sensor.covariance))
@@ -223,6 +229,10 @@ std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s
 }
 
 }  // namespace
+
+std::string FormatNotes(const CalibrationResult& result) {
+  return BothPosesOf(result.sensors) + Placements(result) + Lenses(result.sensors);
+}
 
 std::string FormatReport(const CalibrationResult& result) {
   std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +

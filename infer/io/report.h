@@ -12,4 +12,8 @@ namespace volalign {
 /// terminal.
 std::string FormatReport(const CalibrationResult& result);
 
+/// Its sentences on what was found beside the poses, a line each: both poses of sensors that
+/// disagree with the others, where several stills' stacks stood, lenses that are not those given.
+std::string FormatNotes(const CalibrationResult& result);
+
 }  // namespace volalign

@@ -30,13 +30,6 @@ struct PoseBlock {
   }
 };
 
-/// Matrix of the cross product: Cross(v) * w = v x w.
-inline Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 /// d (R(q) p) / d (x y z w), 3x4, for R(q) p = p + 2 w (u x p) + 2 u x (u x p), q = (u, w).
 inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const Eigen::Vector3d& p) {
   const Eigen::Vector3d u(q[0], q[1], q[2]);

@@ -20,14 +20,6 @@ std::string Problem(bool unsolved, bool exact_covariance) {
   return "";
 }
 
-/// T Exp(delta) = Exp(Adjoint(T) delta) T, for delta = [translation; rotation vector].
-Matrix6d Adjoint(const Pose& pose) {
-  Matrix6d adjoint = Matrix6d::Zero();
-  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = pose.linear();
-  adjoint.topRightCorner<3, 3>() = Cross(pose.translation()) * pose.linear();
-  return adjoint;
-}
-
 /// Of first_from_placement * pose, pose being a frame's.
 Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posterior,
                            const Pose& placement, std::size_t frame, const Matrix6d& covariance) {

@@ -12,6 +12,7 @@
 #include "core/checkpoint.h"
 #include "core/error.h"
 #include "core/file_util.h"
+#include "core/input_file.h"
 #include "core/network.h"
 #include "infer/view/network_frame.h"
 
@@ -27,7 +28,7 @@ class TorchSegmenter : public NetworkSegmenter {
   TorchSegmenter(const std::filesystem::path& checkpoint, const Structure* structure)
       : model_(LoadCheckpoint(checkpoint)),
         file_(checkpoint.string()),
-        sha256_(Sha256(ReadFile(checkpoint))) {
+        sha256_(Sha256(ReadFile(FindInputFile(checkpoint.string())))) {
     if (structure) CheckStructure(model_.meta, *structure);
     // With channels last, a forward pass on two cores takes two thirds of the time.
     for (at::Tensor& weight : model_.net->parameters()) {

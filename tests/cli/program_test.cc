@@ -1,7 +1,6 @@
 // The program as a user runs it: exit statuses, one-line errors, nothing half-written.
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <torch/csrc/jit/api/module.h>
@@ -10,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -25,27 +23,13 @@
 #include "core/image_io.h"
 #include "core/structure_gltf.h"
 #include "infer/calibrate.h"
+#include "tests/cli/run_program.h"
+#include "tests/core/read_png.h"
 
 namespace volalign {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int status = -1;
-  std::string output;  // stdout and stderr
-};
-
-Outcome Volalign(const std::string& arguments) {
-  const std::string command = std::string(VOLALIGN_PROGRAM) + " " + arguments + " 2>&1";
-  Outcome run;
-  FILE* pipe = ::popen(command.c_str(), "r");
-  char buffer[4096];
-  while (std::fgets(buffer, sizeof(buffer), pipe)) run.output += buffer;
-  const int status = ::pclose(pipe);
-  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return run;
-}
 
 class Program : public testing::Test {
  protected:
@@ -134,7 +118,7 @@ TEST_F(Program, SaysWhatItCanDo) {
     EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
   };
   expect_usage("", "subcommand");
-  expect_usage("fly", "subcommand");
+  expect_usage("fly", "sub-command fly");
   expect_usage("calibrate --capture", "--capture");
 }
 
@@ -285,12 +269,16 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
       if (confidence[k] == 0) break;
     }
     EXPECT_EQ(labelled, sensor.at("points")) << name;
-    EXPECT_GT(ReadPngRgb(Path("out/pictures/" + name + ".png")).width(), labels.width()) << name;
+    EXPECT_GT(DecodePngRgb(ReadFile(Path("out/pictures/" + name + ".png"))).width(), labels.width())
+        << name;
     const std::size_t cloud = CountPlyPoints(Path("out/clouds/" + name + ".ply"), kPointBytes);
     EXPECT_GE(cloud, static_cast<std::size_t>(labelled)) << name;
     points += cloud;
   }
   EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
+  EXPECT_EQ(ReadFile(Path("out/rig.glb")).substr(0, 4), "glTF");
+  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.edge_weight=29 -o "),
+            std::string::npos);
   // The resolved options, which --config reads again.
   EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
   const auto options =
@@ -341,9 +329,11 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const std::string capture = WriteSmallCapture();
   WritePng(Path("capture/B_Depth.png"), Image16(320, 180));
-  const Outcome run =
-      Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " + Path("out"));
+  const Outcome run = Volalign("calibrate --no-report --capture " + capture +
+                               " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
+  EXPECT_FALSE(std::filesystem::exists(Path("out/report.html")));
+  EXPECT_FALSE(std::filesystem::exists(Path("out/rig.glb")));
   const nlohmann::json sensors = ReadJson(Path("out/extrinsics.json")).at("sensors");
   EXPECT_EQ(sensors.at("A").at("status"), "ok");
   EXPECT_LT(sensors.at("A").at("error").at("translation_m").get<double>(), 0.01);

@@ -50,9 +50,9 @@ TEST(ColourLabels, ColoursPixelByPixel) {
   }
 }
 
-// Entries 242, 128 and 13 of the published table of 256 Turbo colours (A. Mikhailov,
-// turbo_colormap_data); the polynomial follows it to 21 of 255 steps here.
-TEST(ColourDepth, NearIsRedFarIsBlue) {
+// Entries 255, 134 and 13 of the published table of 256 viridis colours (S. van der Walt and N.
+// Smith; d3-scale-chromatic has it as 440154 440256 ... 481467 ... fde725).
+TEST(ColourDepth, NearIsYellowFarIsViolet) {
   DepthImage depth(6, 1);
   depth[0] = 1;
   depth[1] = 2;
@@ -62,16 +62,25 @@ TEST(ColourDepth, NearIsRedFarIsBlue) {
   depth[5] = 9;
   const RgbImage picture = ColourDepth(depth, 1, 3);
   const auto near = [](Rgb colour, double r, double g, double b) {
-    EXPECT_NEAR(colour.r, 255 * r, 24);
-    EXPECT_NEAR(colour.g, 255 * g, 24);
-    EXPECT_NEAR(colour.b, 255 * b, 24);
+    EXPECT_NEAR(colour.r, 255 * r, 4);
+    EXPECT_NEAR(colour.g, 255 * g, 4);
+    EXPECT_NEAR(colour.b, 255 * b, 4);
   };
-  near(picture[0], 0.64223, 0.07380, 0.00401);
-  near(picture[1], 0.64362, 0.98999, 0.23356);
-  near(picture[2], 0.24234, 0.21941, 0.56942);
+  near(picture[0], 0.993248, 0.906157, 0.143936);
+  near(picture[1], 0.122606, 0.585371, 0.546557);
+  near(picture[2], 72 / 255.0, 20 / 255.0, 103 / 255.0);
   EXPECT_EQ(picture[3], (Rgb{0, 0, 0}));
   EXPECT_EQ(picture[4], picture[0]);  // clamped
   EXPECT_EQ(picture[5], picture[2]);
+}
+
+TEST(SignedColour, IsBlueBelowZeroAndOrangeAbove) {
+  EXPECT_GT(SignedColour(-1).b, SignedColour(-1).r + 100);
+  EXPECT_GT(SignedColour(1).r, SignedColour(1).b + 100);
+  EXPECT_LT(std::abs(SignedColour(0).r - SignedColour(0).b), 8);
+  EXPECT_EQ(SignedColour(-3), SignedColour(-1));
+  EXPECT_EQ(SignedColour(3), SignedColour(1));
+  EXPECT_FALSE(SignedColour(0.1) == SignedColour(-0.1));
 }
 
 TEST(OverlayLabels, LabelsKeepTheirHueAndNoDepthIsBlack) {

@@ -6,9 +6,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "core/error.h"
 #include "core/file_util.h"
@@ -393,6 +397,29 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
   EXPECT_GT(tilt.rotation_deg, 0.05);  // the floor's
 }
 
+TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
+  const std::string moved =
+      "placements:\n  - {x_cm: 40, z_cm: 10, yaw_deg: 30}\n"
+      "  - {x_cm: 40, z_cm: 10, yaw_deg: 30, moved: [{sensor: B, translation_mm: [10, 0, 20], "
+      "rotation_deg: [0, 3, 0]}]}\n";
+  const std::vector<RigCapture> stills =
+      RenderPlacements(Parse(std::string(kTwo) + moved), renderer_);
+  ASSERT_EQ(stills.size(), 3u);
+  const auto pose = [&](std::size_t still, std::size_t sensor) {
+    return stills[still].sensors[sensor].structure_from_sensor;
+  };
+  EXPECT_EQ(pose(1, 0).matrix(), pose(2, 0).matrix());
+  const Pose before_from_after = pose(1, 1).inverse() * pose(2, 1);
+  EXPECT_LT((before_from_after.translation() - Eigen::Vector3d(0.01, 0, 0.02)).norm(), 1e-12);
+  EXPECT_LT(
+      (RotationLog(before_from_after.linear()) - Eigen::Vector3d(0, 3 * M_PI / 180, 0)).norm(),
+      1e-12);
+  EXPECT_TRUE(stills[1].sensors[0].labels_clean == stills[2].sensors[0].labels_clean);
+  EXPECT_FALSE(stills[1].sensors[1].labels_clean == stills[2].sensors[1].labels_clean);
+  EXPECT_THROW(Parse(std::string(kTwo) + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"),
+               ConfigError);
+}
+
 TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
   const std::string alone = std::string("room: false\n") + kTwo;
   const RigCapture one = RenderRig(Parse(alone), renderer_);
@@ -540,6 +567,107 @@ TEST_F(RigTest, ShippedRigsAreValid) {
   };
   EXPECT_EQ(pixels(4), 0);
   EXPECT_GT(pixels(2), 2500);
+}
+
+TEST_F(RigTest, AGroupIsSensorsAlikeButForAngleAndHeight) {
+  const Rig rig = Parse(
+      "sensors: [{name: A}]\ngroups:\n"
+      "  - {name: R, rho_cm: 210, phi_deg: [0, 90, 180], height_cm: [90, 110], roll_deg: 0}\n"
+      "  - {name: C, phi_deg: [30], height_cm: [80, 105], level: true, image_size: 160x90}\n");
+  ASSERT_EQ(rig.sensors.size(), 6u);
+  EXPECT_TRUE(rig.groups.empty());
+  const std::vector<std::string> names{"A", "R1", "R2", "R3", "C1", "C2"};
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(rig.sensors[i].name, names[i]);
+  EXPECT_EQ(rig.sensors[3].phi_deg, 180);
+  EXPECT_EQ(rig.sensors[2].height_cm, 110);
+  EXPECT_EQ(rig.sensors[3].height_cm, 90);  // the shorter list is repeated
+  EXPECT_EQ(rig.sensors[1].rho_cm, 210);
+  EXPECT_EQ(rig.sensors[1].roll_deg, 0);
+  EXPECT_EQ(rig.sensors[5].image_size, "160x90");
+  // What was expanded is a rig like any other.
+  EXPECT_EQ(Parse(WriteConfig(rig)).sensors.size(), 6u);
+  EXPECT_NE(ErrorOf("groups: [{phi_deg: []}]\n").find("groups[0] has no sensor"),
+            std::string::npos);
+  EXPECT_NE(ErrorOf("groups: [{rho_cm: 150}, {rho_cm: 200}]\n").find("S1 stands twice"), std::string::npos);
+}
+
+TEST_F(RigTest, LevelAxesAreParallel) {
+  const Rig rig = Parse("groups: [{phi_deg: [40], height_cm: [80, 155], level: true}]\n");
+  for (const RigSensor& sensor : rig.sensors) {
+    const Pose pose = RigSensorPose(sensor, 0, -0.81);
+    const double phi = 40 * M_PI / 180;
+    EXPECT_NEAR((pose.linear().col(2) - Eigen::Vector3d(-std::cos(phi), 0, -std::sin(phi))).norm(),
+                0, 1e-12);
+    EXPECT_NEAR(pose.translation().y(), -0.81 + 0.01 * sensor.height_cm, 1e-12);
+  }
+}
+
+TEST_F(RigTest, TurnsAreCapturesWithSeedsOfTheirOwn) {
+  const Rig rig = Parse(std::string(kTwo) + "turns_deg: [0, 45, -30]\n");
+  const std::vector<Rig> turns = Turns(rig);
+  ASSERT_EQ(turns.size(), 3u);
+  EXPECT_EQ(turns[0].structure_yaw_deg, 30);
+  EXPECT_EQ(turns[1].structure_yaw_deg, 75);
+  EXPECT_EQ(turns[2].structure_yaw_deg, 0);
+  EXPECT_EQ(turns[0].seed, 5u);
+  EXPECT_EQ(turns[2].seed, 2000005u);
+  EXPECT_TRUE(turns[1].turns_deg.empty());
+  EXPECT_EQ(Turns(Parse(kTwo)).size(), 1u);
+  EXPECT_THROW(RenderPlacements(rig, renderer_), std::invalid_argument);
+}
+
+/// Heights above the floor and distances from the structure, cm, of a file of configs/paper.
+struct PaperRig {
+  const char* file;
+  std::size_t captures;
+  std::vector<double> heights;
+  double rho;
+};
+
+TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
+  const std::vector<PaperRig> rigs{{"array_165", 8, {80, 105, 130, 155}, 165},
+                                   {"array_200", 8, {80, 105, 130, 155}, 200},
+                                   {"array_235", 8, {80, 105, 130, 155}, 235},
+                                   {"arc_165_90", 4, {90}, 165},
+                                   {"arc_165_110", 4, {110}, 165},
+                                   {"arc_200_90", 4, {90}, 200},
+                                   {"arc_200_110", 4, {110}, 200},
+                                   {"arc_235_90", 4, {90}, 235},
+                                   {"arc_235_110", 4, {110}, 235},
+                                   {"cameras_6_90", 3, {90}, 200},
+                                   {"cameras_6_110", 3, {110}, 200},
+                                   {"cameras_6_alternating", 3, {90, 110}, 200},
+                                   {"cameras_8_90", 3, {90}, 200},
+                                   {"cameras_8_110", 3, {110}, 200},
+                                   {"cameras_8_alternating", 3, {90, 110}, 200},
+                                   {"cameras_4_90", 1, {90}, 200},
+                                   {"cameras_4_100", 1, {100}, 200},
+                                   {"cameras_4_130", 1, {130}, 200}};
+  std::set<std::uint64_t> seeds;
+  for (const PaperRig& paper : rigs) {
+    SCOPED_TRACE(paper.file);
+    const Rig rig =
+        ReadRig(ConfigSource::FromFile(std::string("configs/paper/") + paper.file + ".yaml"));
+    const std::string name = paper.file;
+    const bool array = name.rfind("array", 0) == 0, arc = name.rfind("arc", 0) == 0;
+    const std::size_t sensors = arc || name.rfind("cameras_8", 0) == 0 ? 8
+                                : name.rfind("cameras_6", 0) == 0      ? 6
+                                                                       : 4;
+    ASSERT_EQ(rig.sensors.size(), sensors);
+    const std::vector<Rig> turns = Turns(rig);
+    EXPECT_EQ(turns.size(), paper.captures);
+    for (const Rig& turn : turns) EXPECT_TRUE(seeds.insert(turn.seed).second);
+    const double span = rig.sensors.back().phi_deg - rig.sensors.front().phi_deg;
+    EXPECT_NEAR(span, array ? 0 : arc ? 120 : 360.0 - 360.0 / static_cast<double>(sensors), 1e-9);
+    for (std::size_t i = 0; i < sensors; ++i) {
+      EXPECT_EQ(rig.sensors[i].sensor, "realsense_d415");
+      EXPECT_EQ(rig.sensors[i].roll_deg, 90);
+      EXPECT_EQ(rig.sensors[i].rho_cm, paper.rho);
+      EXPECT_EQ(rig.sensors[i].height_cm, paper.heights[i % paper.heights.size()]);
+      EXPECT_EQ(rig.sensors[i].level, array);
+    }
+  }
+  EXPECT_EQ(seeds.size(), 24u + 24u + 18u + 3u);
 }
 
 TEST_F(RigTest, ErrorsNameTheSensor) {

@@ -18,9 +18,11 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/picture_text.h"
 #include "infer/calibrate.h"
 #include "infer/io/ply.h"
 #include "tests/core/expect_error.h"
+#include "tests/core/read_png.h"
 #include "tests/core/temp_folder.h"
 #include "tests/infer/synthetic.h"
 
@@ -31,6 +33,34 @@ using testing_infer::PaperStructure;
 using testing_infer::Rig;
 using testing_infer::RingPose;
 using testing_infer::StoredSegmenter;
+
+/// Whether these words stand somewhere in the picture, in whatever colour.
+bool HasText(const RgbImage& picture, const std::string& text) {
+  RgbImage words(kTextWidth * CountCharacters(text), kTextHeight);
+  DrawText(&words, 0, 0, text, {1, 1, 1});
+  std::vector<std::pair<int, int>> ink, paper;
+  for (int v = 0; v < words.height(); ++v) {
+    for (int u = 0; u < words.width(); ++u) (words(u, v).r ? ink : paper).emplace_back(u, v);
+  }
+  for (int top = 0; top + words.height() <= picture.height(); ++top) {
+    for (int left = 0; left + words.width() <= picture.width(); ++left) {
+      const Rgb colour = picture(left + ink[0].first, top + ink[0].second);
+      const auto is = [&](const std::pair<int, int>& at) {
+        return picture(left + at.first, top + at.second) == colour;
+      };
+      if (std::all_of(ink.begin(), ink.end(), is) && std::none_of(paper.begin(), paper.end(), is))
+        return true;
+    }
+  }
+  return false;
+}
+
+/// What a report.html shows.
+nlohmann::ordered_json PayloadOf(const std::string& page) {
+  const std::string begin = "id=\"payload\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  return nlohmann::ordered_json::parse(page.substr(at, page.find("</script>", at) - at));
+}
 
 /// Two sensors that are placed and one that is not, calibrated and written once.
 class ExportTest : public ::testing::Test {
@@ -50,7 +80,8 @@ class ExportTest : public ::testing::Test {
     result_->sensors[1].together = RingPose(76);
     folder_ = new TempFolder;
     WriteCalibration(folder_->path(), *result_, {{"", rig_->frames}}, rig_->structure,
-                     {{"capture.json"}, "model.pt", std::string(64, 'a')});
+                     {{"capture.json"}, "model.pt", std::string(64, 'a')},
+                     ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   }
   static void TearDownTestSuite() {
     delete folder_;
@@ -323,12 +354,52 @@ TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
     for (std::size_t p = 0; p < confidence.size(); p += 97) {
       EXPECT_NEAR(confidence[p] / 255.0, sensor.segmentation.confidence[p], 0.5 / 255 + 1e-6);
     }
-    // Three panels, or two without a pose, of the portrait image.
-    const RgbImage picture = ReadPngRgb(folder_->path() / "pictures" / (sensor.name + ".png"));
-    EXPECT_GE(picture.width(), (sensor.structure_from_sensor ? 3 : 2) * 288);
-    EXPECT_GE(picture.height(), 320);
+    // Four panels, or two without a pose, of the portrait image, and lines of text around them.
+    const RgbImage picture =
+        DecodePngRgb(ReadFile(folder_->path() / "pictures" / (sensor.name + ".png")));
+    EXPECT_GE(picture.width(), (sensor.structure_from_sensor ? 4 : 2) * 288);
+    EXPECT_GE(picture.height(), 320 + 4 * kTextHeight);
+    EXPECT_TRUE(HasText(picture, sensor.name + ": " + ToString(sensor.status)));
+    EXPECT_TRUE(HasText(picture, "measured depth, m"));
+    EXPECT_EQ(HasText(picture, "residual, mm"), sensor.structure_from_sensor.has_value());
+    // Its legend has the sides that it shows, and no others.
+    for (int label = 1; label < rig_->structure.num_classes(); ++label) {
+      const bool shown = std::count(sensor.segmentation.labels.begin(),
+                                    sensor.segmentation.labels.end(), label) > 0;
+      const bool named = HasText(picture, rig_->structure.SideOfLabel(label).name);
+      if (shown) {
+        EXPECT_TRUE(named) << label;
+      }
+      if (!sensor.structure_from_sensor && !shown) {
+        EXPECT_FALSE(named) << label;
+      }
+    }
   }
-  EXPECT_GT(ReadPngRgb(folder_->path() / "pictures" / "overview.png").height(), 3 * 320);
+  EXPECT_GT(DecodePngRgb(ReadFile(folder_->path() / "pictures" / "overview.png")).height(),
+            3 * 320);
+}
+
+TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
+  using nlohmann::ordered_json;
+  const ordered_json report = PayloadOf(ReadFile(*folder_ / "report.html"));
+  EXPECT_EQ(report["extrinsics"], ordered_json::parse(ReadFile(*folder_ / "extrinsics.json")));
+  EXPECT_EQ(report["command"], "volalign calibrate --capture capture.json");
+  EXPECT_EQ(report["options"], "threads: 2\n");
+  // The sentence on the sensor with two poses is the printed report's.
+  ASSERT_EQ(report["notes"].size(), 1u);
+  EXPECT_NE(FormatReport(*result_).find(report["notes"][0].get<std::string>()), std::string::npos);
+  const auto& frames = report["stills"][0]["frames"];
+  ASSERT_EQ(frames.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(frames[i]["sensor"], result_->sensors[i].name);
+    const bool placed = result_->sensors[i].structure_from_sensor.has_value();
+    EXPECT_EQ(frames[i]["pictures"].size(), placed ? 4u : 2u);
+    EXPECT_EQ(frames[i].contains("cloud"), placed);
+    if (placed) {
+      EXPECT_EQ(frames[i]["cloud"]["count"], 12000);
+    }
+  }
+  EXPECT_EQ(ReadFile(*folder_ / "rig.glb").substr(0, 4), "glTF");
 }
 
 TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
@@ -409,7 +480,8 @@ TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
   const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
     WriteCalibration(folder.path(), result, {{"", frames}}, rig_->structure, {});
   };
-  write(*result_, rig_->frames);
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {}, ReportRun());
+  EXPECT_EQ(Files(folder.path()).count("report.html") + Files(folder.path()).count("rig.glb"), 2u);
   // What others put there stays: files, and what is named like a file of a sensor but is none.
   WriteFileAtomically(folder / "clouds/mine.ply", "x");
   WriteFileAtomically(folder / "notes.txt", "x");
@@ -472,9 +544,14 @@ TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
   const TempFolder folder;
   WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
   WriteCalibration(folder.path(), both, {{"before", rig_->frames}, {"after", rig_->frames}},
-                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""});
-  std::set<std::string> expected = {"extrinsics.json", "clouds/before/left.ply",
-                                    "clouds/before/right.ply", "clouds/after/left.ply"};
+                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""}, ReportRun());
+  const auto stills = PayloadOf(ReadFile(folder / "report.html"))["stills"];
+  ASSERT_EQ(stills.size(), 2u);
+  EXPECT_EQ(stills[1]["name"], "after");
+  EXPECT_FALSE(stills[1]["frames"][1].contains("cloud"));  // right, which is not placed there
+  std::set<std::string> expected = {
+      "extrinsics.json",         "report.html",          "rig.glb", "clouds/before/left.ply",
+      "clouds/before/right.ply", "clouds/after/left.ply"};
   for (const std::string still : {"before/", "after/"}) {
     for (const char* name : {"left", "right", "blind"}) {
       for (const std::string kind : {"labels/", "confidence/", "pictures/"})

@@ -1,4 +1,4 @@
-#include "render/noise_fields.h"
+#include "core/noise_fields.h"
 
 #include <algorithm>
 #include <array>

@@ -1,0 +1,112 @@
+#include "cli/app_tree.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "core/config.h"
+
+namespace volalign {
+
+namespace {
+
+const auto kAllApps = [](const CLI::App* app) { return !app->get_name().empty(); };
+const auto kAllOptions = [](const CLI::Option*) { return true; };
+
+CLI::App* Find(CLI::App* app, const std::string& name) {
+  const auto apps = app->get_subcommands([&](CLI::App* sub) { return sub->get_name() == name; });
+  return apps.empty() ? nullptr : apps.front();
+}
+
+void Visit(CLI::App* app, const std::string& path,
+           const std::function<void(CLI::App*, const std::string&)>& use) {
+  use(app, path);
+  for (CLI::App* sub : app->get_subcommands([](CLI::App*) { return true; }))
+    Visit(sub, path.empty() ? sub->get_name() : path + " " + sub->get_name(), use);
+}
+
+std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
+  const std::string nearest = NearestKey(word, known);
+  return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
+}
+
+}  // namespace
+
+void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use) {
+  Visit(app, "", use);
+}
+
+std::vector<std::string> CommandNames(const CLI::App* app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app->get_subcommands(kAllApps)) names.push_back(sub->get_name());
+  return names;
+}
+
+std::vector<std::string> OptionNames(const CLI::App* app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app->get_options(kAllOptions)) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+// CLI11 keeps the words of IsMember in the name of the option's type alone: "TEXT:{auto,none}".
+std::vector<std::string> Choices(const CLI::Option* option) {
+  const std::string type = option->get_type_name();
+  const std::size_t begin = type.find('{'), end = type.find('}');
+  std::vector<std::string> words;
+  if (begin == std::string::npos || end == std::string::npos) return words;
+  std::string word;
+  for (std::size_t i = begin + 1; i <= end; ++i) {
+    if (type[i] != ',' && i != end) {
+      word += type[i];
+    } else if (!word.empty()) {
+      words.push_back(std::move(word));
+      word.clear();
+    }
+  }
+  return words;
+}
+
+std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments) {
+  CLI::App* app = program;
+  std::string path = "volalign";
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::vector<std::string> names = CommandNames(app);
+    if (names.empty()) return "";
+    if (arguments[i] == "--data-dir") {
+      ++i;
+      continue;
+    }
+    if (arguments[i].rfind("-", 0) == 0) continue;
+    CLI::App* sub = Find(app, arguments[i]);
+    if (!sub) {
+      return fmt::format("{} has no sub-command {}{} ({} --help lists them)", path, arguments[i],
+                         Suggestion(arguments[i], names), path);
+    }
+    app = sub;
+    path += " " + sub->get_name();
+  }
+  return "";
+}
+
+std::string UnknownOption(CLI::App* program) {
+  CLI::App* app = program;
+  std::string path = "volalign";
+  while (!app->get_subcommands().empty()) {
+    app = app->get_subcommands().front();
+    path += " " + app->get_name();
+  }
+  for (const std::string& argument : program->remaining(/*recurse=*/true)) {
+    const std::string name = argument.substr(0, argument.find('='));
+    if (name.rfind("-", 0) == 0) {
+      return fmt::format("{} has no option {}{} ({} --help lists them)", path, name,
+                         Suggestion(name, OptionNames(app)), path);
+    }
+    return fmt::format("{} does not know what to do with {}", path, argument);
+  }
+  return "";
+}
+
+}  // namespace volalign

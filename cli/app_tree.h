@@ -1,0 +1,41 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace volalign {
+
+// What the parser's own tables say about the program. "path" is the sub-commands' names with spaces
+// between: "structure build"; "" is the program.
+
+/// Calls `use` for the app and everything below it, parents first.
+void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use);
+
+/// The names of the sub-commands below an app.
+std::vector<std::string> CommandNames(const CLI::App* app);
+
+/// Long names of its options, with their dashes.
+std::vector<std::string> OptionNames(const CLI::App* app);
+
+/// The words that an option may have as its value; empty where it may have any.
+std::vector<std::string> Choices(const CLI::Option* option);
+
+/// Gives every sub-command an example at the end of its help (those of cli/examples.cc).
+void AddExamples(CLI::App* program);
+
+/// A sentence about the first argument that should be a sub-command and is none, with the nearest
+/// that there is; "" where there is no such argument.
+std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments);
+
+/// The same of options that a sub-command does not have, for the arguments that its parser left.
+std::string UnknownOption(CLI::App* program);
+
+/// Markdown of every sub-command (docs/cli.md).
+std::string CommandReference(CLI::App* program);
+
+/// A script for bash that completes sub-commands, options and their choices.
+std::string BashCompletion(CLI::App* program);
+
+}  // namespace volalign

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "core/structure.h"
+#include "infer/io/extrinsics.h"
+#include "infer/result.h"
+#include "infer/view/sensor_frame.h"
+
+namespace volalign {
+
+/// What the sub-commands that calibrate a capture have in common.
+struct CalibrationRequest {
+  std::vector<std::string> captures;
+  std::string model, output, config, structure, initial, estimate;
+  std::vector<std::string> assignments;
+  bool no_report = false;
+};
+
+/// All options but --output and --capture, whose meaning is the sub-command's.
+void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request);
+
+struct Calibration {
+  std::vector<Still> stills;
+  Structure structure;
+  CalibrationResult result;
+  ExtrinsicsSource source;
+};
+
+/// Reads, calibrates, and writes the folder `request.output` where that is not empty. Throws what
+/// these throw.
+Calibration RunCalibration(const CalibrationRequest& request);
+
+/// A line on what RunCalibration wrote.
+std::string WrittenBy(const CalibrationRequest& request);
+
+}  // namespace volalign

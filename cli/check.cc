@@ -1,0 +1,83 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "cli/calibration.h"
+#include "cli/commands.h"
+#include "infer/io/extrinsics.h"
+#include "infer/io/rig_check.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr int kMovedStatus = 3, kNotComparedStatus = 2;
+
+struct Options {
+  std::string last, update;
+  double max_mm = 0, max_deg = 0;
+  CalibrationRequest request;
+  MovementOptions movement;
+};
+
+void AddOptions(CLI::App* app, Options* options) {
+  app->add_option("--extrinsics", options->last, "extrinsics.json of the last calibration")
+      ->required();
+  app->add_option("--capture", options->request.captures,
+                  "capture.json of the rig as it is now; the stack may stand elsewhere than last "
+                  "time. Several, where the stack was moved between them")
+      ->required();
+  AddCalibrationOptions(app, &options->request);
+  app->add_option("--max-mm", options->max_mm,
+                  "exit status 3 if a sensor moved by more than this, mm")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--max-deg", options->max_deg,
+                  "exit status 3 if a sensor turned by more than this, deg")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--update", options->update,
+                  "write an extrinsics.json with new poses of what moved, in the structure frame "
+                  "of the last calibration; what stayed keeps its poses");
+  app->add_option(
+         "--false-alarm", options->movement.false_alarm,
+         "probability of taking a sensor that stayed for a moved one, if errors are normal")
+      ->check(CLI::Range(1e-12, 0.1))
+      ->capture_default_str();
+  app->add_option("-o,--output", options->request.output,
+                  "folder for check.json and for what `calibrate` writes of the new capture");
+}
+
+int RunCheck(const Options& options) {
+  const Extrinsics last = ReadExtrinsics(options.last);
+  const Calibration now = RunCalibration(options.request);
+  const Extrinsics now_extrinsics =
+      MakeExtrinsics(now.result, now.stills, now.structure, now.source);
+  const RigCheck check = CheckRig(options.last, last, now_extrinsics, options.movement);
+  fmt::print("{}", FormatRigCheck(check));
+  if (!options.request.output.empty()) {
+    WriteRigCheck(std::filesystem::path(options.request.output) / "check.json", check);
+    fmt::print("written: {}, check.json\n", WrittenBy(options.request));
+  }
+  if (!options.update.empty()) {
+    WriteExtrinsics(options.update, UpdateExtrinsics(last, now_extrinsics, check));
+    fmt::print("written: {}\n", options.update);
+  }
+  if (check.MovedBeyond(0.001 * options.max_mm, options.max_deg)) return kMovedStatus;
+  return check.not_compared.empty() ? 0 : kNotComparedStatus;
+}
+
+}  // namespace
+
+Command AddCheckCommand(CLI::App& program) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand(
+      "check", "Find out which sensors of a calibrated rig were moved since, by a new capture");
+  AddOptions(app, options.get());
+  return {app, [options] { return RunCheck(*options); }};
+}
+
+}  // namespace volalign

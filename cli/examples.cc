@@ -1,0 +1,83 @@
+// The example at the end of each sub-command's help. Each works as it stands, in any folder: what
+// its last line needs, the lines before it make, or the data folder has. tests/cli/command_line.py
+// runs them all.
+
+#include <fmt/format.h>
+
+#include <map>
+
+#include "cli/app_tree.h"
+
+namespace volalign {
+
+namespace {
+
+const std::map<std::string, std::string>& Examples() {
+  const std::string render = "volalign render --rig configs/rig_ring4.yaml -o out/capture\n";
+  const std::string calibrate =
+      render +
+      "volalign calibrate --capture out/capture/capture.json --model models/m05-lite.pt "
+      "-o out/calibration\n";
+  const std::string draft = render +
+                            "volalign capture init out/capture --depth-scale 0.001 -o "
+                            "out/draft.json --force   # lists the "
+                            "intrinsics as not known: status 2\n";
+  const std::string build =
+      "volalign structure build configs/structure.yaml -o out/structure.glb\n";
+  const std::string show = "volalign config show configs/rig_ring4.yaml --set seed=7\n";
+  const std::string train =
+      "volalign train --config configs/m05-lite.yaml --set run.samples=32 "
+      "--set run.validation_samples=16 --set optim.warmup_samples=16 -o out/try\n";
+  static const std::map<std::string, std::string> examples = {
+      {"calibrate", calibrate},
+      {"capture", draft},
+      {"capture init", draft},
+      {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
+                            "out/capture/capture.json --model models/m05-lite.pt -o out/check\n"},
+      {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
+      {"completion bash",
+       "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
+      {"config", show},
+      {"config commands", "volalign config commands\n"},
+      {"config reference", "volalign config reference\n"},
+      {"config show", show},
+      {"convert",
+       calibrate + "volalign convert out/calibration/extrinsics.json --to colmap -o out/colmap\n"},
+      {"doctor", "volalign doctor\n"},
+      {"evaluate",
+       "volalign evaluate --model models/m05-lite.pt --rigs configs/rig_ring4.yaml --seeds 7 "
+       "-o out/evaluation\n"},
+      {"export", "volalign export --model models/m05-lite.pt -o out/m05-lite.ts\n"},
+      {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
+      {"render", render},
+      {"runs", train + "volalign runs list out\n"},
+      {"runs compare", train + "volalign runs compare out --format csv\n"},
+      {"runs list", train + "volalign runs list out\n"},
+      {"runs plot", train + "volalign runs plot out -o out/runs.svg\n"},
+      {"structure", build},
+      {"structure build", build},
+      {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
+      {"structure show", "volalign structure show configs/structure.yaml\n"},
+      {"train", train},
+      {"validate", "volalign validate --model models/m05-lite.pt --samples 16\n"}};
+  return examples;
+}
+
+}  // namespace
+
+void AddExamples(CLI::App* program) {
+  ForEachApp(program, [](CLI::App* app, const std::string& path) {
+    const auto found = Examples().find(path);
+    if (found == Examples().end()) return;
+    std::string text = "Example:\n";
+    for (std::size_t at = 0; at < found->second.size();) {
+      const std::size_t end = found->second.find('\n', at);
+      text += "  " + found->second.substr(at, end - at) + "\n";
+      at = end + 1;
+    }
+    text.pop_back();
+    app->footer(text);
+  });
+}
+
+}  // namespace volalign

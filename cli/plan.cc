@@ -1,0 +1,58 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/commands.h"
+#include "core/config.h"
+#include "core/file_util.h"
+#include "core/rig.h"
+#include "infer/io/plan_picture.h"
+#include "infer/io/plan_report.h"
+
+namespace volalign {
+
+namespace {
+
+struct Options {
+  std::string rig, picture;
+  std::vector<std::string> assignments;
+  int trials = 3;
+};
+
+int RunPlan(const Options& options) {
+  ConfigSource source = ConfigSource::FromFile(options.rig);
+  for (const std::string& assignment : options.assignments) source.Set(assignment);
+  const std::vector<Rig> turns = Turns(ReadRig(source));
+  if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
+  const RigPlan plan = PlanRig(turns.front(), options.trials);
+  fmt::print("{}", FormatPlan(plan));
+  if (!options.picture.empty()) {
+    WriteFileAtomically(options.picture, PlanPicture(plan));
+    fmt::print("written: {}\n", options.picture);
+  }
+  const bool all =
+      std::all_of(plan.sensors.begin(), plan.sensors.end(),
+                  [&](const PlannedSensor& sensor) { return sensor.placed == plan.trials; });
+  return all ? 0 : 2;
+}
+
+}  // namespace
+
+Command AddPlanCommand(CLI::App& program) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand(
+      "plan", "Predict what the sensors of a planned rig see and how well they will be placed");
+  app->add_option("rig", options->rig, "rig.yaml, e.g. configs/rig_ring8.yaml")->required();
+  app->add_option("--set", options->assignments, "KEY=VALUE over the rig")->take_all();
+  app->add_option("--trials", options->trials,
+                  "measurements to calibrate, each with other errors of the sensors")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app->add_option("-o,--output", options->picture, "picture of the rig from above, SVG");
+  return {app, [options] { return RunPlan(*options); }};
+}
+
+}  // namespace volalign

@@ -1,0 +1,74 @@
+#include "cli/commands.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/file_util.h"
+#include "train/run_log.h"
+#include "train/run_plot.h"
+#include "train/run_table.h"
+
+namespace volalign {
+
+namespace {
+
+struct Options {
+  std::vector<std::string> folders;
+  std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"};
+  TableFormat format = TableFormat::kText;
+  std::string output;
+};
+
+CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, Options* options) {
+  CLI::App* verb = app->add_subcommand(name, text);
+  verb->add_option("folders", options->folders, "run folders, or folders that hold such")
+      ->required();
+  return verb;
+}
+
+void AddFormat(CLI::App* verb, Options* options) {
+  static const std::map<std::string, TableFormat> kFormats = {
+      {"text", TableFormat::kText}, {"csv", TableFormat::kCsv}, {"json", TableFormat::kJson}};
+  verb->add_option("--format", options->format, "text, csv or json")
+      ->transform(CLI::CheckedTransformer(kFormats))
+      ->default_str("text");
+}
+
+}  // namespace
+
+Command AddRunsCommand(CLI::App& program) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("runs", "List, compare and plot training runs");
+  app->require_subcommand(1);
+  CLI::App* list = AddVerb(app, "list", "A row a run: how far it is, its last metrics, its speed",
+                           options.get());
+  AddFormat(list, options.get());
+  CLI::App* compare = AddVerb(app, "compare",
+                              "A row for each configuration: the keys that differ, mean and "
+                              "standard deviation of the metrics over its seeds",
+                              options.get());
+  AddFormat(compare, options.get());
+  CLI::App* plot =
+      AddVerb(app, "plot", "Curves as SVG: a line for each configuration, its seeds as a band",
+              options.get());
+  plot->add_option("-o,--output", options->output, "picture, e.g. runs.svg")->required();
+  plot->add_option("--metrics", options->metrics, "a panel each")->capture_default_str();
+  return {app, [options, list, compare] {
+            const std::vector<LoggedRun> runs = ReadRuns(options->folders);
+            if (*list) {
+              fmt::print("{}", FormatTable(ListRuns(runs), options->format));
+            } else if (*compare) {
+              fmt::print("{}", FormatTable(CompareRuns(GroupRuns(runs)), options->format));
+            } else {
+              WriteFileAtomically(options->output, PlotRuns(GroupRuns(runs), options->metrics));
+              fmt::print("{}\n", options->output);
+            }
+            return 0;
+          }};
+}
+
+}  // namespace volalign

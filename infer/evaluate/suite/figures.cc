@@ -1,0 +1,157 @@
+#include "infer/evaluate/suite/figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/image_io.h"
+#include "core/picture.h"
+#include "core/structure_gltf.h"
+#include "core/visibility.h"
+#include "infer/evaluate/suite/method_set.h"
+#include "infer/evaluate/suite/suite_items.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kPixel = 0.005;        // m, of a drawn cloud
+constexpr double kMargin = 0.1;         // m, around the structure
+constexpr double kWorst = 0.05;         // m, drawn red
+constexpr int kBlot = 1;                // px around a point
+constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
+
+const FramePoses* PosesOf(const MethodResult& result, PoseStage stage) {
+  if (stage == PoseStage::kInitial) return &result.initial;
+  const std::optional<FramePoses>& poses =
+      stage == PoseStage::kGraph ? result.graph : result.statistical;
+  return poses ? &*poses : nullptr;
+}
+
+std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& result) {
+  std::vector<RgbImage> row;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const RgbImage picture = OverlayLabels(still.views[i].depth, result.labels[i]);
+    const std::optional<Pose>& truth = still.still.frames[i].ground_truth;
+    row.push_back(truth ? Turn(picture, UprightTurns(*truth)) : picture);
+  }
+  return row;
+}
+
+std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& result,
+                                 const FramePoses& poses) {
+  const Structure& structure = still.still.structure;
+  const std::vector<LabelImage>& labels =
+      still.still.labels.empty() ? result.labels : still.still.labels;
+  ErrorCloud cloud;
+  for (std::size_t i = 0; i < poses.size() && i < labels.size(); ++i) {
+    if (poses[i]) AddToCloud(still.views[i], labels[i], structure, *poses[i], &cloud);
+  }
+  std::vector<RgbImage> row;
+  for (const double phi : kViews) row.push_back(DrawCloud(cloud, structure, phi));
+  return row;
+}
+
+/// The row of one method; empty where it has not what the figure shows.
+std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const PoseStage stage,
+                              const SuiteStill& still, const MethodResult& result) {
+  if (figure.kind == FigureKind::kLabels)
+    return result.labels.empty() ? std::vector<RgbImage>() : DrawLabels(still, result);
+  const FramePoses* poses = PosesOf(result, stage);
+  return poses ? DrawClouds(still, result, *poses) : std::vector<RgbImage>();
+}
+
+const SuiteItem* FindItem(const std::vector<SuiteItem>& items, const std::string& capture) {
+  const auto found = std::find_if(items.begin(), items.end(),
+                                  [&](const SuiteItem& item) { return item.capture == capture; });
+  return found == items.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+void AddToCloud(const SensorView& view, const LabelImage& labels, const Structure& structure,
+                const Pose& structure_from_sensor, ErrorCloud* cloud) {
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      if (labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
+      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+      cloud->points.push_back(p);
+      cloud->distances.push_back(DistanceToSurface(structure, p).distance);
+    }
+  }
+}
+
+RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double phi_deg) {
+  const double phi = phi_deg * M_PI / 180;
+  const Eigen::Vector3d towards(std::cos(phi), 0, std::sin(phi));  // the onlooker
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitY().cross(towards);
+  double reach = 0;
+  for (const Side& side : structure.sides())
+    reach = std::max(reach, Eigen::Vector2d(side.centre.x(), side.centre.z()).norm() +
+                                std::max(side.half_u, side.half_v));
+  const double low = structure.FloorHeight() - kMargin;
+  const int width = static_cast<int>(2 * (reach + kMargin) / kPixel);
+  const int height = static_cast<int>((structure.Height() + 2 * kMargin) / kPixel);
+  // ColourDepth has near values red: what is far off is to be red.
+  DepthImage values(width, height, 0.0F);
+  Image<double> nearness(width, height, -std::numeric_limits<double>::infinity());
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    const Eigen::Vector3d& p = cloud.points[i];
+    const int u = static_cast<int>((right.dot(p) + reach + kMargin) / kPixel);
+    const int v = height - 1 - static_cast<int>((p.y() - low) / kPixel);
+    for (int dv = -kBlot; dv <= kBlot; ++dv) {
+      for (int du = -kBlot; du <= kBlot; ++du) {
+        if (!values.Contains(u + du, v + dv)) continue;
+        if (towards.dot(p) <= nearness(u + du, v + dv)) continue;
+        nearness(u + du, v + dv) = towards.dot(p);
+        values(u + du, v + dv) =
+            static_cast<float>(2 * kWorst - std::min(cloud.distances[i], kWorst));
+      }
+    }
+  }
+  return ColourDepth(values, kWorst, 2 * kWorst);
+}
+
+std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const SuiteRun& run) {
+  MethodSet methods(suite, run.program);
+  const Structure structure = ReadStructure(Rig().structure);
+  WorkerGl gl(run.device);
+  std::vector<std::filesystem::path> files;
+  for (const SuiteFigure& figure : suite.figures) {
+    std::vector<SuiteItem> items;
+    for (const SuiteDataset& dataset : suite.datasets) {
+      for (SuiteItem& item : SuiteItems(dataset, structure, methods.HasMarkers(), 0))
+        items.push_back(std::move(item));
+    }
+    const SuiteItem* item = FindItem(items, figure.capture);
+    if (!item) {
+      throw ConfigError(
+          fmt::format("figures: {} is of {}, which no dataset has", figure.name, figure.capture));
+    }
+    const SuiteStill still = LoadSuiteStill(*item, suite, gl);
+    std::vector<RgbImage> pictures;
+    std::size_t columns = 0;
+    for (const std::string& name : figure.methods) {
+      for (std::size_t i = 0; i < methods.size(); ++i) {
+        if (methods.at(i).name != name || !methods.Applies(i, *item)) continue;
+        const std::vector<RgbImage> row =
+            DrawRow(figure, figure.stage, still, methods.Run(i, still, 2));
+        pictures.insert(pictures.end(), row.begin(), row.end());
+        columns = std::max(columns, row.size());
+      }
+    }
+    if (pictures.empty()) continue;
+    files.push_back(run.output / "figures" / (figure.name + ".png"));
+    WritePng(files.back(), Montage(pictures, static_cast<int>(columns)));
+  }
+  return files;
+}
+
+}  // namespace volalign

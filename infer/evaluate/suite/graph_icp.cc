@@ -1,0 +1,186 @@
+#include "infer/evaluate/suite/graph_icp.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "core/kd_tree.h"
+#include "core/visibility.h"
+#include "infer/refine/sensor_points.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kModelSpacing = 0.01;  // m, of the model's points
+constexpr int kNormalRadius = 2;        // px, of the plane that gives a point's normal
+constexpr double kDamping = 1e-6;       // of the mean diagonal, where nothing holds a direction
+
+struct Cloud {
+  std::vector<Eigen::Vector3d> points, normals;
+};
+
+/// The exposed surface.
+Cloud ModelCloud(const Structure& structure) {
+  Cloud cloud;
+  cloud.points = SampleExposedSurface(structure, kModelSpacing);
+  for (const Eigen::Vector3d& p : cloud.points) {
+    const int side = DistanceToSurface(structure, p).side;
+    cloud.normals.push_back(structure.sides()[static_cast<std::size_t>(side)].normal);
+  }
+  return cloud;
+}
+
+/// Points of a view, sensor frame, that lie near the structure at the initial pose.
+Cloud ViewCloud(const GraphView& of, const Structure& structure, const GraphIcpOptions& options) {
+  const SensorView& view = *of.view;
+  const double lowest = structure.FloorHeight() + options.floor_margin_m;
+  std::vector<std::pair<int, int>> pixels;
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      if (!(view.depth(u, v) > 0)) continue;
+      const Eigen::Vector3d p = of.structure_from_sensor * view.Point(u, v);
+      if (p.y() > lowest && DistanceToSurface(structure, p).distance < options.first_distance_m)
+        pixels.emplace_back(u, v);
+    }
+  }
+  const std::size_t step = pixels.size() / static_cast<std::size_t>(options.max_points) + 1;
+  Cloud cloud;
+  for (std::size_t i = step / 2; i < pixels.size(); i += step) {
+    const auto [u, v] = pixels[i];
+    Eigen::Vector3d normal;
+    if (!PixelNormal(view, u, v, kNormalRadius, &normal)) continue;
+    cloud.points.push_back(view.Point(u, v));
+    cloud.normals.push_back(normal);
+  }
+  return cloud;
+}
+
+Cloud Moved(const Cloud& cloud, const Pose& pose) {
+  Cloud moved;
+  for (const Eigen::Vector3d& p : cloud.points) moved.points.push_back(pose * p);
+  for (const Eigen::Vector3d& n : cloud.normals) moved.normals.push_back(pose.linear() * n);
+  return moved;
+}
+
+/// A point and the plane that it belongs on.
+struct Match {
+  Eigen::Vector3d from, to, normal;
+};
+
+struct Gate {
+  double distance = 0;
+  double cosine = 0;
+};
+
+std::vector<Match> FindMatches(const Cloud& from, const Cloud& to, const KdTree& tree, Gate gate) {
+  std::vector<Match> matches;
+  for (std::size_t i = 0; i < from.points.size(); ++i) {
+    const KdTree::Neighbour found = tree.Nearest(from.points[i]);
+    if (found.index < 0 || found.squared_distance > gate.distance * gate.distance) continue;
+    const auto j = static_cast<std::size_t>(found.index);
+    if (from.normals[i].dot(to.normals[j]) < gate.cosine) continue;
+    matches.push_back({from.points[i], to.points[j], to.normals[j]});
+  }
+  return matches;
+}
+
+/// Gauss-Newton's equations for small motions of all views, delta as in PerturbLeft.
+struct Equations {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd vector;
+
+  explicit Equations(std::size_t views)
+      : matrix(Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(6 * views),
+                                     static_cast<Eigen::Index>(6 * views))),
+        vector(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(6 * views))) {}
+
+  /// `to` < 0: the model.
+  void Add(const std::vector<Match>& matches, int from, int to) {
+    for (const Match& match : matches) {
+      const double residual = match.normal.dot(match.from - match.to);
+      Vector6d by_from, by_to;
+      by_from << match.normal, match.from.cross(match.normal);
+      by_to << -match.normal, -match.to.cross(match.normal);
+      AddBlock(by_from, by_from, from, from);
+      vector.segment<6>(6 * from) += residual * by_from;
+      if (to < 0) continue;
+      AddBlock(by_to, by_to, to, to);
+      AddBlock(by_from, by_to, from, to);
+      AddBlock(by_to, by_from, to, from);
+      vector.segment<6>(6 * to) += residual * by_to;
+    }
+  }
+  Eigen::VectorXd Solve() {
+    const double damping =
+        kDamping * std::max(matrix.trace(), 1.0) / static_cast<double>(matrix.rows());
+    matrix.diagonal().array() += damping;
+    return -matrix.ldlt().solve(vector);
+  }
+
+ private:
+  void AddBlock(const Vector6d& a, const Vector6d& b, int row, int column) {
+    matrix.block<6, 6>(6 * row, 6 * column) += a * b.transpose();
+  }
+};
+
+}  // namespace
+
+std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphView>& views,
+                              const GraphIcpOptions& options) {
+  const Cloud model = ModelCloud(structure);
+  const KdTree model_tree(model.points);
+  const int count = static_cast<int>(views.size());
+  std::vector<Pose> poses;
+  std::vector<Cloud> clouds;
+  for (const GraphView& view : views) {
+    poses.push_back(view.structure_from_sensor);
+    clouds.push_back(ViewCloud(view, structure, options));
+  }
+  const double cosine = std::cos(options.max_normal_angle_deg * M_PI / 180);
+  std::vector<std::pair<int, int>> edges;
+  for (int round = 0; round < options.iterations && count > 0; ++round) {
+    const double at = options.iterations == 1 ? 1.0 : round / (options.iterations - 1.0);
+    const Gate gate{
+        options.first_distance_m * std::pow(options.last_distance_m / options.first_distance_m, at),
+        cosine};
+    std::vector<Cloud> moved;
+    std::vector<KdTree> trees;
+    for (int i = 0; i < count; ++i) {
+      moved.push_back(
+          Moved(clouds[static_cast<std::size_t>(i)], poses[static_cast<std::size_t>(i)]));
+      trees.emplace_back(moved.back().points);
+    }
+    const auto matches = [&](int i, int j) {
+      return FindMatches(moved[static_cast<std::size_t>(i)], moved[static_cast<std::size_t>(j)],
+                         trees[static_cast<std::size_t>(j)], gate);
+    };
+    if (round == 0) {
+      for (int i = 0; i < count; ++i) {
+        for (int j = 0; j < count; ++j) {
+          if (i == j) continue;
+          const auto points =
+              static_cast<double>(clouds[static_cast<std::size_t>(i)].points.size());
+          if (static_cast<double>(matches(i, j).size()) > options.min_overlap * points)
+            edges.emplace_back(i, j);
+        }
+      }
+    }
+    Equations equations(views.size());
+    for (int i = 0; i < count; ++i) {
+      equations.Add(FindMatches(moved[static_cast<std::size_t>(i)], model, model_tree, gate), i,
+                    -1);
+    }
+    for (const auto& [i, j] : edges) equations.Add(matches(i, j), i, j);
+    const Eigen::VectorXd step = equations.Solve();
+    for (int i = 0; i < count; ++i) {
+      Pose& pose = poses[static_cast<std::size_t>(i)];
+      pose = PerturbLeft(step.segment<6>(6 * i), pose);
+    }
+  }
+  return poses;
+}
+
+}  // namespace volalign

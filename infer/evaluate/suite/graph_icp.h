@@ -1,0 +1,60 @@
+#pragma once
+
+#include <vector>
+
+#include "core/config.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+struct GraphIcpOptions {
+  int iterations = 25;
+  double first_distance_m = 0.15;
+  double last_distance_m = 0.03;
+  double max_normal_angle_deg = 45;
+  int max_points = 1500;
+  double floor_margin_m = 0.02;
+  double min_overlap = 0.1;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("iterations", iterations, "rounds of correspondences and one Gauss-Newton step each",
+       AtLeast(1));
+    ar("first_distance_m", first_distance_m,
+       "distance within which points correspond in the first round, and within which, at its "
+       "initial pose, a view's points belong to the structure, m",
+       Above(0));
+    ar("last_distance_m", last_distance_m, "such distance in the last round, m", Above(0));
+    ar("max_normal_angle_deg", max_normal_angle_deg,
+       "largest angle between the normals of points that correspond, deg", Between(1, 90));
+    ar("max_points", max_points, "points of a view, about", AtLeast(10));
+    ar("floor_margin_m", floor_margin_m,
+       "points that lie lower than so far above the floor, at the initial pose, belong to it, m",
+       AtLeast(0));
+    ar("min_overlap", min_overlap,
+       "two views are joined when, at the initial poses, so large a share of one's points "
+       "corresponds to the other's",
+       Between(0, 1));
+  }
+};
+
+/// A view and its initial pose.
+struct GraphView {
+  const SensorView* view = nullptr;
+  Pose structure_from_sensor = Pose::Identity();
+};
+
+/// The dense refinement of the paper "Deep Soft Procrustes for Markerless Volumetric Sensor
+/// Alignment" (section Results, after its references): iterated closest points with a
+/// point-to-plane error over a graph whose nodes are the views and the structure's model, which
+/// stays, and whose edges join each view with the model and with each view that overlaps it. All
+/// poses move together. What it leaves open is chosen here: correspondences are nearest points
+/// within a distance that shrinks from round to round, with normals alike, all of weight one; a
+/// view's points are those near the model at its initial pose, without the floor. Returns the
+/// refined poses.
+std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphView>& views,
+                              const GraphIcpOptions& options = {});
+
+}  // namespace volalign

@@ -1,0 +1,156 @@
+#include "infer/evaluate/suite/markers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/aruco.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "core/error.h"
+#include "core/procrustes.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr int kDictionary = cv::aruco::DICT_4X4_50;
+constexpr int kMarkerCount = 50;
+constexpr int kBorderCells = 1;
+constexpr double kCornerWindow = 0.05;  // half of it, of the marker's width
+constexpr int kLargestWindow = 5;       // px, half of it
+// Markers seen at over 75 deg, whose cells are too narrow to refine corners in, and whose depth
+// jumps from pixel to pixel, are not used.
+constexpr double kLeastSlant = 0.25;
+constexpr double kCover = 1e-3;  // m above a side where another box covers it
+
+bool Covered(const Structure& structure, const Side& side) {
+  const Eigen::Vector3d above = side.centre + kCover * side.normal;
+  return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
+    const Eigen::Vector3d p = box.structure_from_box.inverse() * above;
+    return (p.cwiseAbs().array() < 0.5 * box.size.array()).all();
+  });
+}
+
+GreyImage Cells(int label) {
+  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(kDictionary);
+  const int cells = dictionary->markerSize + 2 * kBorderCells;
+  cv::Mat drawn;
+  cv::aruco::drawMarker(dictionary, label, cells, drawn, kBorderCells);
+  GreyImage image(cells, cells);
+  for (int v = 0; v < cells; ++v) {
+    for (int u = 0; u < cells; ++u) image(u, v) = drawn.at<std::uint8_t>(v, u);
+  }
+  return image;
+}
+
+/// Where the diagonals of a quadrilateral meet: the picture of the middle of a square.
+Eigen::Vector2d MeetingPoint(const std::array<Eigen::Vector2d, 4>& corners) {
+  const Eigen::Vector2d a = corners[2] - corners[0], b = corners[3] - corners[1];
+  const Eigen::Vector2d c = corners[1] - corners[0];
+  const double s = (c.x() * b.y() - c.y() * b.x()) / (a.x() * b.y() - a.y() * b.x());
+  return corners[0] + s * a;
+}
+
+/// Of a marker's picture, px: its longest edge, and its width square to that.
+struct Extent {
+  double length = 0, width = 0;
+};
+Extent ExtentOf(const std::vector<cv::Point2f>& corners) {
+  Extent extent;
+  for (std::size_t k = 0; k < 4; ++k)
+    extent.length = std::max(extent.length, cv::norm(corners[k] - corners[(k + 1) % 4]));
+  const cv::Point2f a = corners[2] - corners[0], b = corners[3] - corners[1];
+  extent.width = 0.5 * std::abs(a.cross(b)) / extent.length;
+  return extent;
+}
+
+/// Below a pixel, in windows that hold no edges but the corner's own: as OpenCV does from 4.7 on,
+/// but by the marker's width, so that markers seen at a slant are no exception.
+void RefineCorners(const cv::Mat& image, std::vector<cv::Point2f>* corners) {
+  const int window =
+      std::clamp(static_cast<int>(kCornerWindow * ExtentOf(*corners).width), 1, kLargestWindow);
+  cv::cornerSubPix(image, *corners, cv::Size(window, window), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01));
+}
+
+/// The point, sensor frame, that a position between pixel centres shows: its ray and its inverse
+/// depth, which is linear on a plane, between those of the four pixels around it. Nothing where one
+/// of them has no depth.
+std::optional<Eigen::Vector3d> PointAt(const SensorView& view, const Eigen::Vector2d& pixel) {
+  const int left = static_cast<int>(std::floor(pixel.x()));
+  const int top = static_cast<int>(std::floor(pixel.y()));
+  if (!view.depth.Contains(left, top) || !view.depth.Contains(left + 1, top + 1))
+    return std::nullopt;
+  Eigen::Vector2d ray = Eigen::Vector2d::Zero();
+  double inverse = 0;
+  for (int k = 0; k < 4; ++k) {
+    const int u = left + k % 2, v = top + k / 2;
+    if (!(view.depth(u, v) > 0)) return std::nullopt;
+    const double weight = (1 - std::abs(pixel.x() - u)) * (1 - std::abs(pixel.y() - v));
+    ray += weight * view.rays.at(u, v).cast<double>();
+    inverse += weight / view.depth(u, v);
+  }
+  return Eigen::Vector3d(ray.x() / inverse, ray.y() / inverse, 1 / inverse);
+}
+
+}  // namespace
+
+std::vector<MarkerPrint> StructureMarkers(const Structure& structure) {
+  if (structure.num_classes() > kMarkerCount) {
+    throw Error("StructureMarkers: more sides than the dictionary has markers (50)");
+  }
+  std::vector<MarkerPrint> prints;
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    if (!Covered(structure, structure.SideOfLabel(label))) prints.push_back({label, Cells(label)});
+  }
+  return prints;
+}
+
+std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure& structure) {
+  const cv::Mat image(infrared.height(), infrared.width(), CV_8UC1,
+                      const_cast<std::uint8_t*>(infrared.data()));
+  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
+  std::vector<std::vector<cv::Point2f>> corners;
+  std::vector<int> ids;
+  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), corners, ids);
+  std::vector<FoundMarker> found;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    if (ids[i] < 1 || ids[i] >= structure.num_classes() ||
+        Covered(structure, structure.SideOfLabel(ids[i]))) {
+      continue;
+    }
+    const Extent extent = ExtentOf(corners[i]);
+    if (extent.width < kLeastSlant * extent.length) continue;
+    RefineCorners(image, &corners[i]);
+    FoundMarker marker;
+    marker.label = ids[i];
+    for (std::size_t k = 0; k < 4; ++k) marker.corners[k] = {corners[i][k].x, corners[i][k].y};
+    marker.centre = MeetingPoint(marker.corners);
+    found.push_back(marker);
+  }
+  return found;
+}
+
+std::optional<Pose> EstimateMarkerPose(const SensorView& view, const Intrinsics& infrared,
+                                       const std::vector<FoundMarker>& markers,
+                                       const Structure& structure) {
+  // Both images show the same field of view; pixel centres are at integers.
+  const double scale_u = static_cast<double>(view.width()) / infrared.width;
+  const double scale_v = static_cast<double>(view.height()) / infrared.height;
+  std::vector<Eigen::Vector3d> source, target;
+  for (const FoundMarker& marker : markers) {
+    const Eigen::Vector2d pixel((marker.centre.x() + 0.5) * scale_u - 0.5,
+                                (marker.centre.y() + 0.5) * scale_v - 0.5);
+    const std::optional<Eigen::Vector3d> point = PointAt(view, pixel);
+    if (!point) continue;
+    source.push_back(*point);
+    target.push_back(structure.SideOfLabel(marker.label).centre);
+  }
+  if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue))
+    return std::nullopt;
+  return AlignPoints(source, target).target_from_source;
+}
+
+}  // namespace volalign

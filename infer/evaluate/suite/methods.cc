@@ -1,0 +1,143 @@
+#include "infer/evaluate/suite/methods.h"
+
+#include <cmath>
+#include <cstddef>
+#include <stdexcept>
+#include <utility>
+
+#include "core/visibility.h"
+#include "infer/calibrate.h"
+#include "infer/evaluate/suite/graph_icp.h"
+#include "infer/evaluate/suite/markers.h"
+#include "infer/pose/paper_pose.h"
+#include "infer/refine/refine.h"
+
+namespace volalign {
+
+namespace {
+
+/// m: at an initial pose, depths within so much of the model's belong to the side that it shows.
+constexpr double kLabelDistance = 0.1;
+
+/// Indices of the frames that have a pose.
+std::vector<std::size_t> Placed(const FramePoses& poses) {
+  std::vector<std::size_t> placed;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (poses[i]) placed.push_back(i);
+  }
+  return placed;
+}
+
+FramePoses RefineByGraph(const SuiteStill& still, const FramePoses& initial,
+                         const GraphIcpOptions& options) {
+  FramePoses refined(initial.size());
+  std::vector<GraphView> views;
+  const std::vector<std::size_t> placed = Placed(initial);
+  for (const std::size_t i : placed) views.push_back({&still.views[i], *initial[i]});
+  const std::vector<Pose> poses = RefineGraph(still.still.structure, views, options);
+  for (std::size_t k = 0; k < placed.size(); ++k) refined[placed[k]] = poses[k];
+  return refined;
+}
+
+/// Labels that the model has at a pose, where the depth is about the model's.
+SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, const Pose& pose) {
+  const StructureView model = CastView(structure, view.rays, pose);
+  SegmentationResult result{LabelImage(view.width(), view.height()),
+                            Image<float>(view.width(), view.height(), 0.0F)};
+  for (std::size_t i = 0; i < result.labels.size(); ++i) {
+    if (model.labels[i] == 0 || std::abs(view.depth[i] - model.depth[i]) > kLabelDistance) continue;
+    result.labels[i] = model.labels[i];
+    result.confidence[i] = 1;
+  }
+  return result;
+}
+
+/// volalign's joint refinement from any initial poses, which say which pixels show which side.
+FramePoses RefineStatistically(const SuiteStill& still, const FramePoses& initial, int threads) {
+  FramePoses refined(initial.size());
+  const std::vector<std::size_t> placed = Placed(initial);
+  if (placed.empty()) return refined;
+  RefineOptions options;
+  options.threads = threads;
+  std::vector<SensorPoints> points;
+  for (const std::size_t i : placed) {
+    const SensorView& view = still.views[i];
+    points.push_back(SamplePoints(view, LabelsAt(view, still.still.structure, *initial[i]),
+                                  still.still.structure, {}));
+  }
+  std::vector<RefineFrame> frames;
+  for (std::size_t k = 0; k < placed.size(); ++k) {
+    RefineFrame frame;
+    frame.points = &points[k];
+    frame.to_beat = frame.fallback = frame.start = *initial[placed[k]];
+    frames.push_back(frame);
+  }
+  const RefineResult result = Refine(still.still.structure, frames, options);
+  for (std::size_t k = 0; k < placed.size(); ++k)
+    refined[placed[k]] = result.frames[k].structure_from_sensor;
+  return refined;
+}
+
+/// Labels of the network, and the paper's poses.
+MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
+  MethodResult result;
+  std::vector<SegmentationRequest> requests;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const SensorFrame& frame = still.still.frames[i];
+    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
+    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
+  }
+  std::vector<SegmentationResult> segmented = segmenter.Segment(requests);
+  InitialPoseOptions options;
+  options.method = PoseMethod::kPaper;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const InitialPose pose =
+        EstimatePaperPose(still.views[i], segmented[i], still.still.structure, options);
+    result.initial.push_back(pose.found ? std::optional<Pose>(pose.structure_from_sensor)
+                                        : std::nullopt);
+    result.labels.push_back(std::move(segmented[i].labels));
+  }
+  return result;
+}
+
+MethodResult RunMarkers(const SuiteStill& still) {
+  if (still.infrared.size() != still.views.size())
+    throw std::invalid_argument("RunMethod: markers want an infrared picture of each frame");
+  MethodResult result;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    result.initial.push_back(EstimateMarkerPose(
+        still.views[i], still.infrared_intrinsics[i],
+        FindMarkers(still.infrared[i], still.still.structure), still.still.structure));
+  }
+  return result;
+}
+
+MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int threads) {
+  CalibrateOptions options;
+  options.threads = options.refine.threads = threads;
+  CalibrationResult calibration =
+      Calibrate(still.still.frames, still.still.structure, segmenter, options);
+  MethodResult result;
+  result.statistical.emplace();
+  for (SensorResult& sensor : calibration.sensors) {
+    result.labels.push_back(std::move(sensor.segmentation.labels));
+    result.initial.push_back(sensor.structure_from_sensor ? std::optional<Pose>(sensor.initial)
+                                                          : std::nullopt);
+    result.statistical->push_back(sensor.structure_from_sensor);
+  }
+  return result;
+}
+
+}  // namespace
+
+MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
+                       const SuiteConfig& suite, int threads) {
+  if (method.kind == MethodKind::kVolalign) return RunVolalign(still, *segmenter, threads);
+  MethodResult result =
+      method.kind == MethodKind::kMarkers ? RunMarkers(still) : RunNetwork(still, *segmenter);
+  result.graph = RefineByGraph(still, result.initial, suite.graph);
+  if (method.statistical) result.statistical = RefineStatistically(still, result.initial, threads);
+  return result;
+}
+
+}  // namespace volalign

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/pose.h"
+#include "infer/evaluate/items.h"
+#include "infer/evaluate/suite/suite_config.h"
+#include "infer/view/segmenter.h"
+#include "infer/view/sensor_view.h"
+#include "render/infrared.h"
+
+namespace volalign {
+
+/// A capture with what the methods look at.
+struct SuiteStill {
+  EvaluationStill still;
+  std::vector<SensorView> views;  ///< of its frames
+  /// Of its frames; empty where there are no infrared pictures.
+  std::vector<GreyImage> infrared;
+  std::vector<Intrinsics> infrared_intrinsics;
+};
+
+/// Poses of the frames, none where one was not placed.
+using FramePoses = std::vector<std::optional<Pose>>;
+
+/// What a method says about a capture.
+struct MethodResult {
+  std::vector<LabelImage> labels;  ///< predicted, of its frames; empty of a method without labels
+  FramePoses initial;
+  std::optional<FramePoses> graph, statistical;  ///< refined; absent where a method has not
+};
+
+/// Runs a method. `segmenter`: of its model; unused by markers. Network: frames whose turn is not
+/// known are as the network's training has them. Throws std::invalid_argument for markers without
+/// infrared pictures.
+MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
+                       const SuiteConfig& suite, int threads);
+
+}  // namespace volalign

@@ -1,0 +1,136 @@
+#include "infer/evaluate/suite/run_suite.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <iterator>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "core/parallel_for.h"
+#include "core/rig.h"
+#include "core/structure_gltf.h"
+#include "infer/evaluate/suite/method_set.h"
+#include "infer/evaluate/suite/suite_items.h"
+
+namespace volalign {
+
+namespace {
+
+std::filesystem::path FileOf(const SuiteRun& run, const SuiteItem& item,
+                             const SuiteMethod& method) {
+  return run.output / "captures" / item.dataset /
+         fmt::format("{}.{}.json", item.capture, method.name);
+}
+
+std::optional<CaptureScores> Known(const std::filesystem::path& file,
+                                   const std::string& fingerprint) {
+  if (!std::filesystem::exists(file)) return std::nullopt;
+  CaptureScores scores = ReadScores(file);
+  if (scores.fingerprint != fingerprint) return std::nullopt;
+  return scores;
+}
+
+/// "[3/24] arc_165_90_turn_3: m05 8/8, markers 7/8; about 300 s left"
+class Progress {
+ public:
+  Progress(const SuiteRun& run, std::size_t total) : run_(run), total_(total) {}
+
+  void Done(const SuiteItem& item, const std::vector<CaptureScores>& fresh) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++done_;
+    if (!fresh.empty()) ++made_;
+    if (!run_.progress) return;
+    std::string placed;
+    for (const CaptureScores& scores : fresh) {
+      const auto count =
+          std::count_if(scores.views.begin(), scores.views.end(),
+                        [](const ViewScores& view) { return view.stages.front().placed; });
+      placed += fmt::format(" {} {}/{}", scores.method, count, scores.views.size());
+    }
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start_;
+    run_.progress(fmt::format("[{}/{}] {}:{}", done_, total_, item.capture,
+                              fresh.empty()
+                                  ? " done before"
+                                  : fmt::format("{}; about {:.0f} s left", placed,
+                                                elapsed.count() / static_cast<double>(made_) *
+                                                    static_cast<double>(total_ - done_))));
+  }
+
+ private:
+  const SuiteRun& run_;
+  std::size_t total_, done_ = 0, made_ = 0;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::mutex mutex_;
+};
+
+CaptureScores Score(std::size_t method, const SuiteStill& still, const SuiteConfig& suite,
+                    const SuiteRun& run, MethodSet& methods) {
+  const auto start = std::chrono::steady_clock::now();
+  const MethodResult result = methods.Run(method, still, run.workers > 1 ? 1 : 2);
+  CaptureScores scores = ScoreCapture(still, result, suite.min_side_pixels);
+  scores.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return scores;
+}
+
+/// What every method says about a capture, computed where it is not known.
+std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& suite,
+                                   const SuiteRun& run, MethodSet& methods, WorkerGl& gl,
+                                   std::vector<CaptureScores>* fresh) {
+  std::vector<CaptureScores> all;
+  std::optional<SuiteStill> still;
+  for (std::size_t i = 0; i < methods.size(); ++i) {
+    if (!methods.Applies(i, item)) continue;
+    const std::filesystem::path file = FileOf(run, item, methods.at(i));
+    const std::string fingerprint = methods.Fingerprint(i, item);
+    if (std::optional<CaptureScores> known = Known(file, fingerprint)) {
+      all.push_back(std::move(*known));
+      continue;
+    }
+    if (!still) still = LoadSuiteStill(item, suite, gl);
+    CaptureScores scores = Score(i, *still, suite, run, methods);
+    scores.fingerprint = fingerprint;
+    scores.dataset = item.dataset;
+    scores.set_up = item.set_up;
+    scores.capture = item.capture;
+    scores.method = methods.at(i).name;
+    WriteScores(file, scores);
+    fresh->push_back(scores);
+    all.push_back(std::move(scores));
+  }
+  return all;
+}
+
+}  // namespace
+
+std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& run) {
+  MethodSet methods(suite, run.program);
+  const Structure structure = ReadStructure(Rig().structure);
+  std::vector<SuiteItem> items;
+  for (const SuiteDataset& dataset : suite.datasets) {
+    for (SuiteItem& item : SuiteItems(dataset, structure, methods.HasMarkers(), run.max_captures))
+      items.push_back(std::move(item));
+  }
+  Progress progress(run, items.size());
+  std::vector<std::vector<CaptureScores>> results(items.size());
+  std::atomic<std::size_t> next{0};
+  const auto workers = static_cast<std::size_t>(std::max(run.workers, 1));
+  ParallelFor(workers, static_cast<int>(workers), [&](std::size_t) {
+    WorkerGl gl(run.device);
+    for (std::size_t i = next++; i < items.size(); i = next++) {
+      std::vector<CaptureScores> fresh;
+      results[i] = RunItem(items[i], suite, run, methods, gl, &fresh);
+      progress.Done(items[i], fresh);
+    }
+  });
+  std::vector<CaptureScores> all;
+  for (std::vector<CaptureScores>& of_item : results)
+    std::move(of_item.begin(), of_item.end(), std::back_inserter(all));
+  return all;
+}
+
+}  // namespace volalign

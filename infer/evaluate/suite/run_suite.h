@@ -1,0 +1,28 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "infer/evaluate/suite/scores.h"
+#include "infer/evaluate/suite/suite_config.h"
+
+namespace volalign {
+
+struct SuiteRun {
+  std::filesystem::path output;  ///< results go to captures/ in it; what is there is not done again
+  std::string program;           ///< identifies the program's build
+  int workers = 1;               ///< captures that are worked on at the same time
+  int device = -1;               ///< EGL device, see EglContextOptions
+  int max_captures = 0;          ///< of each dataset, evenly taken; 0: all
+  std::function<void(const std::string& line)> progress;
+};
+
+/// Runs every method whose model exists on every capture, and returns what is known, by datasets,
+/// captures and methods in order. A result is written when it is there, and computed again only
+/// when the program, the capture, the model or an option has changed. Throws what reading,
+/// rendering and calibration throw.
+std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& run);
+
+}  // namespace volalign

@@ -1,0 +1,179 @@
+#include "infer/evaluate/suite/scores.h"
+
+#include <cstddef>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "core/json_archive.h"
+#include "infer/checks/pose_quality.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr char kScoresFormat[] = "volalign.suite_scores/1";
+
+Pose TruePose(const EvaluationStill& still, std::size_t i) {
+  return still.nominal_from_built * *still.frames[i].ground_truth;
+}
+
+/// d1 and d2 of the views that have a pose.
+std::optional<SetDistances> Distances(const SuiteStill& still, const FramePoses& poses,
+                                      const std::vector<LabelImage>& labels,
+                                      const SurfaceComparison& surface) {
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (!poses[i] || i >= labels.size()) continue;
+    const std::vector<Eigen::Vector3d> own = LabelledPoints(still.views[i], labels[i], *poses[i]);
+    points.insert(points.end(), own.begin(), own.end());
+  }
+  return surface(points);
+}
+
+struct NamedStage {
+  const char* name;
+  const FramePoses* poses;
+};
+std::vector<NamedStage> StagesOf(const MethodResult& result) {
+  std::vector<NamedStage> stages;
+  for (const auto& [word, stage] : kPoseStageWords) {
+    if (stage == PoseStage::kInitial) stages.push_back({word, &result.initial});
+    if (stage == PoseStage::kGraph && result.graph) stages.push_back({word, &*result.graph});
+    if (stage == PoseStage::kStatistical && result.statistical)
+      stages.push_back({word, &*result.statistical});
+  }
+  return stages;
+}
+
+ViewScores ScoreView(const SuiteStill& still, const MethodResult& result, std::size_t i,
+                     int min_pixels) {
+  const Structure& structure = still.still.structure;
+  const SensorView& view = still.views[i];
+  const SensorFrame& frame = still.still.frames[i];
+  const LabelImage* labels = result.labels.empty() ? nullptr : &result.labels[i];
+  ViewScores scores;
+  scores.name = frame.name;
+  for (const NamedStage& stage : StagesOf(result)) {
+    ViewPoseScore score;
+    if (const std::optional<Pose>& pose = (*stage.poses)[i]) {
+      score.placed = true;
+      if (labels) score.labels = ScorePose(view, *labels, structure, *pose, min_pixels);
+      if (frame.ground_truth) score.error = ComparePoses(*pose, TruePose(still.still, i));
+    }
+    scores.stages.push_back(score);
+  }
+  if (labels && frame.ground_truth)
+    scores.floor = ScorePose(view, *labels, structure, TruePose(still.still, i), min_pixels);
+  if (labels && !still.still.labels.empty()) {
+    scores.miou_of_truth =
+        MeanIou(*labels, still.still.labels[i], view.depth, {structure.num_classes(), false});
+  }
+  return scores;
+}
+
+}  // namespace
+
+CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels) {
+  const SurfaceComparison surface(still.still.structure);
+  const bool known = !still.still.labels.empty();
+  const std::vector<LabelImage>& on_structure = known ? still.still.labels : result.labels;
+  CaptureScores scores;
+  for (const NamedStage& stage : StagesOf(result)) {
+    StageScores of;
+    of.stage = stage.name;
+    if (const auto d = Distances(still, *stage.poses, on_structure, surface)) {
+      of.d1_m = d->d1;
+      of.d2_m = d->d2;
+    }
+    scores.stages.push_back(of);
+  }
+  FramePoses truth;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    scores.views.push_back(ScoreView(still, result, i, min_pixels));
+    truth.push_back(still.still.frames[i].ground_truth
+                        ? std::optional<Pose>(TruePose(still.still, i))
+                        : std::nullopt);
+  }
+  if (const auto d = Distances(still, truth, on_structure, surface)) {
+    scores.d1_floor_m = d->d1;
+    scores.d2_floor_m = d->d2;
+  }
+  return scores;
+}
+
+// The file's keys.
+
+template <class Archive>
+void Describe(Archive& ar, PoseScore& score) {
+  ar("miou_authors", score.miou_authors);
+  ar("miou", score.miou);
+  ar("miou_authors_all", score.miou_authors_all);
+  ar("sides", score.sides);
+  ar.Optional("rmse_m", score.rmse_m);
+  ar.Optional("rmse_visible_m", score.rmse_visible_m);
+}
+
+template <class Archive>
+void Describe(Archive& ar, ViewPoseScore& score) {
+  ar("placed", score.placed);
+  ar.Optional("labels", score.labels);
+  ar.Optional("error", score.error);
+}
+
+template <class Archive>
+void Describe(Archive& ar, ViewScores& scores) {
+  ar("name", scores.name);
+  ar("stages", scores.stages);
+  ar.Optional("floor", scores.floor);
+  ar.Optional("miou_of_truth", scores.miou_of_truth);
+}
+
+template <class Archive>
+void Describe(Archive& ar, StageScores& scores) {
+  ar("stage", scores.stage);
+  ar.Optional("d1_m", scores.d1_m);
+  ar.Optional("d2_m", scores.d2_m);
+}
+
+template <class Archive>
+void Describe(Archive& ar, CaptureScores& scores) {
+  ar.Constant("format", kScoresFormat);
+  ar("fingerprint", scores.fingerprint);
+  ar("dataset", scores.dataset);
+  ar("set_up", scores.set_up);
+  ar("capture", scores.capture);
+  ar("method", scores.method);
+  ar("stages", scores.stages);
+  ar("views", scores.views);
+  ar.Optional("d1_floor_m", scores.d1_floor_m);
+  ar.Optional("d2_floor_m", scores.d2_floor_m);
+  ar("seconds", scores.seconds);
+}
+
+namespace {
+
+struct AllScores {
+  std::vector<CaptureScores> captures;
+};
+
+}  // namespace
+
+template <class Archive>
+void Describe(Archive& ar, AllScores& all) {
+  ar("captures", all.captures);
+}
+
+void WriteScores(const std::filesystem::path& path, const CaptureScores& scores) {
+  WriteFileAtomically(path, WriteDescribed(scores, path.string(), 1));
+}
+
+CaptureScores ReadScores(const std::filesystem::path& path) {
+  return ReadDescribed<CaptureScores>(ReadFile(path), path.string());
+}
+
+std::string FormatScores(const std::vector<CaptureScores>& scores) {
+  return WriteDescribed(AllScores{scores}, "suite.json", 1);
+}
+
+}  // namespace volalign

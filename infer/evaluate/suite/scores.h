@@ -1,0 +1,59 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/metrics.h"
+#include "core/pose.h"
+#include "infer/evaluate/suite/methods.h"
+#include "infer/evaluate/suite/metrics.h"
+#include "infer/evaluate/suite/suite_config.h"
+
+namespace volalign {
+
+/// A pose of one view, scored.
+struct ViewPoseScore {
+  bool placed = false;
+  std::optional<PoseScore> labels;  ///< placed, by a method with labels
+  std::optional<PoseError> error;   ///< placed, where there is a ground truth
+};
+
+struct ViewScores {
+  std::string name;
+  std::vector<ViewPoseScore> stages;    ///< of CaptureScores::stages
+  std::optional<PoseScore> floor;       ///< the method's labels at the true pose
+  std::optional<double> miou_of_truth;  ///< the method's labels against the true ones
+};
+
+struct StageScores {
+  std::string stage;  ///< a word of kPoseStageWords
+  std::optional<double> d1_m, d2_m;
+};
+
+/// What one method made of one capture.
+struct CaptureScores {
+  std::string fingerprint;  ///< of all that it depends on
+  std::string dataset, set_up, capture, method;
+  std::vector<StageScores> stages;
+  std::vector<ViewScores> views;
+  std::optional<double> d1_floor_m, d2_floor_m;  ///< at the true poses, of all views
+  double seconds = 0;
+};
+
+/// Scores a method's poses. The points of d1 and d2 are those of the pixels that truly show the
+/// structure, the same for every method, of the views that it placed; of a recording, whose labels
+/// nobody knows, those that the method labelled. Errors and floors are taken in the frame in which
+/// the boxes' own displacements average out (EvaluationStill::nominal_from_built).
+CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels);
+
+void WriteScores(const std::filesystem::path& path, const CaptureScores& scores);
+/// Throws IoError or DataError.
+CaptureScores ReadScores(const std::filesystem::path& path);
+
+/// All of them as the JSON text of suite.json.
+std::string FormatScores(const std::vector<CaptureScores>& scores);
+
+}  // namespace volalign

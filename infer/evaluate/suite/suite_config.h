@@ -1,0 +1,200 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/config.h"
+#include "core/config_word.h"
+#include "infer/calibrate.h"
+#include "infer/evaluate/suite/graph_icp.h"
+#include "render/infrared.h"
+
+namespace volalign {
+
+enum class MethodKind { kNetwork, kMarkers, kVolalign };
+inline constexpr std::array<std::pair<const char*, MethodKind>, 3> kMethodKindWords = {
+    {{"network", MethodKind::kNetwork},
+     {"markers", MethodKind::kMarkers},
+     {"volalign", MethodKind::kVolalign}}};
+
+/// Which poses of a method: its initial ones, those that the paper's refinement makes of them, or
+/// those that volalign's does.
+enum class PoseStage { kInitial, kGraph, kStatistical };
+inline constexpr std::array<std::pair<const char*, PoseStage>, 3> kPoseStageWords = {
+    {{"initial", PoseStage::kInitial},
+     {"graph", PoseStage::kGraph},
+     {"statistical", PoseStage::kStatistical}}};
+
+/// Of a view but for the last two, which are of a capture (suite/metrics.h).
+enum class SuiteMetric { kMiouAuthors, kMiou, kMiouAuthorsAll, kRmse, kRmseVisible, kD1, kD2 };
+inline constexpr std::array<std::pair<const char*, SuiteMetric>, 7> kSuiteMetricWords = {
+    {{"miou_authors", SuiteMetric::kMiouAuthors},
+     {"miou", SuiteMetric::kMiou},
+     {"miou_authors_all", SuiteMetric::kMiouAuthorsAll},
+     {"rmse", SuiteMetric::kRmse},
+     {"rmse_visible", SuiteMetric::kRmseVisible},
+     {"d1", SuiteMetric::kD1},
+     {"d2", SuiteMetric::kD2}}};
+
+/// The words of a config file.
+const char* WordOf(PoseStage stage);
+const char* WordOf(SuiteMetric metric);
+
+/// Captures of one kind. Files are relative to the suite's own.
+struct SuiteDataset {
+  std::string name;
+  std::vector<std::string> rigs;
+  std::vector<std::string> captures;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; names a folder of results");
+    ar("rigs", rigs, "rig.yaml files to render, one capture for each of their turns");
+    ar("captures", captures,
+       "capture.json files of recordings in the same layout; without ground truth they have no "
+       "pose "
+       "errors and no floors, and without infrared pictures no markers");
+  }
+};
+
+/// What finds initial poses.
+struct SuiteMethod {
+  std::string name;
+  MethodKind kind = MethodKind::kNetwork;
+  std::string model;
+  bool statistical = false;
+  std::vector<std::string> datasets;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; rows of tables name it");
+    DescribeWord(
+        ar, "kind", kind, kMethodKindWords,
+        "network: the paper's poses (means of labelled pixels, Procrustes) from the labels of a "
+        "model; markers: ArUco markers in infrared pictures; volalign: all of volalign's "
+        "calibration "
+        "with a model");
+    ar("model", model, "checkpoint; where it does not exist, its rows say so");
+    ar("statistical", statistical,
+       "network and markers: refine by volalign's joint refinement too, not only by the paper's");
+    ar("datasets", datasets, "those that the method is applicable to; empty: all");
+  }
+};
+
+bool IsApplicable(const SuiteMethod& method, const std::string& dataset);
+
+/// A group of columns: mean, STD, RSD and the distance to the best mean of one metric.
+struct SuiteBlock {
+  std::string title;
+  SuiteMetric metric = SuiteMetric::kD1;
+  std::vector<std::string> datasets;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("title", title, "heading");
+    DescribeWord(ar, "metric", metric, kSuiteMetricWords,
+                 "of a view: miou_authors, miou, miou_authors_all, rmse, rmse_visible; of a "
+                 "capture: d1, d2");
+    ar("datasets", datasets, "names; their views or captures are taken together");
+  }
+};
+
+struct SuiteRow {
+  std::string label;
+  std::string method;
+  PoseStage stage = PoseStage::kInitial;
+  std::vector<std::string> paper;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("label", label, "as the paper has it");
+    ar("method", method, "name of a method");
+    DescribeWord(
+        ar, "stage", stage, kPoseStageWords,
+        "initial: the initial poses; graph: refined as the paper does; statistical: refined by "
+        "volalign");
+    ar("paper", paper,
+       "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block; "
+       "empty: "
+       "a row that the paper does not have");
+  }
+};
+
+struct SuiteTable {
+  std::string name;
+  std::string title;
+  std::string note;
+  std::vector<SuiteBlock> blocks;
+  std::vector<SuiteRow> rows;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; names files");
+    ar("title", title, "caption");
+    ar("note", note, "what a reader has to know: deviations from the paper");
+    ar("blocks", blocks, "groups of columns");
+    ar("rows", rows, "rows, in order");
+  }
+};
+
+/// labels: predicted labels over depth, a column for each view; clouds: points coloured by their
+/// distance to the structure.
+enum class FigureKind { kLabels, kClouds };
+inline constexpr std::array<std::pair<const char*, FigureKind>, 2> kFigureKindWords = {
+    {{"labels", FigureKind::kLabels}, {"clouds", FigureKind::kClouds}}};
+
+/// A picture with a row for each method.
+struct SuiteFigure {
+  std::string name;
+  FigureKind kind = FigureKind::kLabels;
+  std::string capture;
+  std::vector<std::string> methods;
+  PoseStage stage = PoseStage::kInitial;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; names the file");
+    DescribeWord(ar, "kind", kind, kFigureKindWords,
+                 "labels: predicted labels over depth, a column for each view; clouds: aligned "
+                 "points from two sides, blue on the structure's surface, red 5 cm off");
+    ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
+    ar("methods", methods, "a row for each");
+    DescribeWord(ar, "stage", stage, kPoseStageWords, "of clouds: which poses");
+  }
+};
+
+/// Experiments: captures, methods, and tables over both.
+struct SuiteConfig {
+  std::vector<SuiteDataset> datasets;
+  std::vector<SuiteMethod> methods;
+  std::vector<SuiteTable> tables;
+  std::vector<SuiteFigure> figures;
+  int min_side_pixels = 25;
+  GraphIcpOptions graph;
+  InfraredConfig infrared;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("datasets", datasets, "captures");
+    ar("methods", methods, "what is compared");
+    ar("tables", tables, "what is written");
+    ar("figures", figures, "what is drawn");
+    ar("min_side_pixels", min_side_pixels, "least pixels of a side that counts as visible",
+       AtLeast(1));
+    ar("graph", graph, "the paper's dense refinement");
+    ar("infrared", infrared, "infrared pictures of the markers");
+  }
+};
+
+/// Reads a suite. Paths in the result are relative to the working folder. Throws ConfigError for
+/// names that are not unique or refer to nothing, and for rows whose `paper` has not four cells a
+/// block; IoError.
+SuiteConfig ReadSuite(const std::string& path);
+
+/// The suite with the tables of this name alone ("all": every one), and the datasets and methods
+/// that they need; figures belong to "all". Throws ConfigError for an unknown name.
+SuiteConfig SelectTables(SuiteConfig suite, const std::string& name);
+
+}  // namespace volalign

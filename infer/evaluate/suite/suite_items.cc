@@ -1,0 +1,90 @@
+#include "infer/evaluate/suite/suite_items.h"
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <utility>
+
+#include "core/config.h"
+#include "core/structure_gltf.h"
+#include "infer/evaluate/suite/markers.h"
+#include "infer/view/sensor_view.h"
+#include "render/rig.h"
+
+namespace volalign {
+
+namespace {
+
+std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+/// `most` items of a list, evenly taken; all where it is 0.
+template <class T>
+std::vector<T> Some(std::vector<T> items, int most) {
+  const auto wanted = static_cast<std::size_t>(most);
+  if (most <= 0 || items.size() <= wanted) return items;
+  std::vector<T> some;
+  for (std::size_t k = 0; k < wanted; ++k)
+    some.push_back(std::move(items[k * items.size() / wanted]));
+  return some;
+}
+
+std::vector<SuiteItem> ItemsOf(const SuiteDataset& dataset, const Structure& structure,
+                               bool infrared) {
+  std::vector<SuiteItem> items;
+  for (const std::string& file : dataset.rigs) {
+    const std::vector<Rig> turns = Turns(ReadRig(ConfigSource::FromFile(file)));
+    for (std::size_t k = 0; k < turns.size(); ++k) {
+      SuiteItem item;
+      item.dataset = dataset.name;
+      item.set_up = Stem(file);
+      item.capture = fmt::format("{}_turn_{}", item.set_up, k + 1);
+      item.rig = turns[k];
+      item.identity = RigItem(item.set_up, turns[k], "", nullptr).identity;
+      item.infrared = infrared;
+      items.push_back(std::move(item));
+    }
+  }
+  for (std::size_t k = 0; k < dataset.captures.size(); ++k) {
+    SuiteItem item;
+    item.dataset = dataset.name;
+    item.set_up = "recordings";
+    item.capture = fmt::format("recording_{}", k + 1);
+    item.recording = CaptureItem(dataset.captures[k], structure);
+    item.identity = item.recording.identity;
+    items.push_back(std::move(item));
+  }
+  return items;
+}
+
+}  // namespace
+
+std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& structure,
+                                  bool infrared, int most) {
+  return Some(ItemsOf(dataset, structure, infrared), most);
+}
+
+SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, WorkerGl& gl) {
+  SuiteStill still;
+  if (item.rig) {
+    std::optional<InfraredRequest> infrared;
+    if (item.infrared) {
+      infrared.emplace(
+          InfraredRequest{StructureMarkers(ReadStructure(item.rig->structure)), suite.infrared});
+    }
+    const std::vector<RigCapture> captures =
+        RenderPlacements(*item.rig, *gl.renderer(), infrared ? &*infrared : nullptr);
+    still.still = StillOf(captures);
+    for (const CapturedSensor& sensor : captures.front().sensors) {
+      if (!infrared) break;
+      still.infrared.push_back(sensor.infrared);
+      still.infrared_intrinsics.push_back(sensor.infrared_intrinsics);
+    }
+  } else {
+    still.still = item.recording.load();
+  }
+  still.views = MakeSensorViews(still.still.frames, 1);
+  return still;
+}
+
+}  // namespace volalign

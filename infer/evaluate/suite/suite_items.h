@@ -1,0 +1,52 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/rig.h"
+#include "infer/evaluate/items.h"
+#include "infer/evaluate/suite/methods.h"
+#include "infer/evaluate/suite/suite_config.h"
+#include "render/depth_renderer.h"
+#include "render/egl_context.h"
+
+namespace volalign {
+
+/// A capture of a suite, to be rendered or read when its turn comes.
+struct SuiteItem {
+  std::string dataset, set_up, capture;
+  std::optional<Rig> rig;  ///< to render, else
+  EvaluationItem recording;
+  std::string identity;   ///< everything that it depends on
+  bool infrared = false;  ///< a method wants markers
+};
+
+/// Captures of a dataset, at most `most` of them, evenly taken (0: all): the turns of its rigs,
+/// then its recordings, which are of `structure` unless they name another. Throws what reading rigs
+/// and captures throws.
+std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& structure,
+                                  bool infrared, int most);
+
+/// A thread's GL, made when it is needed first; destroyed on the thread that made it.
+class WorkerGl {
+ public:
+  explicit WorkerGl(int device) { options_.device = device; }
+  DepthRenderer* renderer() {
+    if (!egl_) {
+      egl_.emplace(options_);
+      renderer_.emplace();
+    }
+    return &*renderer_;
+  }
+
+ private:
+  EglContextOptions options_;
+  std::optional<EglContext> egl_;
+  std::optional<DepthRenderer> renderer_;
+};
+
+/// Renders or reads a capture.
+SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, WorkerGl& gl);
+
+}  // namespace volalign

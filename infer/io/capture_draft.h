@@ -1,0 +1,39 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace volalign {
+
+struct CaptureDraftOptions {
+  std::optional<double> depth_scale;  ///< of all sensors whose recording states none
+  std::optional<std::filesystem::path>
+      intrinsics;      ///< of all sensors that have no file of their own
+  std::string sensor;  ///< kind of all sensors that do not state one
+};
+
+/// A capture.json made from what lies in a folder.
+struct CaptureDraft {
+  std::string json;  ///< keys that are not known are absent
+  int sensors = 0;
+  std::vector<std::string> found;    ///< sentences: what was taken for what
+  std::vector<std::string> unknown;  ///< sentences: what has to be added before it can be read
+};
+
+/// Looks for depth files and recordings in `folder`:
+/// - a sub-folder that has some is a sensor of its name, and all its frames are one still;
+/// - of files beside them, NAME_depth, NAME_depth_0001 and so on are frames of the sensor NAME
+///   (depth may stand before the name, in capitals too), each other file is a sensor of its own;
+/// - a recording is a sensor of its name, or one for each depth stream.
+/// Images whose name says that they are something else (colour, infrared, labels, ...) are left
+/// out. Intrinsics are those of a file in the sub-folder, of one that begins with the sensor's
+/// name, of the recording, or of the only other one in the folder. Units and intrinsics are never
+/// guessed. Paths in the JSON are relative to `output_folder`. Throws IoError where there is no
+/// such folder, DataError where no depth is in it.
+CaptureDraft DraftCapture(const std::filesystem::path& folder,
+                          const std::filesystem::path& output_folder,
+                          const CaptureDraftOptions& options);
+
+}  // namespace volalign

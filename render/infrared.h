@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/config.h"
+#include "core/image.h"
+#include "core/pose.h"
+#include "core/structure.h"
+#include "render/depth_renderer.h"
+#include "render/scene_mesh.h"
+
+namespace volalign {
+
+/// 8-bit grey values.
+using GreyImage = Image<std::uint8_t>;
+
+/// A square pattern on white paper, in the middle of a side of the structure. Seen from outside,
+/// its columns run along the side's axis_u and its rows against axis_v.
+struct MarkerPrint {
+  int label = 0;    ///< of the side
+  GreyImage cells;  ///< 0 is black; its own black border included
+};
+
+/// How an infrared picture is made. The defaults were set before any result was looked at, from
+/// what stereo depth cameras' left imagers are: global shutter, 8 bits, pixels of 3 um that hold
+/// some thousand electrons, a lens that is sharp to about a pixel.
+struct InfraredConfig {
+  double marker_m = 0.16;
+  double quiet_zone_m = 0.025;
+  int supersampling = 2;
+  double blur_px = 0.7;
+  double exposure = 0.6;
+  double full_well_electrons = 5000;
+  double read_noise_electrons = 10;
+  double black = 0.08;
+  double white = 0.85;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("marker_m", marker_m, "edge of a marker's black square, m", Above(0));
+    ar("quiet_zone_m", quiet_zone_m, "white paper around it, m", AtLeast(0));
+    ar("supersampling", supersampling, "rays of a pixel along each axis", Between(1, 8));
+    ar("blur_px", blur_px, "standard deviation of the lens's point spread, px", AtLeast(0));
+    ar("exposure", exposure,
+       "share of full scale that the brightest tenth of the picture is exposed to", Between(0, 1));
+    ar("full_well_electrons", full_well_electrons,
+       "electrons at full scale, whose shot noise the picture has; 0: no noise at all", AtLeast(0));
+    ar("read_noise_electrons", read_noise_electrons,
+       "standard deviation of the read-out, electrons", AtLeast(0));
+    ar("black", black, "share of the infrared light that black print reflects", Between(0, 1));
+    ar("white", white, "share that paper reflects", Between(0, 1));
+  }
+};
+
+/// What an infrared camera at a depth sensor's place sees of a scene with markers on the structure,
+/// in the pass that draws depth and labels, shaded: matt surfaces under room light and a lamp at
+/// the camera, automatic exposure, blur, shot and read noise. The dots of a stereo sensor's
+/// projector are left out. `built`: the structure that was drawn. Random stage "infrared".
+GreyImage RenderInfrared(const SceneMesh& mesh, const Structure& built,
+                         const std::vector<MarkerPrint>& prints, const Intrinsics& intrinsics,
+                         const Pose& structure_from_sensor, const InfraredConfig& config,
+                         DepthRenderer& renderer, std::uint64_t seed, std::uint64_t index);
+
+}  // namespace volalign

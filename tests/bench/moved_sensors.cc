@@ -1,0 +1,183 @@
+// What `volalign check` finds: a rendered rig is calibrated, one of its sensors is moved, the stack
+// is built up elsewhere, and the rig is calibrated again. Devices keep their errors.
+//
+//   moved_sensors [KEY=VALUE ...]
+//
+// rig=configs/rig_ring8.yaml   sensors=azure_kinect_nfov_binned   "own": as the rig has them
+// seeds=3000:3010   mm=5,10,15,20,30   deg=0.2,0.4,0.6,1.2   movements to try, each of one sensor
+// same_place=0      1: the stack stands where it stood, built up anew
+// radius_m=0.5      else it stands anywhere within this distance
+// box_mm=3          how far boxes stand from their places, standard deviation along each axis
+// model=models/m05-lite.pt
+//
+// A row: of how many moved sensors that both calibrations place and call ok the movement was found,
+// and how many of all others were accused. Sensor and direction are drawn from the seed.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/random.h"
+#include "core/torch_threads.h"
+#include "infer/calibrate.h"
+#include "infer/checks/movement.h"
+#include "infer/evaluate/items.h"
+#include "infer/view/segmenter.h"
+#include "render/depth_renderer.h"
+#include "render/egl_context.h"
+
+namespace volalign {
+namespace {
+
+using Values = std::map<std::string, std::string>;
+
+std::vector<double> Numbers(const std::string& text) {
+  std::vector<double> numbers;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t comma = std::min(text.find(',', begin), text.size());
+    numbers.push_back(std::atof(text.substr(begin, comma - begin).c_str()));
+    begin = comma + 1;
+  }
+  return numbers;
+}
+
+struct Trial {
+  std::string label;
+  double mm = 0, deg = 0;
+  int moved = 0, found = 0, others = 0, accused = 0, undecided = 0;
+};
+
+Rig ReadRigOf(const Values& values, std::uint64_t seed) {
+  ConfigSource source = ConfigSource::FromFile(values.at("rig"));
+  source.Set("assembly.position_mm=" + values.at("box_mm"));
+  Rig rig = ReadRig(source);
+  rig.seed = seed;
+  TurnStructure(137.50776405003785 * static_cast<double>(seed), &rig);
+  for (RigSensor& sensor : rig.sensors) {
+    if (values.at("sensors") == "own") break;
+    sensor.sensor = values.at("sensors");
+    sensor.image_size.clear();
+  }
+  rig.placements.assign(1, RigPlacement{});
+  if (values.at("same_place") == "0")
+    rig.placements = DrawPlacements(rig, 1, std::atof(values.at("radius_m").c_str()));
+  return rig;
+}
+
+struct Placed {
+  std::vector<StandingSensor> standing;
+  std::vector<std::string> ok;
+};
+
+Placed Place(const RigCapture& capture, Segmenter& segmenter) {
+  const EvaluationStill still = StillOf(capture);
+  const CalibrationResult result = Calibrate(still.frames, still.structure, segmenter);
+  Placed placed;
+  for (const SensorResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    placed.standing.push_back({sensor.name, *sensor.structure_from_sensor, sensor.covariance});
+    if (sensor.status == SensorStatus::kOk) placed.ok.push_back(sensor.name);
+  }
+  return placed;
+}
+
+bool Contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+void Count(const Placed& last, const Placed& now, const std::string& mover, Trial* trial) {
+  const bool counts =
+      trial->mm + trial->deg > 0 && Contains(last.ok, mover) && Contains(now.ok, mover);
+  trial->moved += counts;
+  for (const SensorMovement& sensor : FindMovements(last.standing, now.standing).sensors) {
+    trial->undecided += sensor.movement == Movement::kUndecided;
+    if (sensor.name == mover && trial->mm + trial->deg > 0) {
+      trial->found += counts && sensor.movement == Movement::kMoved;
+    } else {
+      ++trial->others;
+      trial->accused += sensor.movement == Movement::kMoved;
+    }
+  }
+}
+
+void Run(const Values& values) {
+  std::vector<Trial> trials(1);
+  trials[0].label = "nothing";
+  for (const double mm : Numbers(values.at("mm"))) {
+    trials.emplace_back();
+    trials.back().label = fmt::format("{} mm", mm);
+    trials.back().mm = mm;
+  }
+  for (const double deg : Numbers(values.at("deg"))) {
+    trials.emplace_back();
+    trials.back().label = fmt::format("{} deg", deg);
+    trials.back().deg = deg;
+  }
+  SetTorchThreads(2);
+  const auto segmenter = LoadNetworkSegmenter(values.at("model"));
+  EglContext egl{EglContextOptions{}};
+  DepthRenderer renderer;
+  for (const std::uint64_t seed : ParseSeeds(values.at("seeds"))) {
+    Rig rig = ReadRigOf(values, seed);
+    // All that is tried is a further still of the same rig: rooms and devices stay as they are.
+    const RigPlacement elsewhere = rig.placements[0];
+    rig.placements.assign(trials.size(), elsewhere);
+    RandomStream random(seed, 0, "moved");
+    const std::string mover =
+        rig.sensors[static_cast<std::size_t>(random.Below(static_cast<int>(rig.sensors.size())))]
+            .name;
+    for (std::size_t k = 0; k < trials.size(); ++k) {
+      const Eigen::Vector3d axis =
+          Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+      RigMovement movement;
+      movement.sensor = mover;
+      for (std::size_t a = 0; a < 3; ++a) {
+        movement.translation_mm[a] = trials[k].mm * axis[static_cast<Eigen::Index>(a)];
+        movement.rotation_deg[a] = trials[k].deg * axis[static_cast<Eigen::Index>(a)];
+      }
+      rig.placements[k].moved.push_back(movement);
+    }
+    const std::vector<RigCapture> stills = RenderPlacements(rig, renderer);
+    const Placed last = Place(stills[0], *segmenter);
+    for (std::size_t k = 0; k < trials.size(); ++k)
+      Count(last, Place(stills[k + 1], *segmenter), mover, &trials[k]);
+    fmt::print(stderr, "seed {}\n", seed);
+  }
+  fmt::print("| movement | found | others accused | undecided |\n|---|---|---|---|\n");
+  for (const Trial& trial : trials) {
+    fmt::print("| {} | {} | {} of {} | {} |\n", trial.label,
+               trial.moved > 0 ? fmt::format("{} of {}", trial.found, trial.moved) : "-",
+               trial.accused, trial.others, trial.undecided);
+  }
+}
+
+}  // namespace
+}  // namespace volalign
+
+int main(int argc, char** argv) {
+  volalign::Values values = {{"rig", "configs/rig_ring8.yaml"},
+                             {"sensors", "azure_kinect_nfov_binned"},
+                             {"seeds", "3000:3010"},
+                             {"mm", "5,10,15,20,30"},
+                             {"deg", "0.2,0.4,0.6,1.2"},
+                             {"same_place", "0"},
+                             {"radius_m", "0.5"},
+                             {"box_mm", "3"},
+                             {"model", "models/m05-lite.pt"}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const std::size_t equals = argument.find('=');
+    if (equals == std::string::npos || !values.count(argument.substr(0, equals))) {
+      fmt::print(stderr, "moved_sensors: {}? See the comment at the top of its source\n", argument);
+      return 1;
+    }
+    values[argument.substr(0, equals)] = argument.substr(equals + 1);
+  }
+  volalign::Run(values);
+  return 0;
+}

@@ -1,0 +1,80 @@
+#!/usr/bin/env python3
+"""Does TensorBoard's own reader find in a run's event files what metrics.jsonl says, also after a resumption?
+
+    tests/compat/read_events.py VOLALIGN      (the program)
+
+Needs `tensorboard` of PyPI, for example: python3 -m venv build/venv && build/venv/bin/pip install tensorboard 'setuptools<81'.
+Exits with 77, which CTest calls skipped, where it is absent (build/venv is tried, too).
+"""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+VENV = os.path.join(ROOT, "build", "venv", "bin", "python3")
+
+try:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+except ImportError as error:
+    if os.path.exists(VENV) and os.path.realpath(sys.prefix) != os.path.realpath(os.path.join(ROOT, "build", "venv")):
+        os.execv(VENV, [VENV] + sys.argv)
+    print(f"skipped: {error}; python3 -m venv build/venv && build/venv/bin/pip install tensorboard 'setuptools<81'")
+    sys.exit(77)
+
+TINY = ["data.sensors=[azure_kinect_nfov_binned]", "model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36]", "run.batch_size=2", "run.samples=8",
+        "run.log_every=2", "run.checkpoint_every=4", "run.validate_every=4", "run.validation_samples=2", "run.threads=1",
+        "loss.min_side_pixels=3", "optim.warmup_samples=2"]
+
+
+def train(volalign, run, *more):
+    subprocess.run([volalign, "train", "--config", "configs/m05-lite.yaml", "-o", run, "--set", *TINY, *more],
+                   cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
+
+
+def same(events, rows, key, what):
+    """Events have the steps and values (float32) of the rows."""
+    found = [(event.step, event.value) for event in events]
+    expected = [(row["samples"], struct.unpack("f", struct.pack("f", row[key]))[0]) for row in rows]
+    assert found == expected, f"{what}: TensorBoard reads {found}, metrics.jsonl has {expected}"
+
+
+def main(volalign):
+    with tempfile.TemporaryDirectory() as folder:
+        run = os.path.join(folder, "run")
+        train(volalign, run)
+        # Continue from the state before the last: the events after it come again, and the first ones are void.
+        os.remove(os.path.join(run, "states", "000000000008.state"))
+        train(volalign, run, "--resume")
+        with open(os.path.join(run, "metrics.jsonl"), encoding="utf-8") as file:
+            rows = [json.loads(line) for line in file]
+        training = [row for row in rows if row["type"] == "train"]
+        validation = [row for row in rows if row["type"] == "validation"]
+        assert [row["samples"] for row in training] == [2, 4, 6, 8]
+        # No limit to what is kept in memory.
+        events = EventAccumulator(os.path.join(run, "tensorboard"), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
+        events.Reload()
+        for key in ("loss", "loss_seg", "loss_3d", "degenerate", "gradient_norm", "lr", "samples_per_s"):
+            tag = ("speed/" if key == "samples_per_s" else "train/") + key
+            same(events.Scalars(tag), training, key, tag)
+        for key in ("loss_seg", "miou", "miou_authors", "posed"):
+            same(events.Scalars("validation/" + key), validation, key, "validation/" + key)
+        pictures = events.Images("validation/depth, labels, predicted")
+        assert [picture.step for picture in pictures] == [4, 8]
+        for picture in pictures:
+            png = picture.encoded_image_string
+            assert png.startswith(b"\x89PNG\r\n"), png[:8]
+            # Two samples, three pictures of 40x36 each, 2 pixels apart.
+            assert (picture.width, picture.height) == struct.unpack(">II", png[16:24]) == (124, 74), (picture.width, picture.height)
+        assert events.SummaryMetadata("config").plugin_data.plugin_name == "text"
+        text = events.Tensors("config")[-1].tensor_proto.string_val[0].decode()
+        with open(os.path.join(run, "config.yaml"), encoding="utf-8") as file:
+            assert text.split("\n") == ["    " + line if line else "" for line in file.read().split("\n")], text[:200]
+    print("TensorBoard reads scalars, pictures and the configuration")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

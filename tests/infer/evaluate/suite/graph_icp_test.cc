@@ -1,0 +1,85 @@
+#include "infer/evaluate/suite/graph_icp.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "core/random.h"
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+struct Perturbed {
+  std::vector<SensorView> views;
+  std::vector<GraphView> graph;
+};
+
+Perturbed Perturb(const Rig& rig, double metres, double radians, std::uint64_t seed) {
+  Perturbed out;
+  for (const SensorFrame& frame : rig.frames)
+    out.views.push_back(MakeSensorView(frame.depth, frame.intrinsics));
+  RandomStream random(seed, 0, "perturbed");
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    Vector6d delta;
+    for (int k = 0; k < 6; ++k) delta[k] = (k < 3 ? metres : radians) * random.Uniform(-1, 1);
+    // Turned about the sensor, not about the structure's origin.
+    const Pose& truth = *rig.frames[i].ground_truth;
+    out.graph.push_back({&out.views[i], truth * PerturbLeft(delta, Pose::Identity())});
+  }
+  return out;
+}
+
+TEST(GraphIcp, FindsTheTruePosesOfExactDepth) {
+  // Each sees sides in three directions: what planes leave open, they do not tell.
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  for (int i = 0; i < 4; ++i) rig.Add("S" + std::to_string(i), RingPose(90.0 * i + 45, 2.0, 1.0));
+  const Perturbed start = Perturb(rig, 0.04, 0.02, 1);
+  const std::vector<Pose> poses = RefineGraph(rig.structure, start.graph);
+  ASSERT_EQ(poses.size(), 4u);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const PoseError before =
+        ComparePoses(start.graph[i].structure_from_sensor, *rig.frames[i].ground_truth);
+    const PoseError after = ComparePoses(poses[i], *rig.frames[i].ground_truth);
+    EXPECT_GT(before.translation_m, 0.01);
+    EXPECT_LT(after.translation_m, 0.003) << i;
+    EXPECT_LT(after.rotation_deg, 0.1) << i;
+  }
+}
+
+TEST(GraphIcp, JoinsViewsThatOverlap) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(0));
+  rig.Add("B", RingPose(40));
+  testing_infer::AddNoise(&rig.frames[0].depth, 0.004, 1);
+  testing_infer::AddNoise(&rig.frames[1].depth, 0.004, 2);
+  const Perturbed start = Perturb(rig, 0.03, 0.02, 5);
+  GraphIcpOptions alone;
+  alone.min_overlap = 1;  // no pair reaches it
+  const std::vector<Pose> apart = RefineGraph(rig.structure, start.graph, alone);
+  const std::vector<Pose> joined = RefineGraph(rig.structure, start.graph);
+  bool differs = false;
+  for (std::size_t i = 0; i < 2; ++i) {
+    differs = differs || ComparePoses(apart[i], joined[i]).translation_m > 1e-5;
+    EXPECT_LT(ComparePoses(joined[i], *rig.frames[i].ground_truth).translation_m, 0.006);
+  }
+  EXPECT_TRUE(differs);
+}
+
+TEST(GraphIcp, AViewWithoutPointsStaysWhereItIs) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(0));
+  Perturbed start = Perturb(rig, 0.03, 0.02, 5);
+  std::fill(start.views[0].depth.begin(), start.views[0].depth.end(), 0.0f);
+  const std::vector<Pose> poses = RefineGraph(rig.structure, start.graph);
+  EXPECT_LT(ComparePoses(poses[0], start.graph[0].structure_from_sensor).translation_m, 1e-9);
+  EXPECT_TRUE(RefineGraph(rig.structure, {}).empty());
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,153 @@
+#include "infer/evaluate/suite/run_suite.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/file_util.h"
+#include "infer/evaluate/suite/write_suite.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Two captures of two sensors, three methods, one of which has no model, and a table. Small.
+class ToySuite : public testing::Test {
+ protected:
+  ToySuite() {
+    WriteFileAtomically(folder_ / "toy.yaml",
+                        "room: false\nnoise: none\nseed: 3\nturns_deg: [0, 90]\ngroups:\n"
+                        "  - {phi_deg: [10, 70], height_cm: [110], rho_cm: 200}\n");
+    const std::string model = (fs::current_path() / "models/m05-lite.pt").string();
+    WriteFileAtomically(
+        folder_ / "suite.yaml",
+        "datasets: [{name: toy, rigs: [toy.yaml]}]\n"
+        "methods:\n  - {name: net, model: " +
+            model +
+            "}\n  - {name: markers, kind: markers, statistical: true}\n"
+            "  - {name: missing, model: none.pt}\n  - {name: best, kind: volalign, model: " +
+            model +
+            "}\n"
+            "tables:\n  - name: toy_table\n    title: Toy\n    blocks:\n"
+            "      - {title: RMS, metric: d1, datasets: [toy]}\n"
+            "      - {title: mIoU, metric: miou_authors, datasets: [toy]}\n"
+            "    rows:\n"
+            "      - {label: net, method: net, stage: graph}\n"
+            "      - {label: markers, method: markers, stage: initial}\n"
+            "      - {label: markers refined, method: markers, stage: statistical}\n"
+            "      - {label: missing, method: missing}\n"
+            "      - {label: best, method: best, stage: statistical}\n"
+            "infrared: {supersampling: 1, full_well_electrons: 0}\n");
+    run_.output = folder_ / "results";
+    run_.program = "1";
+    run_.workers = 2;
+    run_.progress = [this](const std::string& line) { lines_.push_back(line); };
+  }
+
+  TempFolder folder_;
+  SuiteRun run_;
+  std::vector<std::string> lines_;
+};
+
+TEST_F(ToySuite, RunsResumesAndWritesItsTables) {
+  const SuiteConfig suite = SelectTables(ReadSuite((folder_ / "suite.yaml").string()), "toy_table");
+  const std::vector<CaptureScores> scores = RunSuite(suite, run_);
+  ASSERT_EQ(scores.size(), 6u);  // two captures by the three methods that have a model
+  EXPECT_EQ(lines_.size(), 2u);
+  for (const CaptureScores& capture : scores) {
+    SCOPED_TRACE(capture.capture + " " + capture.method);
+    ASSERT_EQ(capture.views.size(), 2u);
+    ASSERT_FALSE(capture.stages.empty());
+    // Exact depth: every method is within a few millimetres of the truth, and of the surface.
+    const std::size_t last = capture.stages.size() - 1;
+    EXPECT_LT(capture.stages[last].d1_m.value(), 0.012);
+    EXPECT_LT(capture.d1_floor_m.value(), 0.005);  // the surface is sampled at 5 mm
+    EXPECT_GT(capture.stages[last].d2_m.value(), capture.stages[last].d1_m.value());
+    for (const ViewScores& view : capture.views) {
+      EXPECT_TRUE(view.stages[last].placed);
+      // Point-to-plane errors leave a view open along the planes that it sees.
+      EXPECT_LT(view.stages[last].error.value().translation_m,
+                capture.stages[last].stage == "graph" ? 0.1 : 0.03);
+      EXPECT_EQ(view.floor.has_value(), capture.method != "markers");  // those have no labels
+    }
+  }
+  // Everything is known: nothing is computed again, and results are the same.
+  lines_.clear();
+  const std::vector<CaptureScores> again = RunSuite(suite, run_);
+  EXPECT_EQ(FormatScores(again), FormatScores(scores));
+  for (const std::string& line : lines_) EXPECT_NE(line.find("done before"), std::string::npos);
+  // What was lost is computed again, and by another program everything is.
+  fs::remove(run_.output / "captures/toy/toy_turn_2.markers.json");
+  lines_.clear();
+  RunSuite(suite, run_);
+  EXPECT_NE(lines_[0].find("done before") == std::string::npos,
+            lines_[1].find("done before") == std::string::npos);
+
+  const std::string text = WriteSuite(run_.output, suite, scores);
+  EXPECT_NE(text.find("| missing (no model yet) | - | - |"), std::string::npos) << text;
+  for (const char* file :
+       {"toy_table.md", "toy_table.csv", "toy_table.tex", "toy_table.json", "toy_table_1_d1.svg",
+        "toy_table_2_miou_authors.svg", "suite.md", "suite.json"}) {
+    EXPECT_TRUE(fs::exists(run_.output / file)) << file;
+  }
+}
+
+TEST_F(ToySuite, SaysWhatIsWrong) {
+  const std::string path = (folder_ / "suite.yaml").string();
+  const SuiteConfig suite = ReadSuite(path);
+  ExpectError<ConfigError>([&] { SelectTables(suite, "table9"); }, {"table9", "toy_table"});
+  const std::string text = ReadFile(path);
+  const auto expect = [&](const std::string& from, const std::string& to,
+                          std::initializer_list<std::string> parts) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    WriteFileAtomically(folder_ / "wrong.yaml", changed);
+    ExpectError<ConfigError>([&] { ReadSuite((folder_ / "wrong.yaml").string()); }, parts);
+  };
+  expect("datasets: [toy]", "datasets: [boy]", {"toy_table", "boy"});
+  expect("method: markers, stage: initial", "method: ghosts", {"toy_table", "ghosts"});
+  expect("stage: graph", "stage: graph, paper: [a, b]", {"net", "2 cells"});
+  expect("name: markers", "name: net", {"net stands twice"});
+}
+
+// The file that is shipped: the paper's tables, in its order of rows.
+TEST(PaperSuite, IsThePapers) {
+  const SuiteConfig suite = ReadSuite("configs/paper/suite.yaml");
+  ASSERT_EQ(suite.tables.size(), 5u);
+  const auto paper_rows = [&](std::size_t table) {
+    std::string rows;
+    for (const SuiteRow& row : suite.tables[table].rows) {
+      if (!row.paper.empty()) rows += (rows.empty() ? "" : " ") + row.label;
+    }
+    return rows;
+  };
+  EXPECT_EQ(paper_rows(0), "m01 m05 m04 m02 m03 m07 m06");
+  EXPECT_EQ(paper_rows(1), "m05 m04 m07 m06");
+  EXPECT_EQ(paper_rows(2), "m05 m04 m07 m06");
+  EXPECT_EQ(paper_rows(3),
+            "markerbased_refined markerless_refined markerbased_initial markerless_initial");
+  for (const SuiteTable& table : suite.tables) {
+    for (const SuiteRow& row : table.rows) {
+      // Means, STDs and RSDs as printed are consistent, but for the arc's RSD.
+      for (std::size_t b = 0; 4 * b < row.paper.size(); ++b) {
+        if (row.paper[4 * b] == "N/A") continue;
+        const double mean = std::stod(row.paper[4 * b]), std = std::stod(row.paper[4 * b + 1]);
+        const double rsd = std::stod(row.paper[4 * b + 2]) / 100;
+        const double step = row.paper[4 * b].back() == '%' ? 0.01 : 1e-4;
+        const bool consistent = std::abs(rsd - std / mean) < 0.51 * step / mean + 0.001;
+        EXPECT_EQ(consistent, table.name != "table5") << table.name << " " << row.label;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,123 @@
+#include "train/sweep.h"
+
+#include <fmt/format.h>
+
+#include <cctype>
+#include <cstdio>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/torch_threads.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kSet[] = "set.";
+
+/// A value as part of a folder's name.
+std::string InName(const std::string& text) {
+  std::string name;
+  for (const char c : text) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-';
+    if (plain) name += c;
+  }
+  return name;
+}
+
+/// All combinations of one value of each key, the last key's running fastest.
+std::vector<std::vector<std::string>> Combinations(const std::vector<SweepKey>& keys) {
+  std::vector<std::vector<std::string>> all = {{}};
+  for (const SweepKey& key : keys) {
+    std::vector<std::vector<std::string>> longer;
+    for (const auto& so_far : all) {
+      for (const std::string& value : key.values) {
+        longer.push_back(so_far);
+        longer.back().push_back(value);
+      }
+    }
+    all = longer;
+  }
+  return all;
+}
+
+void RequireDifferentNames(const std::vector<SweepRun>& runs) {
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (runs[i].name != runs[j].name) continue;
+      throw ConfigError(
+          fmt::format("two runs of the sweep would have the folder {}: give their recipes other "
+                      "names, or take out a value that is listed twice",
+                      runs[i].name));
+    }
+  }
+}
+
+}  // namespace
+
+Sweep ReadSweep(const ConfigSource& source) {
+  Sweep sweep;
+  std::vector<SweepKey> seeds;
+  for (const auto& [key, leaf] : source.leaves()) {
+    if (key == "recipes") {
+      sweep.recipes = leaf.values;
+    } else if (key == "seeds") {
+      seeds.push_back({"run.seed", leaf.values});
+    } else if (key.rfind(kSet, 0) == 0) {
+      sweep.keys.push_back({key.substr(sizeof(kSet) - 1), leaf.values, leaf.is_sequence});
+    } else {
+      throw ConfigError(
+          fmt::format("{}: unknown key '{}': a sweep has recipes, set and seeds", leaf.where, key));
+    }
+    if (leaf.values.empty()) {
+      throw ConfigError(fmt::format("{}: {} is empty", leaf.where, key));
+    }
+  }
+  sweep.keys.insert(sweep.keys.end(), seeds.begin(), seeds.end());
+  if (sweep.recipes.empty()) throw ConfigError("a sweep needs recipes: [RECIPE.yaml, ...]");
+  return sweep;
+}
+
+std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::string>& assignments) {
+  std::vector<SweepRun> runs;
+  for (const std::string& recipe : sweep.recipes) {
+    for (const std::vector<std::string>& values : Combinations(sweep.keys)) {
+      ConfigSource source = ConfigSource::FromFile(recipe);
+      SweepRun run;
+      run.name = fs::path(recipe).stem().string();
+      for (const std::string& assignment : assignments) source.Set(assignment);
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        const SweepKey& key = sweep.keys[i];
+        source.Set(key.key + "=" + values[i]);
+        if (key.listed) run.name += fmt::format("_{}={}", key.key, InName(values[i]));
+      }
+      run.config = ReadTrainConfig(source);
+      runs.push_back(std::move(run));
+    }
+  }
+  RequireDifferentNames(runs);
+  return runs;
+}
+
+SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet) {
+  SweepResult result;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    TrainOptions options;
+    options.run_dir = fs::path(dir) / runs[i].name;
+    options.resume = fs::exists(options.run_dir / "config.yaml");
+    options.quiet = quiet;
+    if (!quiet) fmt::print(stderr, "run {} of {}: {}\n", i + 1, runs.size(), runs[i].name);
+    try {
+      SetTorchThreads(runs[i].config.run.threads);
+      if (!Train(runs[i].config, options).finished) return result;
+    } catch (const Error& e) {
+      result.failures.push_back(fmt::format("{}: {}", runs[i].name, e.what()));
+      if (!quiet) fmt::print(stderr, "error: {}\n", result.failures.back());
+    }
+  }
+  result.finished = true;
+  return result;
+}
+
+}  // namespace volalign

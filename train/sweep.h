@@ -1,0 +1,49 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+#include "train/train_config.h"
+#include "train/trainer.h"
+
+namespace volalign {
+
+/// A key and the values that it takes in turn.
+struct SweepKey {
+  std::string key;
+  std::vector<std::string> values;
+  bool listed = true;  ///< false: one value for all runs, which no folder's name has
+};
+
+/// Runs of every recipe with every combination of values and every seed (docs/training.md):
+///   recipes: [configs/m04.yaml, configs/m05.yaml]
+///   set: {model.base_channels: 8, optim.lr: [1e-4, 2e-4]}
+///   seeds: [1, 2, 3]
+struct Sweep {
+  std::vector<std::string> recipes;
+  std::vector<SweepKey> keys;  ///< the seeds, where there are some, last
+};
+
+/// Throws ConfigError for a key that a sweep does not have, or no recipe.
+Sweep ReadSweep(const ConfigSource& source);
+
+struct SweepRun {
+  std::string name;  ///< of the folder: the recipe, and a value of each listed key
+  TrainConfig config;
+};
+
+/// The runs in order: recipes, then values, then seeds. `assignments` are set over all of them.
+/// Throws what reading a recipe throws.
+std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::string>& assignments);
+
+struct SweepResult {
+  bool finished = false;              ///< false: interrupted, can be called again
+  std::vector<std::string> failures;  ///< "NAME: message" of runs that ended with an error
+};
+
+/// Trains the runs one after the other in folders of `dir`; a run that was begun is resumed, one
+/// that has finished is left as it is. A run that fails is noted, and the next begins.
+SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet);
+
+}  // namespace volalign
