@@ -18,10 +18,6 @@ const std::map<std::string, std::string>& Examples() {
       render +
       "volalign calibrate --capture out/capture/capture.json --model models/m05-lite.pt "
       "-o out/calibration\n";
-  const std::string check =
-      calibrate +
-      "volalign check --extrinsics out/calibration/extrinsics.json --capture "
-      "out/capture/capture.json --model models/m05-lite.pt   # the same capture: nothing moved\n";
   const std::string draft = render +
                             "volalign capture init out/capture --depth-scale 0.001 -o "
                             "out/draft.json --force   # lists the "
@@ -36,7 +32,8 @@ const std::map<std::string, std::string>& Examples() {
       {"calibrate", calibrate},
       {"capture", draft},
       {"capture init", draft},
-      {"check", check},
+      {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
+                            "out/capture/capture.json --model models/m05-lite.pt -o out/check\n"},
       {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
       {"completion bash",
        "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
@@ -53,10 +50,10 @@ const std::map<std::string, std::string>& Examples() {
       {"export", "volalign export --model models/m05-lite.pt -o out/m05-lite.ts\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
-      {"runs", train + "volalign runs list out/try\n"},
-      {"runs list", train + "volalign runs list out/try\n"},
-      {"runs compare", train + "volalign runs compare out/try\n"},
-      {"runs plot", train + "volalign runs plot out/try -o out/curves.svg\n"},
+      {"runs", train + "volalign runs list out\n"},
+      {"runs compare", train + "volalign runs compare out --format csv\n"},
+      {"runs list", train + "volalign runs list out\n"},
+      {"runs plot", train + "volalign runs plot out -o out/runs.svg\n"},
       {"structure", build},
       {"structure build", build},
       {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},

@@ -11,9 +11,11 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "train/launch.h"
 #include "train/run_log.h"
 #include "train/run_table.h"
 #include "train/sweep.h"
+#include "train/together.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
 
@@ -25,15 +27,26 @@ struct Options {
   std::string config, sweep, run_dir;
   std::vector<std::string> assignments;
   bool resume = false;
+  int processes = 1;
 };
 
 int TrainOne(const Options& options) {
   ConfigSource source = ConfigSource::FromFile(options.config);
   for (const std::string& assignment : options.assignments) source.Set(assignment);
   TrainOptions train_options;
+  train_options.world = ReadWorld();
   train_options.run_dir = options.run_dir;
   train_options.resume = options.resume;
   const TrainConfig config = ReadTrainConfig(source);
+  if (options.processes > 1) {
+    if (train_options.world.size > 1) {
+      throw ConfigError(
+          "--nproc starts processes, and WORLD_SIZE says that somebody has done so already: leave "
+          "one of them out");
+    }
+    RequireProcesses(config, options.processes);
+    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+  }
   SetTorchThreads(config.run.threads);
   Train(config, train_options);
   return 0;
@@ -74,6 +87,10 @@ Command AddTrainCommand(CLI::App& program) {
   app->add_option("-o,--output,--run-dir", options->run_dir,
                   "folder for config, metrics and checkpoints")
       ->required();
+  app->add_option("--nproc", options->processes,
+                  "train in so many processes on this machine, each with its slice of the batch")
+      ->check(CLI::Range(1, 1024))
+      ->excludes(sweep);
   app->add_flag("--resume", options->resume, "continue the run in that folder")->excludes(sweep);
   return {app, [options] {
             if (!options->sweep.empty()) return TrainMany(*options);

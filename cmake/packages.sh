@@ -3,7 +3,7 @@
 
 VOLALIGN_BUILD_PACKAGES=(
   g++ cmake ninja-build pkg-config
-  libtorch-dev libopenblas0-pthread
+  libtorch-dev libgloo-dev libopenblas0-pthread
   libeigen3-dev libnanoflann-dev libceres-dev libopencv-dev
   libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev

@@ -26,30 +26,40 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
                     "prefetch >= 1",
                     options.num_threads, options.prefetch));
   }
-  batch_size_ = context->batch_size;
-  if (options.first_index % static_cast<std::uint64_t>(batch_size_) != 0) {
+  const auto batch_size = static_cast<std::uint64_t>(context->batch_size);
+  if (options.first_index % batch_size != 0) {
     throw Error(fmt::format("SampleStream: first_index = {} is not a multiple of the batch size {}",
-                            options.first_index, batch_size_));
+                            options.first_index, batch_size));
   }
-  const auto make_renderer = [context = std::move(context), options] {
+  const BatchSlice slice = options.slice;
+  count_ = slice.count > 0 ? slice.count : context->batch_size;
+  if (slice.first < 0 || slice.first + count_ > context->batch_size) {
+    throw Error(fmt::format("SampleStream: {} samples from {} on are no slice of a batch of {}",
+                            count_, slice.first, batch_size));
+  }
+  // Positions count this stream's samples, of which each batch has `count`.
+  const auto count = static_cast<std::uint64_t>(count_);
+  const auto make_renderer = [context = std::move(context), options, slice, batch_size, count] {
     EglContextOptions egl_options;
     egl_options.device = options.device;
     return [context, seed = options.seed, begun = options.begun,
-            gl = std::make_shared<ThreadRenderer>(egl_options)](std::uint64_t index) {
+            gl = std::make_shared<ThreadRenderer>(egl_options), batch_size, count,
+            first = static_cast<std::uint64_t>(slice.first)](std::uint64_t position) {
       if (begun) ++*begun;
+      const std::uint64_t index = position / count * batch_size + first + position % count;
       return Synthesize(*context, gl->renderer, seed, index);
     };
   };
   samples_ = std::make_unique<OrderedPrefetch<Sample>>(
-      OrderedPrefetch<Sample>::Options{options.first_index, batch_size_, options.prefetch,
-                                       options.num_threads},
+      OrderedPrefetch<Sample>::Options{options.first_index / batch_size * count, count_,
+                                       options.prefetch, options.num_threads},
       make_renderer);
 }
 
 std::vector<Sample> SampleStream::Next() {
   std::vector<Sample> batch;
-  batch.reserve(static_cast<std::size_t>(batch_size_));
-  for (int i = 0; i < batch_size_; ++i) batch.push_back(samples_->Take());
+  batch.reserve(static_cast<std::size_t>(count_));
+  for (int i = 0; i < count_; ++i) batch.push_back(samples_->Take());
   return batch;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/ordered_prefetch.h"
+#include "render/batch_slice.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -22,16 +23,17 @@ class SampleStream {
     int num_threads = 1;
     int prefetch = 4;
     int device = -1;  ///< EglContextOptions::device
+    BatchSlice slice = {};
     /// Counted up when a sample is begun, where there is one.
     std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 
-  /// The next context.batch_size samples. Rethrows a worker's exception.
+  /// The next context.batch_size samples, or the slice's of them. Rethrows a worker's exception.
   std::vector<Sample> Next();
 
  private:
-  int batch_size_ = 1;
+  int count_ = 1;
   std::unique_ptr<OrderedPrefetch<Sample>> samples_;
 };
 

@@ -43,9 +43,12 @@ bool ProcessorHasBf16() {
 #endif
 }
 
-Compute ChooseCompute(const RunConfig& run) {
+Compute ChooseCompute(const RunConfig& run, const World& world) {
   Compute compute;
   compute.device = ParseDevice(run.device);
+  if (compute.device.is_cuda() && !compute.device.has_index() && world.size > 1) {
+    compute.device.set_index(static_cast<c10::DeviceIndex>(world.local_rank));
+  }
   const bool bf16 = run.precision == Precision::kAuto
                         ? compute.device.is_cpu() && ProcessorHasBf16()
                         : run.precision == Precision::kBf16;

@@ -6,6 +6,7 @@
 
 #include "core/network.h"
 #include "train/train_config.h"
+#include "train/world.h"
 
 namespace volalign {
 
@@ -16,9 +17,10 @@ struct Compute {
   bool channels_last = false;
 };
 
-/// As run.device, run.precision and run.channels_last say; `auto` is decided for this machine.
-/// Throws ConfigError for a device that this LibTorch does not have.
-Compute ChooseCompute(const RunConfig& run);
+/// As run.device, run.precision and run.channels_last say; `auto` is decided for this machine, and
+/// `cuda` without a number is the device of the process's local rank. Throws ConfigError for a
+/// device that this LibTorch does not have.
+Compute ChooseCompute(const RunConfig& run, const World& world = World());
 
 /// Whether this processor has instructions for bfloat16 that LibTorch uses. Without them bfloat16
 /// takes longer than float32.

@@ -48,14 +48,16 @@ class BatchReader {
       : dataset_(std::move(dataset)),
         seed_(options.seed),
         batch_size_(options.batch_size),
+        slice_(options.slice),
         batches_per_epoch_(CountBatches(*dataset_, batch_size_)),
         first_batch_(FirstBatch(dataset_->header(), batch_size_)) {}
 
   std::vector<Sample> operator()(std::uint64_t position) {
     const std::uint64_t batch =
         first_batch_ + InEpoch(position / batches_per_epoch_, position % batches_per_epoch_);
-    std::vector<Sample> samples =
-        dataset_->Read(batch * static_cast<std::uint64_t>(batch_size_), batch_size_);
+    std::vector<Sample> samples = dataset_->Read(
+        batch * static_cast<std::uint64_t>(batch_size_) + static_cast<std::uint64_t>(slice_.first),
+        slice_.count > 0 ? slice_.count : batch_size_);
     RequireOneSize(samples);
     return samples;
   }
@@ -92,6 +94,7 @@ class BatchReader {
   std::shared_ptr<const Dataset> dataset_;
   std::uint64_t seed_;
   int batch_size_;
+  BatchSlice slice_;
   std::uint64_t batches_per_epoch_, first_batch_;
   std::uint64_t order_epoch_ = 0;
   std::vector<std::uint32_t> order_;

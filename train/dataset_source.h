@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/ordered_prefetch.h"
+#include "render/batch_slice.h"
 #include "render/dataset.h"
 #include "train/batch.h"
 
@@ -23,12 +24,13 @@ class DatasetSource : public SampleSource {
     int batch_size = 16;
     int num_threads = 1;
     int prefetch = 4;  ///< batches read ahead
+    BatchSlice slice = {};
   };
   /// Throws ConfigError when the dataset has several image sizes and `batch_size` does not divide
   /// its own, or when it holds no whole batch; Error for bad options.
   DatasetSource(std::shared_ptr<const Dataset> dataset, const Options& options);
 
-  /// Rethrows a reading thread's exception (Dataset::Read).
+  /// The next batch, or its slice. Rethrows a reading thread's exception (Dataset::Read).
   std::vector<Sample> Next() override;
 
  private:

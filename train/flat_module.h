@@ -23,6 +23,8 @@ class FlatModule {
   at::Tensor& gradients() { return gradients_; }             ///< [N], accumulated by backward()
   at::Tensor& buffers() { return buffers_; }                 ///< [M]
   std::int64_t num_weights() const { return num_weights_; }  ///< leading values that decay
+  /// The module's parameters in the order in which they lie in parameters().
+  const std::vector<at::Tensor>& tensors() const { return tensors_; }
 
   /// Views of a vector that is laid out as parameters(), under prefix + parameter name.
   void AddViews(const at::Tensor& flat, const std::string& prefix,
@@ -36,6 +38,7 @@ class FlatModule {
   };
   at::Tensor parameters_, gradients_, buffers_;
   std::vector<Slot> slots_;
+  std::vector<at::Tensor> tensors_;
   std::int64_t num_weights_ = 0;
 };
 

@@ -51,6 +51,9 @@ class TrainingLoss {
   /// losses of all parts, with their shares, add up to that of the batch.
   LossShare ShareOf(const at::Tensor& labels, std::int64_t first, std::int64_t count) const;
 
+  /// What the pixels with these labels [B,H,W] count in the segmentation loss.
+  double WeightOf(const at::Tensor& labels) const;
+
  private:
   LossConfig config_;
   int num_classes_;

@@ -11,12 +11,14 @@
 
 namespace volalign {
 
-/// Samples of `seed` from `first_index` on, rendered on the run's loader threads.
+/// Samples of `seed` from `first_index` on, of each batch those of `slice`, rendered on the run's
+/// loader threads.
 class RenderedSource : public SampleSource {
  public:
   RenderedSource(std::shared_ptr<const SampleContext> context, const RunConfig& run,
-                 std::uint64_t seed, std::uint64_t first_index)
-      : stream_(std::move(context), {seed, first_index, run.loader_threads, run.prefetch}) {}
+                 std::uint64_t seed, std::uint64_t first_index, const BatchSlice& slice = {})
+      : stream_(std::move(context),
+                {seed, first_index, run.loader_threads, run.prefetch, -1, slice}) {}
   std::vector<Sample> Next() override { return stream_.Next(); }
 
  private:

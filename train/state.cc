@@ -112,6 +112,16 @@ void RunProgress::NoteCameras(const std::vector<Sample>& drawn) {
   image_sizes.insert({drawn[0].depth.width(), drawn[0].depth.height()});
 }
 
+std::string WriteProgress(const RunProgress& progress) { return ToJson(progress).dump(); }
+
+RunProgress ReadProgress(const std::string& text) {
+  try {
+    return FromJson(json::parse(text));
+  } catch (const json::exception& e) {
+    throw DataError(fmt::format("not the progress of a run: {}", e.what()));
+  }
+}
+
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
                const std::string& data_identity, const Compute& compute, Learner& learner,
                const RunProgress& progress) {

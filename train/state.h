@@ -36,6 +36,10 @@ struct RunProgress {
   void NoteCameras(const std::vector<Sample>& drawn);
 };
 
+/// As text, and back. ReadProgress throws DataError for any other text.
+std::string WriteProgress(const RunProgress& progress);
+RunProgress ReadProgress(const std::string& text);
+
 /// Writes all that a run needs to go on: `learner`, `progress`, and what tells whether another run
 /// is the same one (`config`, and TrainingData::identity). Throws IoError.
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,

@@ -44,7 +44,7 @@ at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& 
 
 at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                            const Compute& compute, std::int64_t samples, int micro_batch,
-                           StepReport* report) {
+                           StepReport* report, const LossShare& share, GradientReducer* reducer) {
   learner.net->train();
   const std::int64_t size = batch.depth.size(0);
   const std::int64_t part = micro_batch == 0 ? size : micro_batch;
@@ -52,11 +52,19 @@ at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Bat
   for (std::int64_t first = 0; first < size; first += part) {
     const std::int64_t count = std::min(part, size - first);
     const bool whole = count == size;
-    const at::Tensor terms =
-        AddGradient(learner, loss, whole ? batch : batch.Narrow(first, count),
-                    whole ? LossShare() : loss.ShareOf(batch.labels, first, count), compute,
-                    samples, &report->times);
+    LossShare of_part = whole ? LossShare() : loss.ShareOf(batch.labels, first, count);
+    of_part.segmentation *= share.segmentation;
+    of_part.procrustes *= share.procrustes;
+    if (reducer != nullptr && first + count == size) reducer->Arm();
+    const at::Tensor terms = AddGradient(learner, loss, whole ? batch : batch.Narrow(first, count),
+                                         of_part, compute, samples, &report->times);
     sums = sums.defined() ? sums + terms : terms;
+  }
+  if (reducer != nullptr) {
+    const auto start = Clock::now();
+    reducer->Finish();
+    reducer->group().Sum(sums);
+    report->times.backward += Seconds(start, Clock::now());
   }
   const at::Tensor norm = learner.optimizer.GradientNorm();
   // One transfer a step.

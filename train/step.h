@@ -6,6 +6,7 @@
 
 #include "train/batch.h"
 #include "train/compute.h"
+#include "train/gradient_reducer.h"
 #include "train/learner.h"
 #include "train/losses.h"
 
@@ -29,8 +30,11 @@ struct StepReport {
 /// gradient and the report, but for times.data and times.optim, and returns the gradient's norm as
 /// a scalar on the device. Changes no weight, so that a caller can refuse a loss or norm that is
 /// not finite; running statistics of a batch normalisation move.
+/// Where `batch` is a process's slice of one, `share` is its share of the loss, and `reducer` adds
+/// up gradients and report over the processes.
 at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                            const Compute& compute, std::int64_t samples, int micro_batch,
-                           StepReport* report);
+                           StepReport* report, const LossShare& share = LossShare(),
+                           GradientReducer* reducer = nullptr);
 
 }  // namespace volalign

@@ -176,6 +176,7 @@ struct RunConfig {
   int loader_threads = 1;
   int prefetch = 4;
   std::string device = "cpu";
+  double lost_after_s = 600;
   std::string dataset;
   std::string validation_dataset;
 
@@ -185,7 +186,7 @@ struct RunConfig {
        "length of the run; a resumed run may have another one unless the learning rate depends on "
        "it (optim.schedule one_cycle, or cosine without period_samples)",
        AtLeast(1));
-    ar("batch_size", batch_size, "samples a step", AtLeast(1));
+    ar("batch_size", batch_size, "samples a step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
        "samples that pass the network at once, for less memory: a step adds up the gradients of "
        "its batch's parts, which is the whole batch's gradient except with batch normalisation, "
@@ -217,10 +218,15 @@ struct RunConfig {
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
                  "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
-    ar("threads", threads, "threads of LibTorch; 0: one a core", AtLeast(0));
+    ar("threads", threads, "threads of LibTorch in a process; 0: as LibTorch chooses", AtLeast(0));
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
     ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
-    ar("device", device, "cpu, cuda or cuda:N");
+    ar("device", device,
+       "cpu, cuda or cuda:N; of several processes on a machine each takes the CUDA device of its "
+       "LOCAL_RANK");
+    ar("lost_after_s", lost_after_s,
+       "a process of a run of several that is not heard of for so long counts as lost, s",
+       Above(0));
     ar("dataset", dataset,
        "folder of `volalign render --config` to train on, written from the same data section; "
        "empty: render");

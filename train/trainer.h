@@ -6,6 +6,7 @@
 #include "train/train_config.h"
 #include "train/training_data.h"
 #include "train/validation.h"
+#include "train/world.h"
 
 namespace volalign {
 
@@ -18,6 +19,7 @@ struct TrainOptions {
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
   bool quiet = false;  ///< no progress on stderr
+  World world;         ///< this process among those that train together
 };
 
 struct TrainResult {

@@ -94,8 +94,9 @@ void RequireRendering() {
 }
 
 DatasetSource::Options SourceOptions(const RunConfig& run, std::int64_t seed,
-                                     std::int64_t first_sample) {
+                                     std::int64_t first_sample, const BatchSlice& slice) {
   DatasetSource::Options source;
+  source.slice = slice;
   source.seed = static_cast<std::uint64_t>(seed);
   source.first_sample = static_cast<std::uint64_t>(first_sample);
   source.batch_size = run.batch_size;
@@ -108,17 +109,17 @@ DatasetSource::Options SourceOptions(const RunConfig& run, std::int64_t seed,
 std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
                                          const std::shared_ptr<const SampleContext>& context,
                                          const RunConfig& run, std::int64_t seed,
-                                         std::int64_t first_sample) {
+                                         std::int64_t first_sample, const BatchSlice& slice) {
   if (dataset) {
-    return std::make_unique<DatasetSource>(dataset, SourceOptions(run, seed, first_sample));
+    return std::make_unique<DatasetSource>(dataset, SourceOptions(run, seed, first_sample, slice));
   }
   return std::make_unique<RenderedSource>(context, run, static_cast<std::uint64_t>(seed),
-                                          static_cast<std::uint64_t>(first_sample));
+                                          static_cast<std::uint64_t>(first_sample), slice);
 }
 
 }  // namespace
 
-TrainingData OpenTrainingData(const TrainConfig& config) {
+TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice) {
   config.Validate();
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
@@ -130,11 +131,11 @@ TrainingData OpenTrainingData(const TrainConfig& config) {
   TrainingData data;
   data.structure = context->structure;
   if (training) data.identity = training->header().Identity();
-  data.open_training = [training, context, run = config.run](std::int64_t first_sample) {
-    return OpenSource(training, context, run, run.seed, first_sample);
+  data.open_training = [training, context, run = config.run, slice](std::int64_t first_sample) {
+    return OpenSource(training, context, run, run.seed, first_sample, slice);
   };
-  data.open_validation = [validation, context, run = config.run] {
-    return OpenSource(validation, context, run, run.validation_seed, 0);
+  data.open_validation = [validation, context, run = config.run, slice] {
+    return OpenSource(validation, context, run, run.validation_seed, 0, slice);
   };
   return data;
 }

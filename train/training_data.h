@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/structure.h"
+#include "render/batch_slice.h"
 #include "train/batch.h"
 #include "train/train_config.h"
 
@@ -17,16 +18,17 @@ struct TrainingData {
   /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
   /// where samples depend on configuration and seed alone.
   std::string identity;
-  /// The run's samples from number `first_sample` on, a multiple of the batch size.
+  /// The run's samples from number `first_sample` on, a multiple of the batch size; of each batch
+  /// the slice of this process.
   std::function<std::unique_ptr<SampleSource>(std::int64_t first_sample)> open_training;
   /// The samples that no step has seen, from the first; the same ones each time.
   std::function<std::unique_ptr<SampleSource>()> open_validation;
 };
 
 /// Samples that are rendered as they are drawn, or read from run.dataset and
-/// run.validation_dataset. Throws ConfigError for a dataset of another recipe or structure or a
-/// validation set that shares samples with the training set, IoError where validation would render
-/// and nothing can.
-TrainingData OpenTrainingData(const TrainConfig& config);
+/// run.validation_dataset; of each batch those of `slice`. Throws ConfigError for a dataset of
+/// another recipe or structure or a validation set that shares samples with the training set,
+/// IoError where validation would render and nothing can.
+TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice = {});
 
 }  // namespace volalign

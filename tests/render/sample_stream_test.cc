@@ -5,6 +5,8 @@
 #include <atomic>
 #include <memory>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "core/error.h"
 #include "render/depth_renderer.h"
@@ -48,6 +50,27 @@ TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
       }
     }
   }
+}
+
+TEST(SampleStreamTest, SlicesAreTheBatchesTakenApart) {
+  const auto context = SmallContext(4);
+  SampleStream whole(context, Threads(1, 8));
+  SampleStream::Options first = Threads(1, 8), second = Threads(2, 8);
+  first.slice = {0, 1};
+  second.slice = {1, 3};
+  SampleStream one(context, first), three(context, second);
+  for (int batch = 0; batch < 3; ++batch) {
+    const std::vector<Sample> samples = whole.Next();
+    std::vector<Sample> parts = one.Next();
+    for (Sample& sample : three.Next()) parts.push_back(std::move(sample));
+    ASSERT_EQ(parts.size(), samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      EXPECT_EQ(parts[i].index, samples[i].index);
+      EXPECT_TRUE(parts[i].depth == samples[i].depth);
+    }
+  }
+  first.slice = {2, 3};
+  EXPECT_THROW(SampleStream(context, first), Error);
 }
 
 TEST(SampleStreamTest, AWorkersExceptionReachesTheCaller) {

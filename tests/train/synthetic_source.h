@@ -20,18 +20,24 @@ namespace volalign {
 class SyntheticSource : public SampleSource {
  public:
   SyntheticSource(Structure structure, std::uint64_t seed, std::uint64_t first_index,
-                  int batch_size, int size, std::uint64_t period)
+                  int batch_size, int size, std::uint64_t period, const BatchSlice& slice)
       : structure_(std::move(structure)),
         seed_(seed),
         next_(first_index),
         batch_size_(batch_size),
         size_(size),
-        period_(period) {}
+        period_(period),
+        slice_(slice) {
+    if (slice_.count == 0) slice_.count = batch_size;
+  }
 
   std::vector<Sample> Next() override {
     std::vector<Sample> batch;
-    batch.reserve(static_cast<std::size_t>(batch_size_));
-    for (int i = 0; i < batch_size_; ++i) batch.push_back(Draw(next_++));
+    batch.reserve(static_cast<std::size_t>(slice_.count));
+    for (int i = 0; i < slice_.count; ++i) {
+      batch.push_back(Draw(next_ + static_cast<std::uint64_t>(slice_.first + i)));
+    }
+    next_ += static_cast<std::uint64_t>(batch_size_);
     return batch;
   }
 
@@ -58,16 +64,18 @@ class SyntheticSource : public SampleSource {
   std::uint64_t seed_, next_;
   int batch_size_, size_;
   std::uint64_t period_;
+  BatchSlice slice_;
 };
 
 /// A source of the run's own seed, 1, and one of the validation's.
-inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period) {
+inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period,
+                                  const BatchSlice& slice = {}) {
   TrainingData data;
   data.structure = ReadStructureYaml("configs/structure.yaml");
-  const auto open = [structure = data.structure, batch_size, size, period](std::uint64_t seed,
-                                                                           std::int64_t first) {
+  const auto open = [structure = data.structure, batch_size, size, period, slice](
+                        std::uint64_t seed, std::int64_t first) {
     return std::make_unique<SyntheticSource>(structure, seed, static_cast<std::uint64_t>(first),
-                                             batch_size, size, period);
+                                             batch_size, size, period, slice);
   };
   data.open_training = [=](std::int64_t first_sample) { return open(1, first_sample); };
   data.open_validation = [=] { return open(1000001, 0); };

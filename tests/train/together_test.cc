@@ -1,0 +1,414 @@
+// Several processes train as one does.
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/zeros.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/checkpoint.h"
+#include "core/file_util.h"
+#include "core/torch_threads.h"
+#include "tests/core/expect_error.h"
+#include "tests/core/temp_folder.h"
+#include "tests/train/synthetic_source.h"
+#include "train/gradient_reducer.h"
+#include "train/launch.h"
+#include "train/rendezvous.h"
+#include "train/step.h"
+#include "train/together.h"
+#include "train/trainer.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+
+World WorldOf(int rank, int size, int port) {
+  World world;
+  world.rank = world.local_rank = rank;
+  world.size = size;
+  world.address = "127.0.0.1";
+  world.port = port;
+  return world;
+}
+
+/// Calls `work` in `size` processes of their own, on a port that is free, and gives back their exit
+/// statuses; an exception is status 1, and its message what the file `rank` of `folder` has.
+std::vector<int> InProcesses(int size, const fs::path& folder,
+                             const std::function<void(const World&)>& work) {
+  const int port = FreePort();
+  std::vector<pid_t> children;
+  for (int rank = 0; rank < size; ++rank) {
+    const pid_t child = ::fork();
+    if (child != 0) {
+      children.push_back(child);
+      continue;
+    }
+    int status = 0;
+    try {
+      SetTorchThreads(1);
+      work(WorldOf(rank, size, port));
+    } catch (const std::exception& e) {
+      status = 1;
+      WriteFileAtomically(folder / fmt::format("message{}", rank), e.what());
+    }
+    ::_exit(status);
+  }
+  std::vector<int> statuses;
+  for (const pid_t child : children) {
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    statuses.push_back(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
+  }
+  return statuses;
+}
+
+/// Rows, states and the image size's changes come at different numbers of samples.
+TrainConfig TogetherConfig(const std::string& normalization) {
+  TrainConfig config;
+  config.model.base_channels = 2;
+  config.model.residual_blocks = 1;
+  config.model.normalization = normalization;
+  config.model.input = "depth_mask";  // uncentred depth makes group normalisation ill-conditioned
+  config.loss.class_weights = {0.3, 1};
+  config.loss.min_side_pixels = 3;
+  config.optim.optimizer = OptimizerKind::kSgd;  // which passes differences on as they are
+  config.optim.lr = 1e-4;
+  config.optim.clip_norm = 5;
+  config.optim.ema_decay = 0.9;
+  config.run.samples = 35;
+  config.run.batch_size = 5;
+  config.run.log_every = 10;
+  config.run.checkpoint_every = 15;
+  config.run.validate_every = 20;
+  config.run.validation_samples = 10;
+  config.run.tensorboard = false;
+  config.run.half_checkpoint = false;
+  config.run.lost_after_s = 60;
+  return config;
+}
+
+void TrainHere(const World& world, const TrainConfig& config, const fs::path& run_dir,
+               std::int64_t stop = 0, bool resume = false,
+               const std::function<void(std::int64_t)>& at_sample = {}) {
+  TrainOptions options;
+  options.run_dir = run_dir;
+  options.quiet = true;
+  options.world = world;
+  options.stop_at_samples = stop;
+  options.resume = resume;
+  const BatchSlice slice = world.size > 1 ? SliceOf(5, world) : BatchSlice();
+  TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
+  if (at_sample) {
+    data.open_training = [open = data.open_training, at_sample](std::int64_t first) {
+      struct Watched : SampleSource {
+        std::vector<Sample> Next() override {
+          call(position);
+          position += 5;
+          return source->Next();
+        }
+        std::unique_ptr<SampleSource> source;
+        std::function<void(std::int64_t)> call;
+        std::int64_t position = 0;
+      };
+      auto watched = std::make_unique<Watched>();
+      watched->source = open(first);
+      watched->call = at_sample;
+      watched->position = first;
+      return watched;
+    };
+  }
+  TrainOn(data, config, options);
+}
+
+std::vector<nlohmann::json> Rows(const fs::path& run_dir) {
+  std::vector<nlohmann::json> rows;
+  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
+  for (std::string line; std::getline(text, line);) {
+    rows.push_back(nlohmann::json::parse(line));
+    rows.back().erase("step_s");
+    rows.back().erase("samples_per_s");
+  }
+  return rows;
+}
+
+/// With `losses_alone`, other numbers may differ.
+void ExpectSameRows(const fs::path& a, const fs::path& b, bool losses_alone = false) {
+  const std::vector<nlohmann::json> expected = Rows(a), found = Rows(b);
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    ASSERT_EQ(found[i].size(), expected[i].size()) << found[i] << expected[i];
+    for (const auto& [key, value] : expected[i].items()) {
+      if (losses_alone && key.rfind("loss", 0) != 0) continue;
+      if (!value.is_number()) {
+        EXPECT_EQ(found[i].at(key), value);
+        continue;
+      }
+      const auto number = value.get<double>();
+      EXPECT_NEAR(found[i].at(key).get<double>(), number, 1e-9 + 2e-4 * std::abs(number))
+          << key << " of row " << i;
+    }
+  }
+}
+
+/// Largest difference of the weights of two runs, over that between the second and a new network.
+double Difference(const fs::path& a, const fs::path& b) {
+  const TensorFile first = ReadTensorFile(a, kStateFormat),
+                   second = ReadTensorFile(b, kStateFormat);
+  double difference = 0, size = 0;
+  for (const auto& [name, tensor] : second.tensors) {
+    difference = std::max(difference, (first.tensors.at(name) - tensor).abs().max().item<double>());
+    if (name.rfind("optimizer/", 0) == 0) size = std::max(size, tensor.abs().max().item<double>());
+  }
+  return difference / size;
+}
+
+constexpr char kLast[] = "states/000000000035.state";
+
+class Together : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+  }
+};
+
+// Also with a slice of 1 beside slices of 2 samples, and resumed with another number of processes.
+TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
+  const TrainConfig config = TogetherConfig(GetParam());
+  const TempFolder folder;
+  ASSERT_EQ(InProcesses(1, folder.path(),
+                        [&](const World& world) { TrainHere(world, config, folder / "one"); }),
+            std::vector<int>(1, 0));
+  for (const int size : {2, 3}) {
+    SCOPED_TRACE(size);
+    const fs::path run = folder / fmt::format("of{}", size);
+    ASSERT_EQ(InProcesses(size, folder.path(),
+                          [&](const World& world) { TrainHere(world, config, run, 20); }),
+              std::vector<int>(static_cast<std::size_t>(size), 0));
+    // The rest with another number: 3 -> 2 and 2 -> 1.
+    ASSERT_EQ(InProcesses(size - 1, folder.path(),
+                          [&](const World& world) { TrainHere(world, config, run, 0, true); }),
+              std::vector<int>(static_cast<std::size_t>(size - 1), 0));
+    // Group normalisation of a constant patch leaves nothing but rounding errors, whose signs a
+    // ReLU then tells apart: gradients jump, also between batches in parts in one process.
+    const bool jumps = config.model.normalization == "group";
+    ExpectSameRows(folder / "one", run, jumps);
+    if (!jumps) EXPECT_LT(Difference(run / kLast, folder / "one" / kLast), 2e-4);
+    // Cameras that other processes have seen are in the checkpoint.
+    EXPECT_EQ(LoadCheckpoint(run / "model.pt").meta.focal_px,
+              LoadCheckpoint(folder / "one" / "model.pt").meta.focal_px);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Normalization, Together, testing::Values("none", "group"));
+
+class Processes : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+  }
+};
+
+TEST_F(Processes, ALostOneEndsTheRunWithAStateToGoOnFrom) {
+  const TrainConfig config = TogetherConfig("none");
+  const TempFolder folder;
+  InProcesses(1, folder.path(),
+              [&](const World& world) { TrainHere(world, config, folder / "one"); });
+  const std::vector<int> statuses = InProcesses(3, folder.path(), [&](const World& world) {
+    TrainHere(world, config, folder / "run", 0, false, [&](std::int64_t position) {
+      if (world.rank == 1 && position == 25) ::raise(SIGKILL);
+    });
+  });
+  EXPECT_EQ(statuses, (std::vector<int>{1, 128 + SIGKILL, 1}));
+  for (const int rank : {0, 2}) {
+    const std::string message = ReadFile(folder / fmt::format("message{}", rank));
+    EXPECT_NE(message.find("after 25 samples: lost rank 1 ("), std::string::npos) << message;
+    EXPECT_NE(message.find("--resume"), std::string::npos) << message;
+  }
+  EXPECT_TRUE(fs::exists(folder / "run" / "states" / "000000000025.state"));
+  ASSERT_EQ(
+      InProcesses(2, folder.path(),
+                  [&](const World& world) { TrainHere(world, config, folder / "run", 0, true); }),
+      std::vector<int>(2, 0));
+  ExpectSameRows(folder / "one", folder / "run");
+  EXPECT_LT(Difference(folder / "run" / kLast, folder / "one" / kLast), 2e-4);
+}
+
+// One that is there and does not answer: its machine hangs, or the network is cut.
+TEST_F(Processes, ASilentOneIsLostAfterTheTimeLimit) {
+  TrainConfig config = TogetherConfig("none");
+  config.run.lost_after_s = 2;
+  const TempFolder folder;
+  const std::vector<int> statuses = InProcesses(2, folder.path(), [&](const World& world) {
+    TrainHere(world, config, folder / "run", 0, false, [&](std::int64_t position) {
+      if (world.rank == 1 && position == 10) {
+        std::this_thread::sleep_for(std::chrono::seconds(8));
+        ::_exit(7);
+      }
+    });
+  });
+  EXPECT_EQ(statuses, (std::vector<int>{1, 7}));
+  const std::string message = ReadFile(folder / "message0");
+  EXPECT_NE(message.find("after 10 samples: lost rank 1 ("), std::string::npos) << message;
+}
+
+TEST_F(Processes, AgreeOnConfigurationOrSayWhatDiffers) {
+  const TempFolder folder;
+  EXPECT_EQ(InProcesses(2, folder.path(),
+                        [&](const World& world) {
+                          TrainConfig config = TogetherConfig("none");
+                          if (world.rank == 1) config.loss.lambda = 0.3;
+                          if (world.rank == 1) config.run.threads = 1;  // may differ
+                          TrainHere(world, config, folder / "run");
+                        }),
+            (std::vector<int>{1, 1}));
+  const std::string message = ReadFile(folder / "message1");
+  EXPECT_NE(message.find("rank 1 has loss.lambda = 0.3, and rank 0 0.1"), std::string::npos)
+      << message;
+  // What is wrong with rank 0's folder, every process says.
+  EXPECT_EQ(InProcesses(2, folder.path(),
+                        [&](const World& world) {
+                          TrainHere(world, TogetherConfig("none"), folder / "none", 0, true);
+                        }),
+            (std::vector<int>{1, 1}));
+  EXPECT_NE(ReadFile(folder / "message0").find("there is no run to resume"), std::string::npos);
+  EXPECT_NE(ReadFile(folder / "message1").find("rank 0: "), std::string::npos);
+}
+
+// The gradient of one step, with buckets so small that several are under way.
+TEST_F(Processes, AddUpGradientsInBuckets) {
+  const TempFolder folder;
+  for (const char* normalization : {"none", "group"}) {
+    TrainConfig config = TogetherConfig(normalization);
+    const auto gradient = [&](const World& world, ProcessGroup* group) {
+      const BatchSlice slice = SliceOf(5, world);
+      const TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
+      const Batch batch = Collate(data.open_training(0)->Next());
+      const TrainingLoss loss(config.loss, data.structure, at::kCPU);
+      Learner learner(config, data.structure.num_classes(), Compute());
+      StepReport report;
+      LossShare share;
+      if (group == nullptr) {
+        ComputeGradient(learner, loss, batch, Compute(), 0, 0, &report);
+      } else {
+        at::Tensor weight = at::zeros({1}, at::kDouble).fill_(loss.WeightOf(batch.labels));
+        share.segmentation = weight.item<double>();
+        group->Sum(weight);
+        share.segmentation /= weight.item<double>();
+        share.procrustes = slice.count / 5.0;
+        GradientReducer reducer(&learner.flat, group, 5000);
+        if (reducer.num_buckets() < 4) throw Error("one bucket is no test");
+        ComputeGradient(learner, loss, batch, Compute(), 0, 0, &report, share, &reducer);
+      }
+      return learner.flat.gradients().clone();
+    };
+    EXPECT_EQ(InProcesses(2, folder.path(),
+                          [&](const World& world) {
+                            const at::Tensor alone = gradient(World(), nullptr);
+                            ProcessGroup group;
+                            group.Connect(world, at::kCPU, 60);
+                            const at::Tensor both = gradient(world, &group);
+                            const double error =
+                                ((both - alone).norm() / alone.norm()).item<double>();
+                            if (!(error < 1e-4)) throw Error(fmt::format("error {}", error));
+                          }),
+              std::vector<int>(2, 0))
+        << normalization << ": " << ReadFile(folder / "message0");
+  }
+}
+
+// One that ends badly gives its status, and a signal to the one who waits is passed on.
+TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
+  const TempFolder folder;
+  const std::string write =
+      "echo $RANK $LOCAL_RANK $WORLD_SIZE $MASTER_ADDR:$MASTER_PORT >" + folder.path().string();
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", write + "/$RANK"}), 0);
+  std::istringstream first(ReadFile(folder / "0")), second(ReadFile(folder / "1"));
+  std::string rank, local, size, address, other_address;
+  first >> rank >> local >> size >> address;
+  EXPECT_EQ(rank + local + size, "002");
+  second >> rank >> local >> size >> other_address;
+  EXPECT_EQ(rank + local + size, "112");
+  EXPECT_EQ(address, other_address);
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", "exit $((3 * RANK))"}), 3);
+  // Rank 1 is killed, and rank 0 gets the time of grace.
+  EXPECT_EQ(
+      LaunchProcesses(2, {"/bin/sh", "-c", "[ $RANK = 0 ] && exec sleep 60; kill -9 $$"}, 0.2),
+      128 + SIGKILL);
+  std::thread later([] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    ::kill(::getpid(), SIGTERM);
+  });
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sleep", "60"}), 128 + SIGTERM);
+  later.join();
+}
+
+TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
+  if (!ProcessGroup::IsBuilt()) {
+    ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("none"), 2); }, {"libgloo-dev"});
+    return;
+  }
+  RequireProcesses(TogetherConfig("none"), 5);
+  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("none"), 6); },
+                           {"run.batch_size = 5", "6 processes"});
+  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("batch"), 2); },
+                           {"model.normalization"});
+}
+
+TEST(ReadWorld, ReadsTheVariablesOfTorchrun) {
+  std::map<std::string, std::string> set;
+  const Environment environment = [&](const std::string& name) -> std::optional<std::string> {
+    const auto found = set.find(name);
+    if (found == set.end()) return std::nullopt;
+    return found->second;
+  };
+  EXPECT_EQ(ReadWorld(environment).size, 1);
+  set = {{"WORLD_SIZE", "4"}, {"RANK", "3"}, {"LOCAL_RANK", "1"}, {"MASTER_ADDR", "node0"}};
+  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"MASTER_PORT"});
+  set["MASTER_PORT"] = "29500";
+  World world = ReadWorld(environment);
+  EXPECT_EQ(world.rank, 3);
+  EXPECT_EQ(world.size, 4);
+  EXPECT_EQ(world.local_rank, 1);
+  EXPECT_EQ(world.address, "node0");
+  EXPECT_EQ(world.port, 29500);
+  set["TORCHELASTIC_RUN_ID"] = "none";  // torchrun's agent listens on 29500
+  EXPECT_EQ(ReadWorld(environment).port, 29501);
+  set["VOLALIGN_PORT"] = "1234";
+  EXPECT_EQ(ReadWorld(environment).port, 1234);
+  set["RANK"] = "4";
+  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"RANK = '4'", "0 to 3"});
+}
+
+TEST(SliceOf, CoversEachBatchOnce) {
+  for (const int size : {1, 2, 3, 4, 7}) {
+    int next = 0;
+    for (int rank = 0; rank < size; ++rank) {
+      const BatchSlice slice = SliceOf(7, WorldOf(rank, size, 1));
+      EXPECT_EQ(slice.first, next);
+      EXPECT_GE(slice.count, 7 / size);
+      EXPECT_LE(slice.count, (7 + size - 1) / size);
+      next += slice.count;
+    }
+    EXPECT_EQ(next, 7);
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,208 @@
+#include "train/together.h"
+
+#include <c10/core/GradMode.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <type_traits>
+#include <utility>
+
+#include "core/config.h"
+#include "core/error.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+
+/// Keys in which the processes of a run may differ.
+const std::set<std::string>& KeysOfTheMachine() {
+  static const std::set<std::string> keys = {"run.device",         "run.threads",
+                                             "run.loader_threads", "run.prefetch",
+                                             "run.dataset",        "run.validation_dataset"};
+  return keys;
+}
+
+void RequireSame(const Agreement& own, const std::string& config, const std::string& dataset,
+                 int rank) {
+  const ConfigSource lead = ConfigSource::FromString(config, "rank 0");
+  const ConfigSource here = ConfigSource::FromString(own.config, "this process");
+  for (const auto& [key, leaf] : here.leaves()) {
+    const auto other = lead.leaves().find(key);
+    if (KeysOfTheMachine().count(key) > 0) continue;
+    if (other != lead.leaves().end() && other->second.values == leaf.values) continue;
+    throw ConfigError(fmt::format(
+        "rank {} has {} = {}, and rank 0 {}: start all processes with the same configuration", rank,
+        key, fmt::join(leaf.values, ", "),
+        other == lead.leaves().end() ? "nothing"
+                                     : fmt::format("{}", fmt::join(other->second.values, ", "))));
+  }
+  if (dataset != own.dataset) {
+    throw ConfigError(fmt::format(
+        "rank {} reads another dataset than rank 0: run.dataset has to name the same samples",
+        rank));
+  }
+}
+
+/// Values as bytes, one after the other.
+class Packer {
+ public:
+  template <class T>
+  void Put(T value) {
+    static_assert(std::is_arithmetic_v<T>);
+    char raw[sizeof(T)];
+    std::memcpy(raw, &value, sizeof(T));
+    bytes_.append(raw, sizeof(T));
+  }
+  void Put(const std::string& text) {
+    Put(text.size());
+    bytes_ += text;
+  }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+class Unpacker {
+ public:
+  explicit Unpacker(std::string bytes) : bytes_(std::move(bytes)) {}
+  bool done() const { return at_ == bytes_.size(); }
+  template <class T>
+  void Get(T& value) {
+    std::memcpy(&value, bytes_.data() + at_, sizeof(T));
+    at_ += sizeof(T);
+  }
+  void Get(std::string& text) {
+    std::size_t size = 0;
+    Get(size);
+    text = bytes_.substr(at_, size);
+    at_ += size;
+  }
+
+ private:
+  std::string bytes_;
+  std::size_t at_ = 0;
+};
+
+std::string Pack(const ValidationResult& own) {
+  Packer packer;
+  packer.Put(own.loss_3d * own.samples);
+  for (const SampleScore& s : own.scores) {
+    packer.Put(s.sensor);
+    for (const double value : {s.rho_m, s.loss_seg, s.miou, s.miou_authors, s.keypoint_rmse_m,
+                               s.translation_error_m, s.rotation_error_deg}) {
+      packer.Put(value);
+    }
+    packer.Put(s.posed);
+  }
+  return packer.bytes();
+}
+
+SampleScore NextScore(Unpacker* from) {
+  SampleScore s;
+  from->Get(s.sensor);
+  for (double* value : {&s.rho_m, &s.loss_seg, &s.miou, &s.miou_authors, &s.keypoint_rmse_m,
+                        &s.translation_error_m, &s.rotation_error_deg}) {
+    from->Get(*value);
+  }
+  from->Get(s.posed);
+  return s;
+}
+
+void Broadcast(ProcessGroup& group, const torch::nn::Module& module) {
+  for (const at::Tensor& t : module.parameters()) group.Broadcast(t.detach());
+  for (const at::Tensor& t : module.buffers()) group.Broadcast(t);
+}
+
+}  // namespace
+
+void RequireProcesses(const TrainConfig& config, int count) {
+  World world;
+  world.size = count;
+  SliceOf(config.run.batch_size, world);
+  if (!ProcessGroup::IsBuilt()) ProcessGroup().Connect(world, at::kCPU, 0);
+  if (ParseNormalization(config.model.normalization) != Normalization::kBatch) return;
+  throw ConfigError(fmt::format(
+      "model.normalization = batch in {} processes would normalise with the statistics of each "
+      "process's slice: use group or none, or one process",
+      count));
+}
+
+Compute Agree(ProcessGroup& group, const Agreement& own,
+              const std::function<Compute(Compute)>& lead) {
+  const std::string said = group.FromLead([&] {
+    const Compute chosen = lead(own.compute);
+    return json{{"config", own.config},
+                {"dataset", own.dataset},
+                {"bf16", chosen.type == at::kBFloat16},
+                {"channels_last", chosen.channels_last}}
+        .dump();
+  });
+  const json agreed = json::parse(said);
+  RequireSame(own, agreed.at("config").get<std::string>(), agreed.at("dataset").get<std::string>(),
+              group.rank());
+  Compute compute = own.compute;
+  compute.type = agreed.at("bf16").get<bool>() ? at::kBFloat16 : at::kFloat;
+  compute.channels_last = agreed.at("channels_last").get<bool>();
+  return compute;
+}
+
+void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress) {
+  if (group.size() == 1) return;
+  c10::NoGradGuard no_grad;
+  *progress = ReadProgress(group.FromLead([&] { return WriteProgress(*progress); }));
+  learner->optimizer.set_steps(
+      std::stoll(group.FromLead([&] { return std::to_string(learner->optimizer.steps()); })));
+  Broadcast(group, *learner->net);
+  Broadcast(group, *learner->average.net());
+  for (const auto& [name, moment] : learner->optimizer.moments()) group.Broadcast(moment);
+}
+
+void ShareCameras(ProcessGroup& group, RunProgress* progress) {
+  if (group.size() == 1) return;
+  std::pair<double, double> focal_px{0, 0};
+  for (const std::string& bytes : group.Gather(WriteProgress(*progress))) {
+    const RunProgress other = ReadProgress(bytes);
+    progress->image_sizes.insert(other.image_sizes.begin(), other.image_sizes.end());
+    if (other.focal_px.first == 0) continue;
+    focal_px.first =
+        focal_px.first == 0 ? other.focal_px.first : std::min(focal_px.first, other.focal_px.first);
+    focal_px.second = std::max(focal_px.second, other.focal_px.second);
+  }
+  progress->focal_px = focal_px;
+}
+
+ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size) {
+  if (group.size() == 1) return own;
+  std::vector<Unpacker> slices;
+  double loss_3d = 0;
+  for (std::string& bytes : group.Gather(Pack(own))) {
+    double sum = 0;
+    slices.emplace_back(std::move(bytes)).Get(sum);
+    loss_3d += sum;
+  }
+  std::vector<SampleScore> scores;
+  while (!slices[0].done()) {
+    for (int rank = 0; rank < group.size(); ++rank) {
+      World world;
+      world.size = group.size();
+      world.rank = rank;
+      const int count = SliceOf(batch_size, world).count;
+      for (int i = 0; i < count; ++i) {
+        scores.push_back(NextScore(&slices[static_cast<std::size_t>(rank)]));
+      }
+    }
+  }
+  ValidationResult result = Summarise(scores);
+  result.loss_3d = loss_3d / result.samples;
+  result.scores = std::move(scores);
+  result.examples = own.examples;
+  return result;
+}
+
+}  // namespace volalign
