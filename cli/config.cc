@@ -55,7 +55,7 @@ struct Kind {
 const std::vector<Kind>& Kinds() {
   static const std::vector<Kind> kinds = {
       {"rig",
-       {"sensors", "placements", "structure_yaw_deg", "room", "state_lens"},
+       {"sensors", "groups", "turns_deg", "placements", "structure_yaw_deg", "room", "state_lens"},
        [](const ConfigSource& source) { return WriteConfig(ReadRig(source)); }},
 #ifdef VOLALIGN_HAS_INFER
       {"calibration",
