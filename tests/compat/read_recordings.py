@@ -89,7 +89,8 @@ def main():
             x, y = (record_depth.np.array(p[name]["structure_from_sensor"]) for p in poses)
             difference = abs(x - y).max()
             print(f"{name}: {poses[1][name]['status']}, poses differ by {1000 * difference:.3f} mm")
-            assert difference < 1e-4, name
+            # The recorder says that the RealSense is rectified, the rendered capture only what kind of device it is.
+            assert difference < 5e-4, name
             assert poses[0][name]["status"] == poses[1][name]["status"]
         assert poses[1]["A"]["serial"] == "000123492812" and poses[1]["B"]["sensor"] == "realsense_d415"
 
