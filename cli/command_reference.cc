@@ -68,7 +68,7 @@ std::string CommandReference(CLI::App* program) {
       "Exit status: 0; 1 after an error, which is one line on stderr; 2 where a result is there "
       "but "
       "lacks something (a sensor that was not placed, a key that `capture init` does not know, "
-      "something that `doctor` misses).\n";
+      "something that `doctor` misses); 3 where `check` found a sensor that was moved.\n";
   ForEachApp(program, [&](CLI::App* app, const std::string& path) {
     if (CommandNames(app).empty()) text += Section(app, path);
   });

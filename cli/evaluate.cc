@@ -111,6 +111,14 @@ EvaluateRun RunOf(const Options& options, const NetworkSegmenter& segmenter) {
   return run;
 }
 
+/// The resolved options beside the result: those of calibration, without --compare, and each rig.
+void SaveOptions(const std::filesystem::path& output, const ConfigSource& source,
+                 const std::vector<NamedRig>& rigs) {
+  WriteFileAtomically(output / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
+  for (const NamedRig& rig : rigs)
+    WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
+}
+
 int RunPaperSuite(const Options& options) {
   const SuiteConfig suite = SelectTables(ReadSuite(options.suite_config), options.suite);
   for (const SuiteMethod& method : suite.methods) {
@@ -132,14 +140,6 @@ int RunPaperSuite(const Options& options) {
   std::fflush(stdout);
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
   return 0;
-}
-
-/// The resolved options beside the result: those of calibration, without --compare, and each rig.
-void SaveOptions(const std::filesystem::path& output, const ConfigSource& source,
-                 const std::vector<NamedRig>& rigs) {
-  WriteFileAtomically(output / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
-  for (const NamedRig& rig : rigs)
-    WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
 }
 
 int RunEvaluate(const Options& options) {

@@ -18,10 +18,6 @@ const std::map<std::string, std::string>& Examples() {
       render +
       "volalign calibrate --capture out/capture/capture.json --model models/m05-lite.pt "
       "-o out/calibration\n";
-  const std::string check =
-      calibrate +
-      "volalign check --extrinsics out/calibration/extrinsics.json --capture "
-      "out/capture/capture.json --model models/m05-lite.pt   # the same capture: nothing moved\n";
   const std::string draft = render +
                             "volalign capture init out/capture --depth-scale 0.001 -o "
                             "out/draft.json --force   # lists the "
@@ -36,7 +32,8 @@ const std::map<std::string, std::string>& Examples() {
       {"calibrate", calibrate},
       {"capture", draft},
       {"capture init", draft},
-      {"check", check},
+      {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
+                            "out/capture/capture.json --model models/m05-lite.pt -o out/check\n"},
       {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
       {"completion bash",
        "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},

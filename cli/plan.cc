@@ -25,7 +25,9 @@ struct Options {
 int RunPlan(const Options& options) {
   ConfigSource source = ConfigSource::FromFile(options.rig);
   for (const std::string& assignment : options.assignments) source.Set(assignment);
-  const RigPlan plan = PlanRig(ReadRig(source), options.trials);
+  const std::vector<Rig> turns = Turns(ReadRig(source));
+  if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
+  const RigPlan plan = PlanRig(turns.front(), options.trials);
   fmt::print("{}", FormatPlan(plan));
   if (!options.picture.empty()) {
     WriteFileAtomically(options.picture, PlanPicture(plan));

@@ -111,11 +111,11 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
   DepthRenderer renderer;
   const std::vector<Rig> turns = Turns(ReadRig(source));
   for (std::size_t k = 0; k < turns.size(); ++k) {
-    const std::string folder =
+    const std::string output =
         turns.size() == 1 ? options.output : fmt::format("{}/turn_{}", options.output, k + 1);
     const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
-    WriteFileAtomically(std::filesystem::path(folder) / "rig.yaml", WriteConfig(turns[k]));
-    WriteStills(folder, stills);
+    WriteFileAtomically(std::filesystem::path(output) / "rig.yaml", WriteConfig(turns[k]));
+    WriteStills(output, stills);
   }
 }
 

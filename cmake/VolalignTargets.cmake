@@ -18,7 +18,7 @@ if(VOLALIGN_ASAN)
     -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(volalign_options INTERFACE -fsanitize=address,undefined)
 endif()
-target_include_directories(volalign_options INTERFACE "${PROJECT_SOURCE_DIR}")
+target_include_directories(volalign_options INTERFACE "${PROJECT_SOURCE_DIR}" ${VOLALIGN_FIRST_INCLUDES})
 
 # volalign_library(NAME SOURCES a.cc b.cc [DEPENDS t ...]): library volalign_NAME, alias volalign::NAME.
 function(volalign_library name)

@@ -22,6 +22,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/training_forward.h"
 
 namespace volalign {
 namespace {
@@ -164,37 +165,38 @@ StructureNetImpl::StructureNetImpl(const StructureNetOptions& options) : options
   int channels = EncodedChannels(options.input);
   std::vector<int> skip_channels;
   for (std::size_t g = 0; g < groups.size(); ++g) {
-    encoder_.emplace_back();
+    layers_.encoder.emplace_back();
     for (std::size_t i = 0; i < groups[g].size(); ++i) {
       const Conv& conv = groups[g][i];
-      encoder_.back().push_back(
+      layers_.encoder.back().push_back(
           Add(fmt::format("encoder{}_{}", g + 1, i + 1), channels, conv.factor * c, conv.kernel));
       channels = conv.factor * c;
     }
     skip_channels.push_back(channels);
   }
   for (int i = 1; i <= options.residual_blocks; ++i) {
-    bottleneck_.push_back({Add(fmt::format("residual{}_1", i), channels, channels, 3),
-                           Add(fmt::format("residual{}_2", i), channels, channels, 3)});
+    layers_.bottleneck.push_back({Add(fmt::format("residual{}_1", i), channels, channels, 3),
+                                  Add(fmt::format("residual{}_2", i), channels, channels, 3)});
   }
   if (options.attention) {
-    attention_ = register_module("attention", ConvUnit(channels, 1, 1, Normalization::kNone));
+    layers_.attention =
+        register_module("attention", ConvUnit(channels, 1, 1, Normalization::kNone));
   }
   for (int level = 4; level >= 1; --level) {
     const int skip = skip_channels[static_cast<std::size_t>(level - 1)];
-    DecoderLevel d;
+    StructureNetLayers::DecoderLevel d;
     d.first = Add(fmt::format("decoder{}_1", level), channels, channels, 3);
     d.second = Add(fmt::format("decoder{}_2", level), channels, channels, 3);
     d.up = Add(fmt::format("decoder{}_3", level), channels, skip, 3);
     d.merge = Add(fmt::format("merge{}", level), 2 * skip, skip, 1);
-    decoder_.push_back(d);
+    layers_.decoder.push_back(d);
     channels = skip;
   }
-  last_ = Add("decoder0_1", channels, c, 3);
-  classifier_ =
+  layers_.last = Add("decoder0_1", channels, c, 3);
+  layers_.classifier =
       register_module("classifier", ConvUnit(c, options.num_classes, 1, Normalization::kNone));
   c10::NoGradGuard no_grad;
-  classifier_->bias.select(0, 0).fill_(options.background_bias);
+  layers_.classifier->bias.select(0, 0).fill_(options.background_bias);
 }
 
 ConvUnit StructureNetImpl::Add(const std::string& name, int in, int out, int kernel) {
@@ -222,24 +224,29 @@ at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
                     channels, ShapeText(input), at::toString(input.scalar_type())));
   }
 
+  if (channels_last_ && is_training() && c10::GradMode::is_enabled() && input.is_cpu()) {
+    return TrainingForward(layers_, options_.normalization, dtype_, input);
+  }
+
   std::vector<at::Tensor> skips;
-  at::Tensor x = encoder_[0][0]->forward(input, at::kFloat).relu_().to(dtype_);  // [B,c,H,W]
-  for (std::size_t g = 0; g < encoder_.size(); ++g) {
+  at::Tensor x = layers_.encoder[0][0]->forward(input, at::kFloat).relu_().to(dtype_);  // [B,c,H,W]
+  for (std::size_t g = 0; g < layers_.encoder.size(); ++g) {
     if (g > 0) {
       skips.push_back(x);
       x = at::max_pool2d(x, {2, 2});
     }
-    for (std::size_t i = (g == 0 ? 1 : 0); i < encoder_[g].size(); ++i) x = Relu(encoder_[g][i], x);
+    for (std::size_t i = (g == 0 ? 1 : 0); i < layers_.encoder[g].size(); ++i)
+      x = Relu(layers_.encoder[g][i], x);
   }
-  for (ResidualBlock& block : bottleneck_) {
+  for (StructureNetLayers::ResidualBlock& block : layers_.bottleneck) {
     x = x + block.second->forward(Relu(block.first, at::relu(x)), dtype_);
   }
   at::Tensor mask;  // [B,1,H/16,W/16]
   if (options_.attention) {
-    mask = at::sigmoid(attention_->forward(x, dtype_));
+    mask = at::sigmoid(layers_.attention->forward(x, dtype_));
     x = x * mask;
   }
-  for (DecoderLevel& level : decoder_) {
+  for (StructureNetLayers::DecoderLevel& level : layers_.decoder) {
     const at::Tensor skip = skips.back();
     skips.pop_back();
     x = Relu(level.second, Relu(level.first, x));
@@ -247,7 +254,8 @@ at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
     x = Relu(level.merge, at::cat({x, skip}, 1));
     if (options_.attention) x = x * UpsampleTo(mask, x);
   }
-  const at::Tensor logits = classifier_->forward(Relu(last_, x), dtype_);  // [B,K,H,W]
+  const at::Tensor logits =
+      layers_.classifier->forward(Relu(layers_.last, x), dtype_);  // [B,K,H,W]
   return at::log_softmax(logits.to(at::kFloat), 1);
 }
 

@@ -68,6 +68,21 @@ class ConvUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ConvUnit);
 
+/// The layers of the network.
+struct StructureNetLayers {
+  struct ResidualBlock {
+    ConvUnit first{nullptr}, second{nullptr};
+  };
+  struct DecoderLevel {
+    ConvUnit first{nullptr}, second{nullptr}, up{nullptr}, merge{nullptr};
+  };
+  std::vector<std::vector<ConvUnit>> encoder;  ///< a group between two pools each
+  std::vector<ResidualBlock> bottleneck;
+  ConvUnit attention{nullptr};        ///< empty without attention
+  std::vector<DecoderLevel> decoder;  ///< lowest resolution first
+  ConvUnit last{nullptr}, classifier{nullptr};
+};
+
 /// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
 /// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
 /// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0.
@@ -85,6 +100,10 @@ class StructureNetImpl : public torch::nn::Module {
   /// the depth itself never gets there.
   void SetComputeType(at::ScalarType dtype);
 
+  /// Memory layout of the activations in training. On a CPU, channels-last training has passes of
+  /// its own (training_forward.h).
+  void SetChannelsLast(bool channels_last) { channels_last_ = channels_last; }
+
   const StructureNetOptions& options() const { return options_; }
   void pretty_print(std::ostream& stream) const override;
   /// A line a layer: name, kernel, channels; then the number of parameters.
@@ -96,17 +115,8 @@ class StructureNetImpl : public torch::nn::Module {
 
   StructureNetOptions options_;
   at::ScalarType dtype_ = at::kFloat;
-  std::vector<std::vector<ConvUnit>> encoder_;  // a group between two pools each
-  struct ResidualBlock {
-    ConvUnit first{nullptr}, second{nullptr};
-  };
-  std::vector<ResidualBlock> bottleneck_;
-  ConvUnit attention_{nullptr};
-  struct DecoderLevel {
-    ConvUnit first{nullptr}, second{nullptr}, up{nullptr}, merge{nullptr};
-  };
-  std::vector<DecoderLevel> decoder_;
-  ConvUnit last_{nullptr}, classifier_{nullptr};
+  bool channels_last_ = false;
+  StructureNetLayers layers_;
 };
 TORCH_MODULE(StructureNet);
 

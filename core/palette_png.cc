@@ -53,6 +53,8 @@ std::string EncodePalettePng(const RgbImage& picture) {
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(picture.width());
   image.height = static_cast<png_uint_32>(picture.height());
+  // No filters, which do nothing for pictures of few colours, and a third of the time.
+  image.flags = PNG_IMAGE_FLAG_FAST;
   image.format = few ? PNG_FORMAT_RGB_COLORMAP : PNG_FORMAT_RGB;
   image.colormap_entries = static_cast<png_uint_32>(indexed.palette.size());
   const void* pixels = few ? static_cast<const void*>(indexed.indices.data()) : picture.data();

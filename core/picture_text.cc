@@ -263,6 +263,30 @@ std::string Shortened(const std::string& text, int most) {
   return shortened + "..";
 }
 
+RgbImage Captioned(const RgbImage& picture, const std::string& caption) {
+  constexpr int kLine = kTextHeight + 2;
+  RgbImage sheet(picture.width(), picture.height() + kLine, kPaper);
+  DrawText(&sheet, 1, 0, Shortened(caption, picture.width() / kTextWidth), kInk);
+  for (int v = 0; v < picture.height(); ++v) {
+    for (int u = 0; u < picture.width(); ++u) sheet(u, kLine + v) = picture(u, v);
+  }
+  return sheet;
+}
+
+void DrawScale(RgbImage* picture, int left, int top, int width,
+               const std::function<Rgb(double)>& colour,
+               const std::array<std::string, 3>& numbers) {
+  constexpr int kRamp = kScaleHeight - 2 - kTextHeight;
+  for (int u = 0; u < width; ++u) {
+    FillRectangle(picture, left + u, top, 1, kRamp, colour((u + 0.5) / width));
+  }
+  for (int i = 0; i < 3; ++i) {
+    const std::string& number = numbers[static_cast<std::size_t>(i)];
+    const int text = kTextWidth * CountCharacters(number);
+    DrawText(picture, left + i * (width - text) / 2, top + kRamp + 2, number, kFaint);
+  }
+}
+
 void FillRectangle(RgbImage* picture, int left, int top, int width, int height, Rgb colour) {
   const int right = std::min(left + width, picture->width());
   const int bottom = std::min(top + height, picture->height());

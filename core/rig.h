@@ -42,6 +42,21 @@ struct RigSensor {
   }
 };
 
+/// A sensor that does not stand where it stood in the first still: its pose is then its first one
+/// times this, about its own axes (x right, y down, z forward).
+struct RigMovement {
+  std::string sensor;
+  std::array<double, 3> translation_mm{0, 0, 0};
+  std::array<double, 3> rotation_deg{0, 0, 0};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "name of the sensor");
+    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
+    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+  }
+};
+
 /// Sensors that differ in angle and height alone: a ring, an arc, or a column.
 struct RigGroup {
   std::string name = "S";
@@ -67,21 +82,6 @@ struct RigGroup {
     ar("look_at_cm", look_at_cm, "as sensors[].look_at_cm");
     ar("level", level, "as sensors[].level");
     ar("image_size", image_size, "as sensors[].image_size");
-  }
-};
-
-/// A sensor that does not stand where it stood in the first still: its pose is then its first one
-/// times this, about its own axes (x right, y down, z forward).
-struct RigMovement {
-  std::string sensor;
-  std::array<double, 3> translation_mm{0, 0, 0};
-  std::array<double, 3> rotation_deg{0, 0, 0};
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("sensor", sensor, "name of the sensor");
-    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
-    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
   }
 };
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "core/file_util.h"
 #include "core/image_io.h"
 #include "core/picture.h"
+#include "core/picture_text.h"
 #include "core/structure_gltf.h"
 
 namespace volalign {
@@ -31,12 +33,34 @@ nlohmann::ordered_json ToJson(const Intrinsics& k) {
           {"cy", k.cy},       {"distortion", k.distortion}};
 }
 
-void AppendPictures(const DepthImage& clean, const DepthImage& depth, const LabelImage& labels,
-                    const Pose& structure_from_sensor, std::vector<RgbImage>* pictures) {
+void AppendPictures(const std::string& name, const DepthImage& clean, const DepthImage& depth,
+                    const LabelImage& labels, const Pose& structure_from_sensor,
+                    std::vector<RgbImage>* pictures) {
   const int turns = UprightTurns(structure_from_sensor);
-  pictures->push_back(Turn(ColourDepth(clean, kPictureNear, kPictureFar), turns));
-  pictures->push_back(Turn(ColourDepth(depth, kPictureNear, kPictureFar), turns));
-  pictures->push_back(Turn(ColourLabels(labels), turns));
+  const auto append = [&](const RgbImage& picture, const char* what) {
+    pictures->push_back(Captioned(Turn(picture, turns), name + " " + what));
+  };
+  append(ColourDepth(clean, kPictureNear, kPictureFar), "exact");
+  append(ColourDepth(depth, kPictureNear, kPictureFar), "measured");
+  append(ColourLabels(labels), "labels");
+}
+
+void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures) {
+  const RgbImage sheet = Montage(pictures, pictures.size() > 9 ? 6 : 3);
+  constexpr int kMargin = 6, kWidest = 400;
+  RgbImage with_scale(sheet.width(), sheet.height() + kScaleHeight + kTextHeight + 3 * kMargin,
+                      kPaper);
+  for (int v = 0; v < sheet.height(); ++v) {
+    for (int u = 0; u < sheet.width(); ++u) with_scale(u, v) = sheet(u, v);
+  }
+  const int top = sheet.height() + kMargin;
+  DrawText(&with_scale, kMargin, top, "depth, m (black: no measurement)", kInk);
+  DrawScale(
+      &with_scale, kMargin, top + kTextHeight + kMargin / 2,
+      std::min(kWidest, sheet.width() - 2 * kMargin), DepthColour,
+      {fmt::format("{:.1f}", kPictureNear), fmt::format("{:.2f}", (kPictureNear + kPictureFar) / 2),
+       fmt::format("{:.1f}", kPictureFar)});
+  WritePng(path, with_scale);
 }
 
 void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
@@ -55,12 +79,12 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
                                {"depth", depth_name},
                                {"intrinsics", ToJson(sensor.stated_intrinsics)}});
     ground_truth[sensor.name] = ToRows(sensor.structure_from_sensor);
-    AppendPictures(sensor.depth_clean, sensor.depth, sensor.labels, sensor.structure_from_sensor,
-                   &pictures);
+    AppendPictures(sensor.name, sensor.depth_clean, sensor.depth, sensor.labels,
+                   sensor.structure_from_sensor, &pictures);
   }
   if (capture.structure_present) json["ground_truth"] = ground_truth;
   WriteStructureGlb(dir / "structure.glb", capture.structure);
-  WritePng(dir / "contact_sheet.png", Montage(pictures, pictures.size() > 9 ? 6 : 3));
+  WriteContactSheet(dir / "contact_sheet.png", pictures);
   WriteJson(dir / "capture.json", json);
 }
 

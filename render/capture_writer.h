@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <string>
 #include <vector>
 
 #include "core/camera.h"
@@ -16,9 +17,14 @@ namespace volalign {
 /// sensor, turned upright. Throws IoError.
 void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture);
 
-/// Appends three pictures for a contact sheet, turned upright: clean depth, depth and labels.
-void AppendPictures(const DepthImage& clean, const DepthImage& depth, const LabelImage& labels,
-                    const Pose& structure_from_sensor, std::vector<RgbImage>* pictures);
+/// Appends three pictures for a contact sheet, turned upright, each below `name` and what it is:
+/// clean depth, depth and labels.
+void AppendPictures(const std::string& name, const DepthImage& clean, const DepthImage& depth,
+                    const LabelImage& labels, const Pose& structure_from_sensor,
+                    std::vector<RgbImage>* pictures);
+
+/// Writes these pictures as one, with the scale of the depths. Throws IoError.
+void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures);
 
 /// {width, height, fx, fy, cx, cy, distortion}, as all of volalign's JSON files have it.
 nlohmann::ordered_json ToJson(const Intrinsics& intrinsics);

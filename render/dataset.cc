@@ -355,10 +355,10 @@ class DatasetWriter {
       for (Sample& sample : stream.Next()) {
         if (sample.index < start || sample.index >= End()) continue;
         if (start == header_.first_index && sample.index < sheet_end) {
-          AppendPictures(sample.depth_clean, sample.depth, sample.labels,
-                         sample.structure_from_sensor, &pictures);
+          AppendPictures(std::to_string(sample.index), sample.depth_clean, sample.depth,
+                         sample.labels, sample.structure_from_sensor, &pictures);
           if (sample.index + 1 == sheet_end) {
-            WritePng(dir_ / "contact_sheet.png", Montage(pictures, pictures.size() > 9 ? 6 : 3));
+            WriteContactSheet(dir_ / "contact_sheet.png", pictures);
             pictures.clear();
           }
         }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/image_size.h"
 #include "core/input_file.h"
 #include "core/lens.h"
 #include "core/random.h"
@@ -120,6 +121,17 @@ RigScene BuildRigScene(const Rig& rig, const Structure& nominal,
   return out;
 }
 
+/// How a sensor stands in the frame of the first placement while the structure is at its k-th
+/// place.
+Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::size_t i) {
+  Pose pose = scene.first_from_sensors[i];
+  if (k == 0) return pose;
+  for (const RigMovement& movement : rig.placements[k - 1].moved) {
+    if (movement.sensor == rig.sensors[i].name) pose = pose * FirstFromMoved(movement);
+  }
+  return pose;
+}
+
 /// At the pool's largest size of the same aspect ratio.
 Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
                               const std::vector<IntrinsicsPoolEntry>& pool) {
@@ -132,17 +144,6 @@ Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
     }
   }
   return sensor.intrinsics.Resized(size.width, size.height);
-}
-
-/// How a sensor stands in the frame of the first placement while the structure is at its k-th
-/// place.
-Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::size_t i) {
-  Pose pose = scene.first_from_sensors[i];
-  if (k == 0) return pose;
-  for (const RigMovement& movement : rig.placements[k - 1].moved) {
-    if (movement.sensor == rig.sensors[i].name) pose = pose * FirstFromMoved(movement);
-  }
-  return pose;
 }
 
 /// A sensor with everything but its images.

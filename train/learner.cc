@@ -15,6 +15,7 @@ StructureNet MakeNet(const StructureNetOptions& options, const Compute& compute)
   StructureNet net(options);
   net->to(compute.device);
   net->SetComputeType(compute.type);
+  net->SetChannelsLast(compute.channels_last);
   return net;
 }
 

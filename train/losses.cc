@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "train/pixel_loss.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {
@@ -96,16 +97,25 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
                                    const at::Tensor& labels, const at::Tensor& rays,
                                    std::int64_t samples, const LossShare& share) const {
   LossTerms terms;
-  terms.segmentation = SegmentationLoss(log_probs, labels, weights_);
   if (!config_.procrustes) {
+    terms.segmentation = SegmentationLoss(log_probs, labels, weights_);
     terms.total = share.segmentation * terms.segmentation;
     terms.procrustes = at::zeros({}, log_probs.options().requires_grad(false));
     terms.degenerate = at::zeros({}, labels.options());
     return terms;
   }
-  const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, rays));
-  const ProcrustesLoss loss = SoftProcrustesLoss(
-      keypoints, targets_, VisibleSides(labels, depth, num_classes_, config_.min_side_pixels));
+  at::Tensor keypoints, visible;
+  if (log_probs.is_cpu()) {
+    const PixelTerms pixels = ComputePixelTerms(log_probs, labels, depth, rays, weights_);
+    terms.segmentation = pixels.segmentation;
+    keypoints = pixels.keypoints;
+    visible = pixels.measured.narrow(1, 1, num_classes_ - 1) >= config_.min_side_pixels;
+  } else {
+    terms.segmentation = SegmentationLoss(log_probs, labels, weights_);
+    keypoints = SoftKeypoints(log_probs, Deproject(depth, rays));
+    visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
+  }
+  const ProcrustesLoss loss = SoftProcrustesLoss(keypoints, targets_, visible);
   const double ramp = config_.lambda_warmup_samples == 0
                           ? 1.0
                           : std::min(1.0, static_cast<double>(samples) /

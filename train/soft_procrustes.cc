@@ -25,9 +25,6 @@ namespace {
 /// Least (s2 + d s3) / s1 at which the rotation counts as determined: its derivative grows with the
 /// inverse, and float32 keypoints are no better than this.
 constexpr double kMinSigmaSum = 1e-3;
-/// Under this total probability a keypoint counts as absent; log-softmax in float32 reaches it only
-/// at saturation.
-constexpr double kMinProbability = 1e-12;
 
 void Require(bool holds, const char* what, const at::Tensor& x, const char* expected) {
   if (holds) return;

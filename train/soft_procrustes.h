@@ -11,6 +11,10 @@ namespace volalign {
 /// shapes.
 at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& rays);
 
+/// Under this total probability a keypoint counts as absent; log-softmax in float32 reaches it only
+/// at saturation.
+inline constexpr double kMinProbability = 1e-12;
+
 /// Soft keypoints C [B,K-1,3] of the labels 1..K-1 (paper, eq. soft_corr): C_k = sum P_k V / sum
 /// P_k over the pixels with depth, P = exp(log_probs [B,K,H,W]), `points` [B,3,H,W] (z = 0 where
 /// there is no depth). Differentiable with respect to log_probs.

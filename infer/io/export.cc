@@ -17,6 +17,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/image_io.h"
+#include "core/palette_png.h"
 #include "core/parallel_for.h"
 #include "core/picture.h"
 #include "core/strict_json.h"
@@ -71,7 +72,8 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
   FramePanels panels = MakePanels(sensor, *still.built, turns);
   FrameFiles written;
   written.picture = SensorPicture(sensor, panels, *still.built, false);
-  WritePng(still.Path(folder, "pictures", png), SensorPicture(sensor, panels, *still.built, true));
+  WriteFileAtomically(still.Path(folder, "pictures", png),
+                      EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
   written.cloud = AlignedPoints(sensor, *still.built);
   for (AlignedPoint& point : written.cloud) {
     point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
@@ -103,8 +105,9 @@ std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const St
     merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
     files.cloud.clear();
   }
-  WritePng(still.Path(folder, "pictures", "overview.png"),
-           OverviewPicture(pictures, pictures.size() > 3 ? 2 : 1, *still.built));
+  WriteFileAtomically(
+      still.Path(folder, "pictures", "overview.png"),
+      EncodePalettePng(OverviewPicture(pictures, pictures.size() > 3 ? 2 : 1, *still.built)));
   WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
   return written;
 }

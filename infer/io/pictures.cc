@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <utility>
 
@@ -16,25 +15,11 @@ namespace volalign {
 
 namespace {
 
-constexpr Rgb kPaper{24, 26, 30}, kInk{235, 235, 235}, kFaint{165, 168, 174};
-constexpr int kMargin = 6;                             // pixels, between everything
-constexpr int kLine = kTextHeight + 3;                 // from one line of text to the next
-constexpr int kScaleHeight = 8;                        // of a colour scale
-constexpr int kSwatch = 10;                            // side of a legend's square
-constexpr int kScaleBlock = kScaleHeight + kLine + 3;  // a scale and its numbers
-constexpr int kGap = 2;                                // between panels, as Montage has it
-
-/// A colour scale of this width with a number at either end and in the middle.
-void DrawScale(RgbImage* picture, int left, int top, int width,
-               const std::function<Rgb(double)>& colour, const std::string (&numbers)[3]) {
-  for (int u = 0; u < width; ++u) {
-    FillRectangle(picture, left + u, top, 1, kScaleHeight, colour((u + 0.5) / width));
-  }
-  for (int i = 0; i < 3; ++i) {
-    const int text = kTextWidth * CountCharacters(numbers[i]);
-    DrawText(picture, left + i * (width - text) / 2, top + kScaleHeight + 2, numbers[i], kFaint);
-  }
-}
+constexpr int kMargin = 6;                     // pixels, between everything
+constexpr int kLine = kTextHeight + 3;         // from one line of text to the next
+constexpr int kSwatch = 10;                    // side of a legend's square
+constexpr int kScaleBlock = kScaleHeight + 6;  // a scale and what is free below it
+constexpr int kGap = 2;                        // between panels, as Montage has it
 
 struct LegendEntry {
   Rgb colour;

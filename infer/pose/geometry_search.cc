@@ -47,8 +47,10 @@ double Gain(const ShapeEvidence& shape) {
 }
 
 /// Of the different planes that the structure has, those that have to be seen where nothing hides
-/// it: other boxes that look like the structure by area show few of its edges.
-constexpr double kLeastPlanes = 0.6;
+/// it: other boxes that look like the structure by area show few of its edges. What is hidden
+/// counts for less, down to this visible share: behind something near, too much would be taken for
+/// hidden.
+constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
 /// Where less is measured than min_area_share, down to this part of it, because the picture's
 /// border cuts the structure off or something hides it: the least share that is explained, and of
 /// planes.
@@ -270,7 +272,8 @@ bool HasShape(const ShapeEvidence& shape, const Structure& structure,
         shape.goes_on_share() <= options.max_goes_on_share)) {
     return false;
   }
-  const double planes = shape.planes / (CountPlanes(structure) * shape.visible_share());
+  const double planes =
+      shape.planes / (CountPlanes(structure) * std::max(shape.visible_share(), kLeastVisible));
   if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
   return shape.explained >= kSmallPart * options.min_area_share * area &&
          shape.explained_share() >= kSmallExplained && planes >= kSmallPlanes;

