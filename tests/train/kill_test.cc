@@ -111,10 +111,10 @@ bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool wh
   return WIFSIGNALED(status);
 }
 
-// VOLALIGN_KILLS=N kills N times instead of 12.
+// VOLALIGN_KILLS=N kills N times instead of 30.
 TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
   const char* wanted = std::getenv("VOLALIGN_KILLS");
-  const int kills = wanted ? std::atoi(wanted) : 12;
+  const int kills = wanted ? std::atoi(wanted) : 30;
   const TempFolder folder;
   int status = 1;
   const auto start = std::chrono::steady_clock::now();
