@@ -60,7 +60,7 @@ class CommandLine(unittest.TestCase):
         done = set()
         for name, lines in examples.items():
             self.assertTrue(lines, f"volalign {name} has no example")
-            self.assertTrue(lines[-1].startswith(f"volalign {name} "), lines[-1])
+            self.assertTrue(f"{lines[-1]} ".startswith(f"volalign {name} "), lines[-1])
             self.assertTrue(self.expect(f"{name} --help", 0).rstrip().endswith(lines[-1]), name)
             for line in lines:
                 if line in done:
