@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/noise_fields.h"
 #include "core/structure_gltf.h"
 #include "render/depth_renderer.h"
 #include "render/egl_context.h"
-#include "core/noise_fields.h"
 #include "render/sample.h"
 
 namespace volalign {

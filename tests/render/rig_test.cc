@@ -588,7 +588,8 @@ TEST_F(RigTest, AGroupIsSensorsAlikeButForAngleAndHeight) {
   EXPECT_EQ(Parse(WriteConfig(rig)).sensors.size(), 6u);
   EXPECT_NE(ErrorOf("groups: [{phi_deg: []}]\n").find("groups[0] has no sensor"),
             std::string::npos);
-  EXPECT_NE(ErrorOf("groups: [{rho_cm: 150}, {rho_cm: 200}]\n").find("S1 stands twice"), std::string::npos);
+  EXPECT_NE(ErrorOf("groups: [{rho_cm: 150}, {rho_cm: 200}]\n").find("S1 stands twice"),
+            std::string::npos);
 }
 
 TEST_F(RigTest, LevelAxesAreParallel) {
