@@ -92,13 +92,6 @@ void CountSides(const LabelImage& labels, const Structure& structure,
   sensor->sides_fix_pose = SidesFixPose(structure, usable, KeypointKind::kExposed);
 }
 
-/// Of the sensor's position, from that of delta (core/pose.h, PerturbLeft).
-Eigen::Matrix3d PositionCovariance(const Matrix6d& covariance, const Eigen::Vector3d& position) {
-  Eigen::Matrix<double, 3, 6> jacobian;
-  jacobian << Eigen::Matrix3d::Identity(), -Cross(position);
-  return jacobian * covariance * jacobian.transpose();
-}
-
 void AddTrial(const SensorResult& result, PlannedSensor* sensor) {
   if (result.status > sensor->status || sensor->finding.code == SensorCode::kNone) {
     sensor->status = std::max(sensor->status, result.status);
@@ -112,8 +105,7 @@ void AddTrial(const SensorResult& result, PlannedSensor* sensor) {
 void FinishTrials(PlannedSensor* sensor) {
   if (sensor->placed == 0) return;
   sensor->covariance /= sensor->placed;
-  const Eigen::Matrix3d position =
-      PositionCovariance(sensor->covariance, sensor->structure_from_sensor.translation());
+  const Eigen::Matrix3d position = sensor->PositionCovariance();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(position);
   sensor->expected_m = std::sqrt(position.trace());
   sensor->expected_deg = std::sqrt(sensor->covariance.diagonal().tail<3>().sum()) * kDegrees;
@@ -122,6 +114,12 @@ void FinishTrials(PlannedSensor* sensor) {
 }
 
 }  // namespace
+
+Eigen::Matrix3d PlannedSensor::PositionCovariance() const {
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian << Eigen::Matrix3d::Identity(), -Cross(structure_from_sensor.translation());
+  return jacobian * covariance * jacobian.transpose();
+}
 
 RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options) {
   RequireInputFile("structure", rig.structure);

@@ -101,10 +101,7 @@ struct Ellipse {
 };
 
 Ellipse ErrorEllipse(const PlannedSensor& sensor) {
-  const Eigen::Vector3d& eye = sensor.structure_from_sensor.translation();
-  Eigen::Matrix<double, 3, 6> jacobian;
-  jacobian << Eigen::Matrix3d::Identity(), -Cross(eye);
-  const Eigen::Matrix3d position = jacobian * sensor.covariance * jacobian.transpose();
+  const Eigen::Matrix3d position = sensor.PositionCovariance();
   Eigen::Matrix2d flat;
   flat << position(0, 0), position(0, 2), position(2, 0), position(2, 2);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(flat);
