@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "train/compute.h"
 #include "train/launch.h"
 #include "train/run_log.h"
 #include "train/run_table.h"
@@ -48,11 +49,13 @@ int TrainOne(const Options& options) {
     return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
   }
   SetTorchThreads(config.run.threads);
+  KeepFreedMemory();
   Train(config, train_options);
   return 0;
 }
 
 int TrainMany(const Options& options) {
+  KeepFreedMemory();
   const std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
   const SweepResult result = TrainSweep(runs, options.run_dir, /*quiet=*/false);

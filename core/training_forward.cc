@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/log_probabilities.h"
 #include "core/normalized_map.h"
 
 namespace volalign {
