@@ -63,7 +63,7 @@ std::string SensorRow(const SensorResult& sensor, std::size_t width) {
   std::string row = fmt::format(
       "{}  {:>10}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
       ToString(sensor.initial_source), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
-      1000 * sensor.sigma_translation_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
+      1000 * sensor.sigma_position_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
       100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
   if (sensor.error) {
     row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
@@ -88,7 +88,9 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
   text +=
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
       "structure, of those within 10 cm; sigma: the "
-      "largest standard deviation along an axis; inliers: labelled points within 3 cm; refined: no "
+      "largest standard deviation of the sensor's position along an axis, and of its rotation "
+      "about "
+      "one; inliers: labelled points within 3 cm; refined: no "
       "where the initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
