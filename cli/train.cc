@@ -46,7 +46,9 @@ int TrainOne(const Options& options) {
           "one of them out");
     }
     RequireProcesses(config, options.processes);
-    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+    const int status = LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+    if (status == 0) SaveCommand(options.run_dir);
+    return status;
   }
   SetTorchThreads(config.run.threads);
   Train(config, train_options);

@@ -87,11 +87,9 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
   for (const SensorResult& sensor : sensors) text += SensorRow(sensor, width);
   text +=
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
-      "structure, of those within 10 cm; sigma: the "
-      "largest standard deviation of the sensor's position along an axis, and of its rotation "
-      "about "
-      "one; inliers: labelled points within 3 cm; refined: no "
-      "where the initial pose was kept";
+      "structure, of those within 10 cm;\nsigma: the largest standard deviation of the sensor's "
+      "position along an axis, and of its rotation about one;\ninliers: labelled points within 3 "
+      "cm; refined: no where the initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
 }
@@ -240,8 +238,9 @@ std::string FormatReport(const CalibrationResult& result) {
   std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +
                      Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
-    text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
-                        1000 * result.metrics->d2);
+    text += fmt::format(
+        "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
+        1000 * result.metrics->d1, 1000 * result.metrics->d2);
   }
   text += Seconds(result.timings_s);
   text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),

@@ -38,7 +38,7 @@ NAMES = (
     (r"^(cpu, cuda)", "--device"),
     (r"^EGL device", "--egl-device"),
     (r"^threads", "--threads"),
-    (r"(^|: |also )(write|folder for (?!the depth)|file to write|folder to write|picture|TorchScript file|structure file to write|(file|also write).* scores)", "-o,--output"),
+    (r"^(folder for|file to write|folder to write|picture|TorchScript file to write|structure file to write|also write the scores)", "-o,--output"),
     (r"^KEY=VALUE over (the|a) (file|rig$|rig or|recipe|config|calibration)", "--set"),
     (r"^checkpoints?\b", "--model"),
     (r"^(YAML of calibration options|recipe|training recipe)", "--config"),
@@ -140,6 +140,13 @@ class CommandLine(unittest.TestCase):
         for file, key in (("plan.svg", '"rig":'), ("scores.json", '"recipe of models/m05-lite.pt":')):
             with open(os.path.join(self.folder, "out", file + ".command.yaml"), encoding="utf-8") as record:
                 self.assertIn("\n" + key + "\n  ", record.read())
+        # Where LiveScan3D's points are has to be known.
+        convert = "convert out/calibration/extrinsics.json -o livescan --to livescan3d_"
+        self.expect(convert + "azure", 1, "--colour-camera S1=FILE.json")
+        self.expect(convert + "azure --colour-camera S1", 1, "expected SENSOR=FILE.json")
+        self.expect(convert + "kinect_v2", 0, "4 sensors")
+        self.assertEqual(len(os.listdir(os.path.join(self.folder, "livescan"))), 5)  # and command.yaml
+        self.expect("convert livescan --from livescan3d_kinect_v2 --to csv -o back.csv", 0, "4 sensors")
         # What goes to the terminal leaves nothing.
         before = sorted(os.listdir(self.folder))
         self.expect("structure show configs/structure.yaml", 0)
@@ -251,7 +258,8 @@ class CommandLine(unittest.TestCase):
     def test_progress_is_for_terminals(self):
         self.expect("render --rig configs/rig_ring4.yaml --set sensors[0].name=A -o capture", 0)
         arguments = "calibrate --capture capture/capture.json --model models/m05-lite.pt --threads 1 -o "
-        output = self.expect(arguments + "plain", 0)
+        self.expect(arguments + "plain --device tpu", 1, "error: device = 'tpu' is no device: use cpu, cuda or cuda:N")
+        output = self.expect(arguments + "plain --device cpu", 0)
         self.assertNotIn("\r", output)
         with open(os.path.join(self.folder, "plain", "options.yaml"), encoding="utf-8") as file:
             self.assertIn("\nthreads: 1\n", file.read())

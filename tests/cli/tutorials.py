@@ -24,6 +24,11 @@ SMALLER = (
     ("run.samples=40000", "run.samples=32 --set run.validation_samples=8 --set optim.warmup_samples=16 --set data.image_sizes=[80x72,80x45] "
                           "--set loss.min_side_pixels=5 --set run.batch_size=8"),
     ("--samples 500", "--samples 8"),
+    ("run.samples=320", "run.samples=48 --set run.batch_size=8"),
+    ("--config configs/m05-lite.yaml -o runs/m05-lite", "--config configs/m05-lite.yaml --set run.samples=16 --set run.validation_samples=8 --set optim.warmup_samples=8 "
+                                                         "--set data.image_sizes=[80x72,80x45] --set run.batch_size=8 -o runs/m05-lite"),
+    ("configs/m05.yaml --device cuda", "configs/m05.yaml --set run.samples=2 --set run.validation_samples=2 --set optim.warmup_samples=2 --set run.batch_size=2 --set data.image_sizes=[40x36] "
+                                       "--set data.sensors=[azure_kinect_nfov_binned]"),
     ("--seeds 1:4", "--seeds 1"),
 )
 
@@ -113,6 +118,26 @@ class Tutorials(unittest.TestCase):
         shown = self.run_command("volalign runs list runs")
         self.assertIn("my_boxes", shown)
         for file in ("target.svg", "plan.svg", "scores.json", "evaluated/evaluation.json", "rendered_out/report.html"):
+            self.assertTrue(os.path.exists(os.path.join(self.folder, file)), file)
+
+    def test_own_rig(self):
+        for step in steps_of(page("own-rig.md")):
+            if "init frames" in step[1]:
+                self.capture_frames("rendered", "frames")
+            output = self.run_command(step[1])
+            if step[1].startswith("volalign check"):
+                self.assertIn("nothing moved", output)
+        sensors = self.extrinsics("out")
+        self.assertEqual(len(sensors), 6)
+        for name, sensor in sensors.items():
+            self.assertEqual(sensor["status"], "ok", (name, sensor))
+        for file in ("trajectory.json", "unity.json", "out/report.html", "out/clouds/merged.ply", "out/rig.glb"):
+            self.assertTrue(os.path.exists(os.path.join(self.folder, file)), file)
+
+    def test_retrain(self):
+        for step in steps_of(page("retrain.md")):
+            self.run_command(step[1])
+        for file in ("preview/preview.png", "runs.svg", "runs/m05/model.pt", "evaluated/evaluation.json"):
             self.assertTrue(os.path.exists(os.path.join(self.folder, file)), file)
 
     def test_placements(self):

@@ -45,9 +45,9 @@ Poses ReadVolumetricCapture(const Files& files);
 
 /// Where LiveScan3D's camera, whose points it transforms, is to the sensor of that name:
 /// p_camera = T p_sensor.
-using CameraOf = std::function<Pose(const std::string& name)>;
-Files WriteLivescan(const Poses& poses, const CameraOf& camera_from_sensor);
-Poses ReadLivescan(const Files& files, const CameraOf& camera_from_sensor);
+using CameraFromSensor = std::function<Pose(const std::string& name)>;
+Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor);
+Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor);
 /// Whether it is one of its files, by its name.
 bool IsLivescanFile(const std::string& file);
 

@@ -65,7 +65,7 @@ Pose WorldFromCamera(const std::string& text, const std::string& file) {
 
 bool IsLivescanFile(const std::string& file) { return file.rfind(kBegin, 0) == 0; }
 
-Files WriteLivescan(const Poses& poses, const CameraOf& camera_from_sensor) {
+Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor) {
   Files files;
   for (const SensorPose& sensor : poses) {
     const Pose pose = sensor.structure_from_sensor * camera_from_sensor(sensor.name).inverse();
@@ -80,7 +80,7 @@ Files WriteLivescan(const Poses& poses, const CameraOf& camera_from_sensor) {
   return files;
 }
 
-Poses ReadLivescan(const Files& files, const CameraOf& camera_from_sensor) {
+Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor) {
   Poses poses;
   for (const auto& [file, text] : files) {
     const std::string name = NameOf(file);

@@ -29,7 +29,8 @@ const char* WordOf(PoseFormat format) {
 }
 
 /// The camera whose points LiveScan3D's client of that device transforms.
-poses_internal::CameraOf LivescanCamera(PoseFormat format, const PoseFormatOptions& options) {
+poses_internal::CameraFromSensor LivescanCamera(PoseFormat format,
+                                                const PoseFormatOptions& options) {
   if (format == PoseFormat::kLivescanKinectV2) {
     return [](const std::string&) {
       Pose pose = Pose::Identity();
