@@ -145,6 +145,12 @@ std::string Reasons(const std::vector<SensorResult>& sensors) {
   return text;
 }
 
+/// Rounded to so many digits, without the sign of a zero.
+double Rounded(double value, int digits) {
+  const double scale = std::pow(10, digits);
+  return std::round(value * scale) / scale + 0.0;
+}
+
 /// `where`: "in NAME: " of one of several stills.
 std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& boxes,
                     const Structure& built) {
@@ -155,8 +161,9 @@ std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& box
     text += fmt::format(
         "{}box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
         "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
-        where, built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
-        1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
+        where, built.boxes()[b].name, Rounded(1000 * box.x, 1), Rounded(1000 * box.z, 1),
+        Rounded(box.yaw * 180 / M_PI, 2), 1000 * box.sigma_x, 1000 * box.sigma_z,
+        box.sigma_yaw * 180 / M_PI);
   }
   return text;
 }
@@ -204,6 +211,20 @@ std::string Placements(const CalibrationResult& result) {
   return text;
 }
 
+const char* Words(LensSource source) {
+  switch (source) {
+    case LensSource::kGiven:
+      return "the given lens";
+    case LensSource::kKind:
+      return "the typical lens of its kind";
+    case LensSource::kRecognised:
+      return "the typical lens of a known kind, which floor and walls show";
+    case LensSource::kEstimated:
+      return "a lens estimated from this capture";
+  }
+  return "";
+}
+
 /// Of the sensors whose intrinsics are not those given.
 std::string Lenses(const std::vector<SensorResult>& sensors) {
   std::string text;
@@ -212,10 +233,10 @@ std::string Lenses(const std::vector<SensorResult>& sensors) {
     const double moved = LargestShift(sensor.intrinsics_given, sensor.intrinsics);
     if (!(moved > 0)) continue;
     text += fmt::format(
-        "{}: lens {}, focal length x {:.4f}, pixels up to {:.1f} px from where the "
-        "intrinsics given have them\n",
-        sensor.name, ToString(sensor.lens.source),
-        sensor.intrinsics.fx / sensor.intrinsics_given.fx, moved);
+        "{}: through {}, focal length x {:.4f}; pixels lie up to {:.1f} px from where the given "
+        "intrinsics have them\n",
+        sensor.name, Words(sensor.lens.source), sensor.intrinsics.fx / sensor.intrinsics_given.fx,
+        moved);
   }
   return text;
 }

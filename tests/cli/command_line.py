@@ -129,7 +129,7 @@ class CommandLine(unittest.TestCase):
                 # The rendered sensors' intrinsics are in no file of their own: it has to say so.
                 expected = 2 if name == "capture init" and line == lines[-1] else 0
                 self.assertEqual(status, expected, f"{line}\n{output}")
-                self.expect_record(line, options_of(text)[next(key for key in examples if line.startswith(f"volalign {key} "))])
+                self.expect_record(line, options_of(text)[next(key for key in examples if f"{line} ".startswith(f"volalign {key} "))])
         with open(os.path.join(self.folder, "out/calibration/options.yaml"), encoding="utf-8") as file:
             self.assertIn("refine:", file.read())
         # What was used stands beside what came out, and serves again.
