@@ -74,6 +74,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--set", request->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
+  AddAssignment(app, "--device", "device", &request->assignments, "cpu, cuda or cuda:N");
   app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");
 }
 
@@ -89,7 +90,8 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   SetTorchThreads(config.threads);
   std::unique_ptr<NetworkSegmenter> segmenter;
   if (!request.model.empty())
-    segmenter = LoadNetworkSegmenter(request.model, structure ? &*structure : nullptr);
+    segmenter =
+        LoadNetworkSegmenter(request.model, structure ? &*structure : nullptr, config.device);
   if (!structure && !segmenter) {
     throw ConfigError(
         "there is neither a model nor a structure; describe the boxes in a YAML and give it with "
@@ -108,12 +110,13 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
   out.source = {request.captures, segmenter ? segmenter->file() : "",
                 segmenter ? segmenter->sha256() : ""};
+  out.options = WriteConfig(config);
   if (!request.output.empty()) {
-    const std::string resolved = WriteConfig(config);
-    WriteFileAtomically(std::filesystem::path(request.output) / "options.yaml", resolved);
+    WriteFileAtomically(std::filesystem::path(request.output) / "options.yaml", out.options);
     std::optional<ReportRun> report;
-    if (!request.no_report) report = ReportRun{CommandLine(), resolved};
+    if (!request.no_report) report = ReportRun{CommandLine(), out.options};
     WriteCalibration(request.output, out.result, out.stills, out.structure, out.source, report);
+    SaveCommand(request.output);
   }
   return out;
 }

@@ -27,6 +27,7 @@ struct Calibration {
   Structure structure;
   CalibrationResult result;
   ExtrinsicsSource source;
+  std::string options;  ///< YAML: every option of the calibration
 };
 
 /// Reads, calibrates, and writes the folder `request.output` where that is not empty. Throws what

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/file_util.h"
@@ -32,6 +33,7 @@ int RunInit(const Options& options) {
   const fs::path parent = output.has_parent_path() ? output.parent_path() : fs::path(".");
   const CaptureDraft draft = DraftCapture(options.folder, parent, draft_options);
   WriteFileAtomically(output, draft.json);
+  SaveCommand(output);
   for (const std::string& sentence : draft.found) fmt::print("{}\n", sentence);
   fmt::print("written: {} ({} sensors)\n", output.string(), draft.sensors);
   if (draft.unknown.empty()) return 0;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cli/calibration.h"
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "infer/io/extrinsics.h"
 #include "infer/io/rig_check.h"
@@ -64,6 +65,7 @@ int RunCheck(const Options& options) {
   }
   if (!options.update.empty()) {
     WriteExtrinsics(options.update, UpdateExtrinsics(last, now_extrinsics, check));
+    SaveCommand(options.update, {{"calibration", now.options}});
     fmt::print("written: {}\n", options.update);
   }
   if (check.MovedBeyond(0.001 * options.max_mm, options.max_deg)) return kMovedStatus;

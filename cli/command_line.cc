@@ -1,11 +1,23 @@
 #include "cli/command_line.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/file_util.h"
+
 namespace volalign {
 
 namespace {
 
-std::string& Kept() {
-  static std::string kept;
+struct Kept {
+  std::string line;
+  const CLI::App* program = nullptr;
+};
+
+Kept& TheKept() {
+  static Kept kept;
   return kept;
 }
 
@@ -18,14 +30,66 @@ std::string Quoted(const std::string& argument) {
   return quoted + "'";
 }
 
+/// A text in double quotes, as YAML has it.
+std::string Text(const std::string& text) { return nlohmann::json(text).dump(); }
+
+/// The sub-command that was called.
+const CLI::App* Called(const CLI::App* app) {
+  while (!app->get_subcommands().empty()) app = app->get_subcommands().front();
+  return app;
+}
+
+/// "  name: value", from the arguments or the default; "" of an option with neither.
+std::string OptionLine(const CLI::Option* option) {
+  const std::string name =
+      option->get_lnames().empty() ? option->get_name() : option->get_lnames().front();
+  std::vector<std::string> values;
+  for (const std::string& value : option->results()) values.push_back(Text(value));
+  if (values.empty() && !option->get_default_str().empty())
+    values.push_back(Text(option->get_default_str()));
+  if (values.empty()) return "";
+  if (option->get_expected_max() > 1 && option->count() > 0)
+    return fmt::format("  {}: [{}]\n", name, fmt::join(values, ", "));
+  return fmt::format("  {}: {}\n", name, values.back());
+}
+
+std::string Indented(const std::string& yaml) {
+  std::string text;
+  for (std::size_t begin = 0; begin < yaml.size();) {
+    const std::size_t end = std::min(yaml.find('\n', begin), yaml.size());
+    if (end > begin) text += "  " + yaml.substr(begin, end - begin);
+    text += "\n";
+    begin = end + 1;
+  }
+  return text;
+}
+
 }  // namespace
 
 void KeepCommandLine(int argc, const char* const* argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + Quoted(argv[i]);
-  Kept() = line;
+  TheKept().line = line;
 }
 
-std::string CommandLine() { return Kept(); }
+std::string CommandLine() { return TheKept().line; }
+
+void KeepCommand(const CLI::App* program) { TheKept().program = program; }
+
+void SaveCommand(const std::filesystem::path& result,
+                 const std::vector<std::pair<std::string, std::string>>& configs) {
+  std::string text = fmt::format("version: {}\ncommand: {}\noptions:\n", Text(VOLALIGN_VERSION),
+                                 Text(CommandLine()));
+  const CLI::App* app = Called(TheKept().program);
+  for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
+    text += OptionLine(option);
+  for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml);
+  std::filesystem::path file = result / "command.yaml";
+  if (!std::filesystem::is_directory(result)) {
+    file = result;
+    file += ".command.yaml";
+  }
+  WriteFileAtomically(file, text);
+}
 
 }  // namespace volalign

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
+#include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace volalign {
 
@@ -9,5 +13,16 @@ void KeepCommandLine(int argc, const char* const* argv);
 
 /// How the program was called, as a shell reads it.
 std::string CommandLine();
+
+/// Keeps what the parser made of them for SaveCommand; called once, by main, before a sub-command
+/// runs.
+void KeepCommand(const CLI::App* program);
+
+/// Writes how a result came about: RESULT/command.yaml where the result is a folder, else
+/// RESULT.command.yaml beside it. It has the program's version, the command line, every option of
+/// the sub-command as it was used, and `configs`: names and YAML of resolved configurations that
+/// have no file of their own. Throws IoError.
+void SaveCommand(const std::filesystem::path& result,
+                 const std::vector<std::pair<std::string, std::string>>& configs = {});
 
 }  // namespace volalign

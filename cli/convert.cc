@@ -1,17 +1,60 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
+#include "core/error.h"
+#include "infer/io/formats/kinect_calibration.h"
 #include "infer/io/poses/pose_format.h"
 
 namespace volalign {
 
+namespace {
+
+struct Options {
+  std::string input, from = "volalign", to, output;
+  std::vector<std::string> colour_cameras;
+};
+
+/// All words but that of our own extrinsics.json.
+std::string OtherFormats() {
+  std::vector<std::string> words;
+  for (const auto& [word, format] : kPoseFormatWords) {
+    if (format != PoseFormat::kVolalign) words.emplace_back(word);
+  }
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
+PoseFormatOptions ReadColourCameras(const std::vector<std::string>& assignments) {
+  PoseFormatOptions options;
+  for (const std::string& assignment : assignments) {
+    const std::size_t equals = assignment.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw ConfigError(fmt::format("--colour-camera {}: expected SENSOR=FILE.json", assignment));
+    options.colour_from_depth[assignment.substr(0, equals)] =
+        ReadColourFromDepth(assignment.substr(equals + 1));
+  }
+  return options;
+}
+
+int RunConvert(const Options& options) {
+  const PoseFormat to = ParsePoseFormat(options.to);
+  const PoseFormatOptions cameras = ReadColourCameras(options.colour_cameras);
+  const auto poses = ReadPoses(options.input, ParsePoseFormat(options.from), cameras);
+  for (const std::string& note : WritePoses(options.output, to, poses, cameras))
+    fmt::print("note: {}\n", note);
+  SaveCommand(options.output);
+  fmt::print("written: {} ({} sensors)\n", options.output, poses.size());
+  return 0;
+}
+
+}  // namespace
+
 Command AddConvertCommand(CLI::App& program) {
-  struct Options {
-    std::string input, from = "volalign", to, output;
-  };
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "convert",
@@ -19,22 +62,18 @@ Command AddConvertCommand(CLI::App& program) {
   app->add_option("input", options->input,
                   "extrinsics.json of `volalign calibrate`, or what --from names")
       ->required();
-  const std::string words =
-      "poses, open3d, open3d_log, colmap, opencv, ros, unity, volumetric_capture, tum, csv";
+  const std::string words = OtherFormats();
   app->add_option("--to", options->to, "format to write: " + words)->required();
   app->add_option("--from", options->from, "format of the input: volalign, " + words)
       ->capture_default_str();
   app->add_option("-o,--output", options->output,
-                  "file to write; a folder for colmap and volumetric_capture")
+                  "file to write; a folder for colmap, volumetric_capture and livescan3d_...")
       ->required();
-  return {app, [options] {
-            const PoseFormat to = ParsePoseFormat(options->to);
-            const auto poses = ReadPoses(options->input, ParsePoseFormat(options->from));
-            for (const std::string& lost : WritePoses(options->output, to, poses))
-              fmt::print("note: {}\n", lost);
-            fmt::print("written: {} ({} sensors)\n", options->output, poses.size());
-            return 0;
-          }};
+  app->add_option("--colour-camera", options->colour_cameras,
+                  "SENSOR=FILE: raw calibration JSON of that Azure Kinect, which says where its "
+                  "colour camera is; livescan3d_azure needs it of every sensor")
+      ->take_all();
+  return {app, [options] { return RunConvert(*options); }};
 }
 
 }  // namespace volalign

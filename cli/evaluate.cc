@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/error.h"
@@ -32,7 +33,7 @@ struct Options {
   std::string output, config, seeds, compare;
   std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
-  int device = -1;
+  int egl_device = -1;
   std::string suite, suite_config = "configs/paper/suite.yaml";
   int workers = 1, max_captures = 0;
 };
@@ -60,13 +61,13 @@ void AddSuiteOptions(CLI::App* app, Options* options) {
 void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--model", options->models,
                   "checkpoints, e.g. models/m05-lite.pt; several are compared on the same frames");
-  app->add_option("--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
+  app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "
                   "azure_kinect_nfov_binned realsense_d415; without it, with the rig's own");
   app->add_option("--seeds", options->seeds,
                   "FIRST:END (END not included) or a list with commas; the rig's own without it");
-  app->add_option("--captures", options->captures,
+  app->add_option("--capture,--captures", options->captures,
                   "capture.json files, scored by residuals and, where they have it, ground truth");
   app->add_option("--compare", options->compare,
                   "KEY=VALUE,VALUE: a calibration option under which each still is calibrated with "
@@ -75,6 +76,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--set", options->assignments, "KEY=VALUE over the calibration options")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
+  AddAssignment(app, "--device", "device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
   app->add_option("--placements", options->rigs.placements,
                   "numbers of placements of the structure, e.g. 1 2 4: each rig is calibrated with "
@@ -88,7 +90,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_flag("--keep-yaw", options->rigs.keep_yaw,
                 "leave the structure as the rig turns it; else each seed turns it by the golden "
                 "angle more");
-  app->add_option("--device", options->device,
+  app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
   AddSuiteOptions(app, options);
   app->add_option("-o,--output", options->output,
@@ -129,7 +131,7 @@ int RunPaperSuite(const Options& options) {
   run.output = options.output;
   run.program = Sha256(ReadFile("/proc/self/exe"));
   run.workers = options.workers;
-  run.device = options.device;
+  run.device = options.egl_device;
   run.max_captures = options.max_captures;
   run.progress = PrintProgress;
   SetTorchThreads(options.workers > 1 ? 1 : 2);
@@ -137,6 +139,7 @@ int RunPaperSuite(const Options& options) {
   for (const std::filesystem::path& file : WriteFigures(suite, run))
     fmt::print(stderr, "written: {}\n", file.string());
   std::fflush(stdout);
+  SaveCommand(options.output, {{"suite", WriteConfig(suite)}});
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
   return 0;
 }
@@ -145,7 +148,7 @@ int RunEvaluate(const Options& options) {
   if (!options.suite.empty()) return RunPaperSuite(options);
   if (options.models.empty()) throw ConfigError("evaluate wants --model, or --suite");
   if (options.rigs.files.empty() && options.captures.empty()) {
-    throw ConfigError("evaluate wants --rigs RIG.yaml ..., --captures capture.json ..., or both");
+    throw ConfigError("evaluate wants --rig RIG.yaml ..., --capture capture.json ..., or both");
   }
   ConfigSource source =
       options.config.empty() ? ConfigSource() : ConfigSource::FromFile(options.config);
@@ -159,7 +162,7 @@ int RunEvaluate(const Options& options) {
   std::vector<std::unique_ptr<NetworkSegmenter>> networks;
   std::vector<EvaluationModel> models;
   for (const std::string& file : options.models) {
-    networks.push_back(LoadNetworkSegmenter(file));
+    networks.push_back(LoadNetworkSegmenter(file, nullptr, variants.front().options.device));
     NetworkSegmenter* network = networks.back().get();
     models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
   }
@@ -168,7 +171,7 @@ int RunEvaluate(const Options& options) {
   std::vector<EvaluationItem> items;
   if (!rigs.empty()) {
     EglContextOptions context_options;
-    context_options.device = options.device;
+    context_options.device = options.egl_device;
     egl.emplace(context_options);
     renderer.emplace();
     fmt::print(stderr, "renderer: {}\n", egl->Describe());
@@ -182,6 +185,7 @@ int RunEvaluate(const Options& options) {
   const std::vector<EvaluatedCase> cases = Evaluate(items, variants, models, run);
   fmt::print("{}", FormatEvaluation(cases));
   std::fflush(stdout);
+  SaveCommand(options.output);
   fmt::print(stderr, "written: {}\n", run.output.string());
   return 0;
 }

@@ -45,7 +45,7 @@ const std::map<std::string, std::string>& Examples() {
        calibrate + "volalign convert out/calibration/extrinsics.json --to colmap -o out/colmap\n"},
       {"doctor", "volalign doctor\n"},
       {"evaluate",
-       "volalign evaluate --model models/m05-lite.pt --rigs configs/rig_ring4.yaml --seeds 7 "
+       "volalign evaluate --model models/m05-lite.pt --rig configs/rig_ring4.yaml --seeds 7 "
        "-o out/evaluation\n"},
       {"export", "volalign export --model models/m05-lite.pt -o out/m05-lite.ts\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
@@ -59,7 +59,8 @@ const std::map<std::string, std::string>& Examples() {
       {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
       {"structure show", "volalign structure show configs/structure.yaml\n"},
       {"train", train},
-      {"validate", "volalign validate --model models/m05-lite.pt --samples 16\n"}};
+      {"validate",
+       "volalign validate --model models/m05-lite.pt --samples 16 -o out/scores.json\n"}};
   return examples;
 }
 

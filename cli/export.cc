@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/export_torchscript.h"
 
@@ -19,6 +20,7 @@ Command AddExportCommand(CLI::App& program) {
   app->add_option("-o,--output", options->output, "TorchScript file to write (.ts)")->required();
   return {app, [options] {
             ExportTorchScript(options->model, options->output);
+            SaveCommand(options->output);
             fmt::print(
                 "written: {} (depth [B,1,H,W] float32, metres -> log-probabilities [B,K,H,W])\n",
                 options->output);

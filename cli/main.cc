@@ -65,6 +65,7 @@ int Run(int argc, char** argv) {
   if (!Parse(&program, argc, argv, &status)) return status;
   try {
     SetDataFolder(FindDataFolder(data_dir));
+    KeepCommand(&program);
     for (const Command& command : commands) {
       if (*command.app) return command.run();
     }

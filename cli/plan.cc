@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/config.h"
 #include "core/file_util.h"
@@ -20,6 +21,7 @@ struct Options {
   std::string rig, picture;
   std::vector<std::string> assignments;
   int trials = 3;
+  int threads = CalibrateOptions().threads;
 };
 
 int RunPlan(const Options& options) {
@@ -27,10 +29,13 @@ int RunPlan(const Options& options) {
   for (const std::string& assignment : options.assignments) source.Set(assignment);
   const std::vector<Rig> turns = Turns(ReadRig(source));
   if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
-  const RigPlan plan = PlanRig(turns.front(), options.trials);
+  CalibrateOptions calibration;
+  calibration.threads = options.threads;
+  const RigPlan plan = PlanRig(turns.front(), options.trials, calibration);
   fmt::print("{}", FormatPlan(plan));
   if (!options.picture.empty()) {
     WriteFileAtomically(options.picture, PlanPicture(plan));
+    SaveCommand(options.picture, {{"rig", WriteConfig(turns.front())}});
     fmt::print("written: {}\n", options.picture);
   }
   const bool all =
@@ -50,6 +55,9 @@ Command AddPlanCommand(CLI::App& program) {
   app->add_option("--trials", options->trials,
                   "measurements to calibrate, each with other errors of the sensors")
       ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app->add_option("--threads", options->threads, "threads over sensors")
+      ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app->add_option("-o,--output", options->picture, "picture of the rig from above, SVG");
   return {app, [options] { return RunPlan(*options); }};

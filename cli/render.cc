@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/file_util.h"
@@ -35,7 +36,7 @@ struct RenderOptions {
   bool preview = false;
   std::string real_frames;
   double real_depth_scale = 0.001;
-  int device = -1;
+  int egl_device = -1;
 };
 
 void AddOptions(RenderOptions* options, CLI::App* app) {
@@ -69,7 +70,7 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
       ->needs(preview)
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app->add_option("--device", options->device,
+  app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
 }
 
@@ -141,7 +142,7 @@ void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std:
   dataset.num_threads = options.threads > 0
                             ? options.threads
                             : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  dataset.device = options.device;
+  dataset.device = options.egl_device;
   dataset.progress = true;
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(recipe.data, recipe.run.batch_size));
@@ -160,11 +161,12 @@ int RunRender(const RenderOptions& options) {
   ConfigSource source = ConfigSource::FromFile(options.rig.empty() ? options.config : options.rig);
   for (const std::string& assignment : options.assignments) source.Set(assignment);
   EglContextOptions context_options;
-  context_options.device = options.device;
+  context_options.device = options.egl_device;
   const EglContext egl(context_options);
   fmt::print("renderer: {}\n", egl.Describe());
   if (!options.rig.empty()) {
     RenderRigTurns(options, source);
+    SaveCommand(options.output);
     return 0;
   }
   const TrainConfig recipe = ReadTrainConfig(source);
@@ -174,6 +176,7 @@ int RunRender(const RenderOptions& options) {
   } else {
     RenderDataset(options, recipe, seed);
   }
+  SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
   return 0;
 }
 

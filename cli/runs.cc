@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "core/file_util.h"
 #include "train/run_log.h"
 #include "train/run_plot.h"
@@ -65,7 +66,8 @@ Command AddRunsCommand(CLI::App& program) {
               fmt::print("{}", FormatTable(CompareRuns(GroupRuns(runs)), options->format));
             } else {
               WriteFileAtomically(options->output, PlotRuns(GroupRuns(runs), options->metrics));
-              fmt::print("{}\n", options->output);
+              SaveCommand(options->output);
+              fmt::print("written: {}\n", options->output);
             }
             return 0;
           }};

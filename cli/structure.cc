@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/file_util.h"
 #include "core/structure_gltf.h"
@@ -37,6 +38,7 @@ void CheckStructure(const std::string& file, const TargetViewOptions& views,
   fmt::print("{}", FormatTarget(structure, quality));
   if (picture.empty()) return;
   WriteFileAtomically(picture, TargetPicture(structure, quality));
+  SaveCommand(picture);
   fmt::print("written: {}\n", picture);
 }
 #endif
@@ -84,6 +86,7 @@ Command AddStructureCommand(CLI::App& program) {
 #endif
             if (*build) {
               WriteStructureGlb(options->glb, ReadStructureYaml(options->boxes));
+              SaveCommand(options->glb);
               PrintStructure(ReadStructureGlb(options->glb));
               fmt::print("written: {}\n", options->glb);
             } else {

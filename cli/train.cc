@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/error.h"
@@ -46,11 +47,14 @@ int TrainOne(const Options& options) {
           "one of them out");
     }
     RequireProcesses(config, options.processes);
-    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+    const int status = LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+    if (status == 0) SaveCommand(options.run_dir);
+    return status;
   }
   SetTorchThreads(config.run.threads);
   KeepFreedMemory();
   Train(config, train_options);
+  if (train_options.world.rank == 0) SaveCommand(options.run_dir);
   return 0;
 }
 
@@ -64,6 +68,7 @@ int TrainMany(const Options& options) {
   const std::filesystem::path dir = options.run_dir;
   WriteFileAtomically(dir / "summary.csv", FormatTable(summary, TableFormat::kCsv));
   WriteFileAtomically(dir / "summary.json", FormatTable(summary, TableFormat::kJson));
+  SaveCommand(dir);
   fmt::print("{}", FormatTable(summary, TableFormat::kText));
   if (!result.finished) fmt::print(stderr, "stopped: the same command continues the sweep\n");
   return result.failures.empty() ? 0 : 2;

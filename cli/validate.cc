@@ -3,8 +3,10 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/checkpoint.h"
@@ -18,12 +20,14 @@ namespace {
 
 struct Options {
   std::vector<std::string> models;
-  std::string config, json;
+  std::string config, output;
   std::vector<std::string> assignments;
   int samples = 1000;
 };
 
-ValidatedModel ValidateModel(const std::string& file, const Options& options) {
+/// The recipe that the samples are of is added to `recipes`.
+ValidatedModel ValidateModel(const std::string& file, const Options& options,
+                             std::vector<std::pair<std::string, std::string>>* recipes) {
   LoadedModel model = LoadCheckpoint(file);
   ConfigSource source =
       options.config.empty()
@@ -31,6 +35,7 @@ ValidatedModel ValidateModel(const std::string& file, const Options& options) {
           : ConfigSource::FromFile(options.config);
   for (const std::string& assignment : options.assignments) source.Set(assignment);
   const TrainConfig config = ReadTrainConfig(source);
+  recipes->emplace_back("recipe of " + file, WriteConfig(config));
   SetTorchThreads(config.run.threads);
   const ValidatedModel validated{file, model.meta.samples,
                                  ValidateCheckpoint(model, config, options.samples)};
@@ -55,14 +60,19 @@ Command AddValidateCommand(CLI::App& program) {
   app->add_option("--samples", options->samples, "number of samples, rounded up to whole batches")
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
-  app->add_option("--json", options->json, "also write the scores to this file");
+  app->add_option("-o,--output", options->output, "also write the scores to this file, JSON");
   return {app, [options] {
             std::vector<ValidatedModel> all;
+            std::vector<std::pair<std::string, std::string>> recipes;
             for (const std::string& file : options->models) {
               if (!all.empty()) fmt::print("\n");
-              all.push_back(ValidateModel(file, *options));
+              all.push_back(ValidateModel(file, *options, &recipes));
             }
-            if (!options->json.empty()) WriteFileAtomically(options->json, ValidationJson(all));
+            if (!options->output.empty()) {
+              WriteFileAtomically(options->output, ValidationJson(all));
+              SaveCommand(options->output, recipes);
+              fmt::print("\nwritten: {}\n", options->output);
+            }
             return 0;
           }};
 }

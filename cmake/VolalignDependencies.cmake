@@ -58,11 +58,12 @@ if(VOLALIGN_INFER)
   if(NOT THREE_JS_DIR)
     list(APPEND VOLALIGN_MISSING "three.js (Debian package libjs-three)")
   endif()
-  # Depth in TIFF and OpenEXR; recordings in Matroska and in bags, whose chunks are packed by bzip2 or lz4.
+  # Depth in TIFF and OpenEXR; recordings in Matroska, in bags, whose chunks are packed by bzip2 or lz4, and in SQLite.
   volalign_find(TIFF libtiff-dev)
   volalign_find(OpenEXR libopenexr-dev)
   volalign_find(Matroska libmatroska-dev)
   volalign_find(BZip2 libbz2-dev)
+  volalign_find(SQLite3 libsqlite3-dev)
   if(PkgConfig_FOUND)
     pkg_check_modules(LZ4 QUIET IMPORTED_TARGET liblz4)
   endif()

@@ -9,7 +9,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
   libcli11-dev libfmt-dev
   libjs-three
-  libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev
+  libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libsqlite3-dev
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev python3 python3-torch)
 # For the test of report.html, which is skipped without them: 80 MB to fetch, 350 MB installed. CI has them.

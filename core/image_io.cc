@@ -247,8 +247,10 @@ bool IsPng(const std::string& bytes) { return bytes.compare(0, 4, "\x89PNG") == 
 }  // namespace
 
 Image16 ReadDepthFile(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path, kMaxFileBytes);
-  const std::string name = path.string();
+  return DecodeDepth(ReadFile(path, kMaxFileBytes), path.string());
+}
+
+Image16 DecodeDepth(const std::string& bytes, const std::string& name) {
   if (bytes.size() > 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) {
     return DecodePgm(bytes, name);
   }

@@ -12,6 +12,8 @@ namespace volalign {
 /// MiB, DataError if it is truncated, of another kind, of over 2^26 pixels or holds values above
 /// its maximum.
 Image16 ReadDepthFile(const std::filesystem::path& path);
+/// The same of such a file in memory; `name` begins every message.
+Image16 DecodeDepth(const std::string& bytes, const std::string& name);
 
 /// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.
 LabelImage ReadPng8(const std::filesystem::path& path);

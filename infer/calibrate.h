@@ -24,6 +24,7 @@ struct CalibrateOptions {
   VerdictOptions verdict;
   AssemblyOptions assembly;
   int threads = 2;
+  std::string device = "cpu";
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -33,6 +34,7 @@ struct CalibrateOptions {
     ar("verdict", verdict, "what a sensor has to show to be placed, and to be ok");
     ar("assembly", assembly, "recognition of a stack that is built otherwise");
     ar("threads", threads, "threads over sensors", AtLeast(1));
+    ar("device", device, "what the network runs on: cpu, cuda or cuda:N");
   }
 };
 

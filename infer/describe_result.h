@@ -65,9 +65,13 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   }
   ar.Optional("unconstrained", unconstrained);
   ar.IfFinite("covariance", sensor.covariance);
-  Eigen::Vector3d sigma_translation_m = sensor.sigma_translation_m();
+  if constexpr (Archive::kReading) {  // of earlier files: the covariance says it
+    Eigen::Vector3d dropped;
+    ar.IfFinite("sigma_translation_m", dropped);
+  }
+  Eigen::Vector3d sigma_position_m = sensor.sigma_position_m();
   Eigen::Vector3d sigma_rotation_deg = sensor.sigma_rotation_deg();
-  ar.IfFinite("sigma_translation_m", sigma_translation_m);
+  ar.IfFinite("sigma_position_m", sigma_position_m);
   ar.IfFinite("sigma_rotation_deg", sigma_rotation_deg);
   ar.Optional("error", sensor.error);
   ar.Optional("initial_error", sensor.initial_error);

@@ -32,7 +32,7 @@ struct PlannedSensor {
   /// Direction in which the place is known least, unit vector, structure frame.
   Eigen::Vector3d weakest = Eigen::Vector3d::Zero();
   double weakest_m = 0;  ///< standard deviation along it
-  /// Of the sensor's position (of `covariance`, that of delta in core/pose.h, PerturbLeft).
+  /// Of the sensor's position.
   Eigen::Matrix3d PositionCovariance() const;
   /// Of the worst trial.
   SensorStatus status = SensorStatus::kOk;

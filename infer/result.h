@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -73,7 +74,12 @@ struct SensorOutcome {
   Intrinsics intrinsics_given;  ///< by the capture
   LensOutcome lens;
 
-  Eigen::Vector3d sigma_translation_m() const { return SigmaTranslation(covariance); }
+  /// Of its position, along the structure's axes; NaN where it is not placed.
+  Eigen::Vector3d sigma_position_m() const {
+    if (!structure_from_sensor)
+      return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    return SigmaPosition(*structure_from_sensor, covariance);
+  }
   Eigen::Vector3d sigma_rotation_deg() const { return SigmaRotationDeg(covariance); }
 };
 

@@ -40,13 +40,19 @@ void AppendPictures(const std::string& name, const DepthImage& clean, const Dept
   const auto append = [&](const RgbImage& picture, const char* what) {
     pictures->push_back(Captioned(Turn(picture, turns), name + " " + what));
   };
-  append(ColourDepth(clean, kPictureNear, kPictureFar), "exact");
-  append(ColourDepth(depth, kPictureNear, kPictureFar), "measured");
+  append(ColourSheetDepth(clean), "exact");
+  append(ColourSheetDepth(depth), "measured");
   append(ColourLabels(labels), "labels");
 }
 
-void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures) {
-  const RgbImage sheet = Montage(pictures, pictures.size() > 9 ? 6 : 3);
+RgbImage ColourSheetDepth(const DepthImage& depth) {
+  return ColourDepth(depth, kPictureNear, kPictureFar);
+}
+
+void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures,
+                       int columns) {
+  if (columns == 0) columns = pictures.size() > 9 ? 6 : 3;
+  const RgbImage sheet = Montage(pictures, columns);
   constexpr int kMargin = 6, kWidest = 400;
   RgbImage with_scale(sheet.width(), sheet.height() + kScaleHeight + kTextHeight + 3 * kMargin,
                       kPaper);

@@ -23,8 +23,13 @@ void AppendPictures(const std::string& name, const DepthImage& clean, const Dept
                     const LabelImage& labels, const Pose& structure_from_sensor,
                     std::vector<RgbImage>* pictures);
 
-/// Writes these pictures as one, with the scale of the depths. Throws IoError.
-void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures);
+/// The depths of contact sheets in colours, from 0.5 to 6 m.
+RgbImage ColourSheetDepth(const DepthImage& depth);
+
+/// Writes these pictures as one, with the scale of the depths; `columns` a row, 0: 6, or 3 where
+/// there are few. Throws IoError.
+void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures,
+                       int columns = 0);
 
 /// {width, height, fx, fy, cx, cy, distortion}, as all of volalign's JSON files have it.
 nlohmann::ordered_json ToJson(const Intrinsics& intrinsics);

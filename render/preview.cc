@@ -12,6 +12,8 @@
 #include "core/image_io.h"
 #include "core/image_size.h"
 #include "core/picture.h"
+#include "core/picture_text.h"
+#include "render/capture_writer.h"
 #include "render/depth_renderer.h"
 #include "render/depth_statistics.h"
 #include "render/sample.h"
@@ -21,9 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kNear = 0.5, kFar = 6.0;  // m
-constexpr int kShown = 12;                 // samples of a sensor in the picture
-constexpr int kColumns = 8;                // pictures: pairs of depth and labels
+constexpr int kShown = 12;   // samples of a sensor in the picture
+constexpr int kColumns = 8;  // pictures: pairs of depth and labels
 
 struct RealFrame {
   DepthImage depth;
@@ -117,9 +118,10 @@ std::vector<std::string> SizesOf(const std::string& sensor, const SampleContext&
 /// Pairs of depth and labels, in rows of kColumns pictures.
 class Sheet {
  public:
-  void Add(const DepthImage& depth, const LabelImage& labels, int turns) {
-    pictures_.push_back(Turn(ColourDepth(depth, kNear, kFar), turns));
-    pictures_.push_back(labels.empty() ? RgbImage(1, 1) : Turn(ColourLabels(labels), turns));
+  void Add(const std::string& name, const DepthImage& depth, const LabelImage& labels, int turns) {
+    pictures_.push_back(Captioned(Turn(ColourSheetDepth(depth), turns), name));
+    pictures_.push_back(labels.empty() ? RgbImage(1, 1)
+                                       : Captioned(Turn(ColourLabels(labels), turns), "labels"));
   }
   void EndRow() {
     while (pictures_.size() % kColumns != 0) pictures_.emplace_back(1, 1);
@@ -154,11 +156,11 @@ std::string PreviewSensor(const std::string& sensor, const std::vector<RealFrame
                              .Resized(frame.depth.width(), frame.depth.height());
     measured.Add(frame.depth, k);
     if (!frame.labels.empty()) measured.AddSides(frame.depth, frame.labels, k);
-    sheet->Add(frame.depth, frame.labels, upright);
+    sheet->Add("real " + sensor, frame.depth, frame.labels, upright);
   }
   sheet->EndRow();
   for (const Sample& sample : samples) {
-    sheet->Add(sample.depth, sample.labels, UprightTurns(sample.structure_from_sensor));
+    sheet->Add(sensor, sample.depth, sample.labels, UprightTurns(sample.structure_from_sensor));
   }
   sheet->EndRow();
   std::vector<std::string> names{"rendered", "before noise"};
@@ -193,7 +195,7 @@ std::string WritePreview(const fs::path& dir, const SampleConfig& config,
     tables +=
         PreviewSensor(sensor, real[sensor], MakeSampleContext(one, 1), options, renderer, &sheet);
   }
-  WritePng(dir / "preview.png", Montage(sheet.pictures(), kColumns));
+  WriteContactSheet(dir / "preview.png", sheet.pictures(), kColumns);
   return tables;
 }
 

@@ -23,11 +23,11 @@ struct PreviewOptions {
 };
 
 /// Draws preview.png in `dir`: for each sensor of `config` its real frames, then the first twelve
-/// samples, each as depth (Turbo, 0.5 to 6 m, black where nothing was measured) beside its labels,
-/// upright for the first mounting roll. Returns a Markdown table of DepthStatistics for each
-/// sensor: rendered, rendered before noise, and real. Samples have the size of the real frames
-/// where there are some, else that of the configuration. Throws IoError, DataError (a folder
-/// without depth frames, a frame of no configured sensor's aspect ratio) or ConfigError.
+/// samples, each as depth beside its labels, upright for the first mounting roll. Returns a
+/// Markdown table of DepthStatistics for each sensor: rendered, rendered before noise, and real.
+/// Samples have the size of the real frames where there are some, else that of the configuration.
+/// Throws IoError, DataError (a folder without depth frames, a frame of no configured sensor's
+/// aspect ratio) or ConfigError.
 std::string WritePreview(const std::filesystem::path& dir, const SampleConfig& config,
                          const PreviewOptions& options, DepthRenderer& renderer);
 

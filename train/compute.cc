@@ -13,29 +13,9 @@
 #include <sys/auxv.h>
 #endif
 
-#include "core/error.h"
+#include "core/torch_device.h"
 
 namespace volalign {
-namespace {
-
-at::Device ParseDevice(const std::string& name) {
-  at::Device device(at::kCPU);
-  try {
-    device = at::Device(name);
-  } catch (const std::exception&) {
-    throw ConfigError(fmt::format("run.device = '{}' is no device: use cpu, cuda or cuda:N", name));
-  }
-  if (!device.is_cpu() && !device.is_cuda()) {
-    throw ConfigError(fmt::format("run.device = '{}' is no device: use cpu, cuda or cuda:N", name));
-  }
-  if (device.is_cuda() && !torch::cuda::is_available()) {
-    throw ConfigError(fmt::format(
-        "run.device = '{}': this LibTorch finds no CUDA device: use run.device = cpu", name));
-  }
-  return device;
-}
-
-}  // namespace
 
 bool ProcessorHasBf16() {
 #if defined(__x86_64__)
@@ -49,7 +29,7 @@ bool ProcessorHasBf16() {
 
 Compute ChooseCompute(const RunConfig& run, const World& world) {
   Compute compute;
-  compute.device = ParseDevice(run.device);
+  compute.device = ParseDevice("run.device", run.device);
   if (compute.device.is_cuda() && !compute.device.has_index() && world.size > 1) {
     compute.device.set_index(static_cast<c10::DeviceIndex>(world.local_rank));
   }

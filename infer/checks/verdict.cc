@@ -15,6 +15,16 @@ Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance) {
   return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;
 }
 
+Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance) {
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian << Eigen::Matrix3d::Identity(), -Cross(structure_from_sensor.translation());
+  return jacobian * covariance * jacobian.transpose();
+}
+
+Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance) {
+  return PositionCovariance(structure_from_sensor, covariance).diagonal().cwiseSqrt();
+}
+
 std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
   if (!evidence.unsolved.empty()) {
     return Finding{SensorCode::kUnsolved, evidence.unsolved,

@@ -119,14 +119,16 @@ struct VerdictOptions {
        "pose",
        Between(0, 1));
     ar("max_sigma_translation_m", max_sigma_translation_m,
-       "standard deviation of the position, m, above which the sensor's own view fixes no pose",
+       "standard deviation of the pose's translation at the structure's origin, m, above which the "
+       "sensor's own view fixes no pose",
        Above(0));
     ar("some_on_side_share", some_on_side_share,
        "share of labelled pixels on their sides from which on a frame with many sides that does "
        "not fit is called inconsistent rather than no_structure",
        Between(0, 1));
     ar("max_sigma_by_neighbours_m", max_sigma_by_neighbours_m,
-       "standard deviation of the position, m, above which overlap with placed sensors does not "
+       "standard deviation of the pose's translation at the structure's origin, m, above which "
+       "overlap with placed sensors does not "
        "fix "
        "the pose of a sensor whose own view leaves it open",
        Above(0));
@@ -144,7 +146,9 @@ struct VerdictOptions {
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
     ar("weak_sigma_translation_m", weak_sigma_translation_m,
-       "standard deviation of the sensor's position, m, above which it is weak", Above(0));
+       "standard deviation of the pose's translation at the structure's origin, m, above which the "
+       "sensor is weak",
+       Above(0));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
        "standard deviation of its rotation, deg, above which it is weak", Above(0));
     ar("same_place_m", same_place_m,
@@ -182,8 +186,14 @@ struct PlacedEvidence {
 std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options);
 
 /// Standard deviations per axis, from a covariance of [translation; rotation vector], m and deg.
+/// SigmaTranslation is of a movement about the structure's origin.
 Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance);
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
+
+/// Covariance of the sensor's position, from that of delta in core/pose.h, PerturbLeft.
+Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance);
+/// Its standard deviations along the structure's axes, m.
+Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
 
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
 /// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.

@@ -130,7 +130,7 @@ std::vector<NamedRig> ReadRigs(const RigSeries& series) {
   std::set<std::string> names;
   for (const std::string& path : series.files) {
     if (!names.insert(RigName(path)).second) {
-      throw ConfigError(fmt::format("--rigs: two are named {}", RigName(path)));
+      throw ConfigError(fmt::format("--rig: two are named {}", RigName(path)));
     }
     ConfigSource source = ConfigSource::FromFile(path);
     for (const std::string& change : series.changes) source.Set(change);

@@ -64,7 +64,7 @@ std::string Title(const SensorOutcome& sensor) {
   if (sensor.structure_from_sensor && sensor.covariance.allFinite()) {
     title += fmt::format(", {:.1f} mm RMS to the structure, sigma {:.1f} mm and {:.2f} deg",
                          1000 * sensor.rms_to_structure_m,
-                         1000 * sensor.sigma_translation_m().maxCoeff(),
+                         1000 * sensor.sigma_position_m().maxCoeff(),
                          sensor.sigma_rotation_deg().maxCoeff());
   }
   return title;

@@ -63,7 +63,7 @@ std::string SensorRow(const SensorResult& sensor, std::size_t width) {
   std::string row = fmt::format(
       "{}  {:>10}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
       ToString(sensor.initial_source), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
-      1000 * sensor.sigma_translation_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
+      1000 * sensor.sigma_position_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
       100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
   if (sensor.error) {
     row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
@@ -87,9 +87,9 @@ std::string SensorTable(const std::vector<SensorResult>& sensors) {
   for (const SensorResult& sensor : sensors) text += SensorRow(sensor, width);
   text +=
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
-      "structure, of those within 10 cm; sigma: the "
-      "largest standard deviation along an axis; inliers: labelled points within 3 cm; refined: no "
-      "where the initial pose was kept";
+      "structure, of those within 10 cm;\nsigma: the largest standard deviation of the sensor's "
+      "position along an axis, and of its rotation about one;\ninliers: labelled points within 3 "
+      "cm; refined: no where the initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
 }
@@ -145,6 +145,12 @@ std::string Reasons(const std::vector<SensorResult>& sensors) {
   return text;
 }
 
+/// Rounded to so many digits, without the sign of a zero.
+double Rounded(double value, int digits) {
+  const double scale = std::pow(10, digits);
+  return std::round(value * scale) / scale + 0.0;
+}
+
 /// `where`: "in NAME: " of one of several stills.
 std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& boxes,
                     const Structure& built) {
@@ -155,8 +161,9 @@ std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& box
     text += fmt::format(
         "{}box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
         "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
-        where, built.boxes()[b].name, 1000 * box.x, 1000 * box.z, box.yaw * 180 / M_PI,
-        1000 * box.sigma_x, 1000 * box.sigma_z, box.sigma_yaw * 180 / M_PI);
+        where, built.boxes()[b].name, Rounded(1000 * box.x, 1), Rounded(1000 * box.z, 1),
+        Rounded(box.yaw * 180 / M_PI, 2), 1000 * box.sigma_x, 1000 * box.sigma_z,
+        box.sigma_yaw * 180 / M_PI);
   }
   return text;
 }
@@ -204,6 +211,20 @@ std::string Placements(const CalibrationResult& result) {
   return text;
 }
 
+const char* Words(LensSource source) {
+  switch (source) {
+    case LensSource::kGiven:
+      return "the given lens";
+    case LensSource::kKind:
+      return "the typical lens of its kind";
+    case LensSource::kRecognised:
+      return "the typical lens of a known kind, which floor and walls show";
+    case LensSource::kEstimated:
+      return "a lens estimated from this capture";
+  }
+  return "";
+}
+
 /// Of the sensors whose intrinsics are not those given.
 std::string Lenses(const std::vector<SensorResult>& sensors) {
   std::string text;
@@ -212,10 +233,10 @@ std::string Lenses(const std::vector<SensorResult>& sensors) {
     const double moved = LargestShift(sensor.intrinsics_given, sensor.intrinsics);
     if (!(moved > 0)) continue;
     text += fmt::format(
-        "{}: lens {}, focal length x {:.4f}, pixels up to {:.1f} px from where the "
-        "intrinsics given have them\n",
-        sensor.name, ToString(sensor.lens.source),
-        sensor.intrinsics.fx / sensor.intrinsics_given.fx, moved);
+        "{}: through {}, focal length x {:.4f}; pixels lie up to {:.1f} px from where the given "
+        "intrinsics have them\n",
+        sensor.name, Words(sensor.lens.source), sensor.intrinsics.fx / sensor.intrinsics_given.fx,
+        moved);
   }
   return text;
 }
@@ -238,8 +259,9 @@ std::string FormatReport(const CalibrationResult& result) {
   std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +
                      Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
-    text += fmt::format("d1 {:.1f} mm, d2 {:.1f} mm\n", 1000 * result.metrics->d1,
-                        1000 * result.metrics->d2);
+    text += fmt::format(
+        "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
+        1000 * result.metrics->d1, 1000 * result.metrics->d2);
   }
   text += Seconds(result.timings_s);
   text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),

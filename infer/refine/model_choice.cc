@@ -89,7 +89,8 @@ ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool
   const double log_root = root.matrixLLT().diagonal().array().log().sum();
   fit.log_evidence =
       -(narrowed.constant + held_cost + 0.5 * pull.dot(step)) - log_root - narrowed.log_priors;
-  fit.step(open) = step;
+  for (std::size_t i = 0; i < open.size(); ++i)
+    fit.step[open[i]] = step[static_cast<Eigen::Index>(i)];
   if (!with_covariance) return fit;
   const Eigen::MatrixXd inverse = root.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
   fit.covariance = Eigen::MatrixXd::Zero(scales.size(), scales.size());

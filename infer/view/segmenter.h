@@ -45,9 +45,11 @@ class NetworkSegmenter : public Segmenter {
 };
 
 /// Loads a checkpoint (core/checkpoint.h). `structure`, where given, must have the topology and
-/// labels that the network was trained on. Threads of LibTorch are the program's to set
-/// (core/torch_threads.h). Throws IoError or DataError.
+/// labels that the network was trained on. It runs on `device` (core/torch_device.h). Threads of
+/// LibTorch are the program's to set (core/torch_threads.h). Throws IoError, DataError, or
+/// ConfigError for a device that is not there.
 std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
-                                                       const Structure* structure = nullptr);
+                                                       const Structure* structure = nullptr,
+                                                       const std::string& device = "cpu");
 
 }  // namespace volalign

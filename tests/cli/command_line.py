@@ -32,6 +32,65 @@ def run(arguments, folder, **environment):
     return done.returncode, done.stdout
 
 
+# How options are called everywhere: what a description says -> the names that the option may have. A name that stands here
+# means nothing else anywhere.
+NAMES = (
+    (r"^(cpu, cuda)", "--device"),
+    (r"^EGL device", "--egl-device"),
+    (r"^threads", "--threads"),
+    (r"^(folder for|file to write|folder to write|picture|TorchScript file to write|structure file to write|also write the scores)", "-o,--output"),
+    (r"^KEY=VALUE over (the|a) (file|rig$|rig or|recipe|config|calibration)", "--set"),
+    (r"^checkpoints?\b", "--model"),
+    (r"^(YAML of calibration options|recipe|training recipe)", "--config"),
+    (r"^capture\.json( of the| files|;)", "--capture"),
+    (r"^extrinsics\.json of the last", "--extrinsics"),
+    (r"^raw calibration|^SENSOR=FILE", "--colour-camera"),
+)
+# Sub-commands that write a result, run on threads, run a network, render.
+WITH = {
+    "-o,--output": "calibrate, capture init, check, convert, evaluate, export, plan, render, runs plot, structure build, structure check, train, validate",
+    "--threads": "calibrate, check, evaluate, plan, render, train, validate",
+    "--device": "calibrate, check, evaluate, train, validate",
+    "--egl-device": "evaluate, render",
+    "--set": "calibrate, check, config show, evaluate, plan, render, train, validate",
+    "--config": "calibrate, check, evaluate, render, train, validate",
+    "--model": "calibrate, check, doctor, evaluate, export, validate",
+    "--capture": "calibrate, check, evaluate",
+}
+
+
+def options_of(text):
+    """Of `volalign config commands`: sub-command -> (names, meaning) of its options, not its positional arguments."""
+    sections = re.split(r"^## volalign (.+)$", text, flags=re.MULTILINE)[1:]
+    return {
+        name: re.findall(r"^\| `(-[^`]*)` \| (.*) \|$", body, flags=re.MULTILINE)
+        for name, body in zip(sections[::2], sections[1::2])
+    }
+
+
+def has_name(names, wanted):
+    """Whether the names of an option begin with the wanted ones; others may follow."""
+    return names == wanted or names.startswith(wanted + ",")
+
+
+def deviating_names(options):
+    """Sentences: options of one meaning that are called otherwise, and one name with two meanings."""
+    found = []
+    for command, rows in options.items():
+        for names, meaning in rows:
+            for pattern, wanted in NAMES:
+                means = re.search(pattern, meaning) is not None
+                if means and not has_name(names, wanted):
+                    found.append(f"volalign {command} {names} is {wanted} elsewhere: {meaning}")
+                if not means and has_name(names, wanted):
+                    found.append(f"volalign {command} {names} means something else elsewhere: {meaning}")
+    for wanted, commands in WITH.items():
+        having = sorted(command for command, rows in options.items() if any(has_name(names, wanted) for names, _ in rows))
+        if having != commands.split(", "):
+            found.append(f"{wanted} is an option of {', '.join(having)}; expected: {commands}")
+    return found
+
+
 def examples_of(text):
     """Of `volalign config commands`: sub-command -> lines of its example."""
     sections = re.split(r"^## volalign (.+)$", text, flags=re.MULTILINE)[1:]
@@ -70,12 +129,56 @@ class CommandLine(unittest.TestCase):
                 # The rendered sensors' intrinsics are in no file of their own: it has to say so.
                 expected = 2 if name == "capture init" and line == lines[-1] else 0
                 self.assertEqual(status, expected, f"{line}\n{output}")
+                self.expect_record(line, options_of(text)[next(key for key in examples if f"{line} ".startswith(f"volalign {key} "))])
         with open(os.path.join(self.folder, "out/calibration/options.yaml"), encoding="utf-8") as file:
             self.assertIn("refine:", file.read())
         # What was used stands beside what came out, and serves again.
         self.assertIn("tripods:", self.expect("config show out/capture/rig.yaml", 0))
         self.assertIn("tripods:", self.expect("config show out/evaluation/rigs/ring4.yaml", 0))
         self.assertIn("refine:", self.expect("config show out/evaluation/options.yaml", 0))
+        # Resolved configurations that have no file of their own.
+        for file, key in (("plan.svg", '"rig":'), ("scores.json", '"recipe of models/m05-lite.pt":')):
+            with open(os.path.join(self.folder, "out", file + ".command.yaml"), encoding="utf-8") as record:
+                self.assertIn("\n" + key + "\n  ", record.read())
+        # Where LiveScan3D's points are has to be known.
+        convert = "convert out/calibration/extrinsics.json -o livescan --to livescan3d_"
+        self.expect(convert + "azure", 1, "--colour-camera S1=FILE.json")
+        self.expect(convert + "azure --colour-camera S1", 1, "expected SENSOR=FILE.json")
+        self.expect(convert + "kinect_v2", 0, "4 sensors")
+        self.assertEqual(len(os.listdir(os.path.join(self.folder, "livescan"))), 5)  # and command.yaml
+        self.expect("convert livescan --from livescan3d_kinect_v2 --to csv -o back.csv", 0, "4 sensors")
+        # What goes to the terminal leaves nothing.
+        before = sorted(os.listdir(self.folder))
+        self.expect("structure show configs/structure.yaml", 0)
+        self.expect("plan configs/rig_ring4.yaml --trials 1", 0)
+        self.assertEqual(sorted(os.listdir(self.folder)), before)
+
+    def test_options_have_the_same_names_everywhere(self):
+        options = options_of(self.expect("config commands", 0))
+        self.assertGreater(sum(len(rows) for rows in options.values()), 60)
+        self.assertEqual(deviating_names(options), [])
+        # It sees what it looks for.
+        for command, old, new in (("calibrate", "--threads", "--jobs"), ("validate", "-o,--output", "--json"), ("render", "--egl-device", "--device")):
+            broken = {name: [(new if names == old else names, meaning) for names, meaning in rows] if name == command else rows for name, rows in options.items()}
+            self.assertTrue(deviating_names(broken), (command, new))
+
+    def expect_record(self, line, options):
+        """What stands beside the result of an example says how it came about."""
+        output = re.search(r" -o (\S+)", line)
+        if not output:
+            return
+        result = os.path.join(self.folder, output.group(1))
+        record = result + "/command.yaml" if os.path.isdir(result) else result + ".command.yaml"
+        with open(record, encoding="utf-8") as file:
+            text = file.read()
+        self.assertIn(line.split("#")[0].strip()[len("volalign") :], text.split("\n")[1])
+        for option in re.findall(r" (--[\w-]+)", line.split("#")[0]):
+            self.assertIn(f"\n  {option[2:]}: ", text, line)
+        for names, meaning in options:
+            default = re.search(r"; default (\S+)", meaning)
+            if default:
+                name = re.search(r"--([\w-]+)", names).group(1)
+                self.assertIn(f"\n  {name}: ", text, line)
 
     def test_groups_end_with_an_example_too(self):
         for group in ("capture", "completion", "config", "structure"):
@@ -155,7 +258,8 @@ class CommandLine(unittest.TestCase):
     def test_progress_is_for_terminals(self):
         self.expect("render --rig configs/rig_ring4.yaml --set sensors[0].name=A -o capture", 0)
         arguments = "calibrate --capture capture/capture.json --model models/m05-lite.pt --threads 1 -o "
-        output = self.expect(arguments + "plain", 0)
+        self.expect(arguments + "plain --device tpu", 1, "error: device = 'tpu' is no device: use cpu, cuda or cuda:N")
+        output = self.expect(arguments + "plain --device cpu", 0)
         self.assertNotIn("\r", output)
         with open(os.path.join(self.folder, "plain", "options.yaml"), encoding="utf-8") as file:
             self.assertIn("\nthreads: 1\n", file.read())

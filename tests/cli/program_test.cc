@@ -419,7 +419,7 @@ TEST_F(Program, EvaluatesRigsAndCaptures) {
 
 TEST_F(Program, BadEvaluationsAreOneLineErrors) {
   const std::string model = "evaluate --model models/m05-lite.pt -o " + Path("eval") + " ";
-  ExpectError(Volalign(model), {"--rigs", "--captures"});
+  ExpectError(Volalign(model), {"--rig ", "--capture "});
   ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --seeds 9:3"), {"--seeds 9:3"});
   ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --compare initial.method"),
               {"--compare initial.method", "KEY=VALUE"});

@@ -58,7 +58,7 @@ TEST(NothingBehind, FourParallelSidesFixAPose) {
     EXPECT_EQ(sensor.status, SensorStatus::kOk) << k << ": " << sensor.reason;
     ExpectPlaced(sensor, 0.012, 0.5);
     const Eigen::Vector3d off = sensor.structure_from_sensor->translation() - pose.translation();
-    EXPECT_LT((off.cwiseAbs() - 3 * sensor.sigma_translation_m()).maxCoeff(), 0) << k;
+    EXPECT_LT((off.cwiseAbs() - 3 * sensor.sigma_position_m()).maxCoeff(), 0) << k;
   }
 }
 
@@ -123,7 +123,7 @@ TEST(Neighbours, PlaceASensorThatSeesTooFewSides) {
     EXPECT_NE(lost.reason.find("S0, S1, S2"), std::string::npos) << lost.reason;
     EXPECT_FALSE(lost.hint.empty());
     ExpectPlaced(lost, 0.008, 0.2);
-    EXPECT_LT(lost.sigma_translation_m().maxCoeff(), 0.03);
+    EXPECT_LT(lost.sigma_position_m().maxCoeff(), 0.03);
   }
 }
 

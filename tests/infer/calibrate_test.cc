@@ -45,7 +45,7 @@ TEST(Calibrate, NoiseFreeRingOfEightIsExact) {
     EXPECT_GT(sensor.label_iou, 0.98);
     EXPECT_GE(sensor.sides.size(), 5u);
     EXPECT_EQ(sensor.code, SensorCode::kNone);
-    EXPECT_GT(sensor.sigma_translation_m().minCoeff(), 0);
+    EXPECT_GT(sensor.sigma_position_m().minCoeff(), 0);
   }
   ASSERT_TRUE(result.metrics.has_value());
   // A sample of a 5 mm grid is at most 3.6 mm away, 2 mm in the mean square.

@@ -101,5 +101,39 @@ TEST(PlannedFrame, ErrorsHaveTheStatedSize) {
   EXPECT_NEAR(std::sqrt(square / count), std::hypot(0.055, 0.14) / 51.9, 0.0007);
 }
 
+// What lies behind an edge is lost beside it, not the stack; and nothing is measured of the sky.
+TEST(PlannedFrame, GapsAreBehindTheStack) {
+  SensorFrame frame;
+  frame.sensor = "azure_kinect_nfov_binned";
+  frame.intrinsics = testing_infer::Kinect();
+  frame.ground_truth = testing_infer::RingPose(40, 2, 0.3, 0);
+  const Structure structure = testing_infer::PaperStructure();
+  const testing_infer::SyntheticView view =
+      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
+  const PlannedFrame planned = MeasurePlanned(frame, structure, 1, 0);
+  const auto labelled = [](const LabelImage& labels) {
+    return std::count_if(labels.begin(), labels.end(),
+                         [](std::uint8_t label) { return label > 0; });
+  };
+  EXPECT_GT(labelled(planned.labels), 0.97 * static_cast<double>(labelled(view.labels)));
+  int sky = 0, lost = 0;
+  for (int v = 0; v < view.depth.height(); ++v) {
+    for (int u = 0; u < view.depth.width(); ++u) {
+      const Eigen::Vector3d ray((u - frame.intrinsics.cx) / frame.intrinsics.fx,
+                                (v - frame.intrinsics.cy) / frame.intrinsics.fy, 1);
+      if (view.labels(u, v) > 0) continue;
+      if ((frame.ground_truth->linear() * ray).y() > 0) {
+        if (view.depth(u, v) > 0) continue;  // the underside of a box
+        ++sky;
+        EXPECT_EQ(planned.frame.depth(u, v), 0) << u << " " << v;
+      } else {
+        lost += planned.frame.depth(u, v) == 0;
+      }
+    }
+  }
+  EXPECT_GT(sky, 1000);
+  EXPECT_GT(lost, 300);
+}
+
 }  // namespace
 }  // namespace volalign

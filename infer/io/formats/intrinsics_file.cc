@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_util.h"
+#include "infer/io/formats/kinect_calibration.h"
 #include "infer/io/formats/lens_names.h"
 #include "infer/io/formats/printed_intrinsics.h"
 
@@ -138,16 +139,6 @@ constexpr KinectMode kKinectModes[] = {{320, 288, 512, 96, 90},
                                        {512, 512, 512, 0, 0},
                                        {1024, 1024, 1024, 0, 0}};
 
-YAML::Node KinectDepthCamera(const YAML::Node& root, const std::string& name) {
-  for (const YAML::Node& camera : root["CalibrationInformation"]["Cameras"]) {
-    const std::string purpose = camera["Purpose"] ? camera["Purpose"].as<std::string>() : "";
-    const std::string location = camera["Location"] ? camera["Location"].as<std::string>() : "";
-    if (purpose == "CALIBRATION_CameraPurposeDepth" || location == "CALIBRATION_CameraLocationD0")
-      return camera;
-  }
-  throw DataError(name + ": no camera of CalibrationInformation is the depth camera");
-}
-
 Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
   const KinectMode* mode = std::find_if(
       std::begin(kKinectModes), std::end(kKinectModes),
@@ -158,7 +149,8 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
         "1024x1024), so that its raw calibration does not hold for this one",
         name, frame.width, frame.height));
   }
-  const YAML::Node given = KinectDepthCamera(root, name)["Intrinsics"];
+  const YAML::Node given = formats_internal::FindKinectCamera(
+      root, formats_internal::KinectCamera::kDepth, name)["Intrinsics"];
   const std::string type = given["ModelType"].as<std::string>();
   const std::vector<double> p = Numbers(given["ModelParameters"]);
   if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)

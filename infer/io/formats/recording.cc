@@ -13,6 +13,7 @@ namespace volalign {
 namespace {
 
 constexpr char kBagMagic[] = "#ROSBAG V";
+constexpr char kSqliteMagic[] = "SQLite format 3";
 constexpr char kEbmlMagic[] = "\x1a\x45\xdf\xa3";
 
 std::string FirstBytes(const std::filesystem::path& path) {
@@ -26,26 +27,29 @@ std::string FirstBytes(const std::filesystem::path& path) {
 }
 
 bool IsBag(const std::string& bytes) { return bytes.rfind(kBagMagic, 0) == 0; }
+bool IsRos2(const std::string& bytes) { return bytes.rfind(kSqliteMagic, 0) == 0; }
 bool IsMkv(const std::string& bytes) { return bytes.rfind(kEbmlMagic, 0) == 0; }
 
 }  // namespace
 
 bool IsRecording(const std::filesystem::path& path) {
   const std::string bytes = FirstBytes(path);
-  return IsBag(bytes) || IsMkv(bytes);
+  return IsBag(bytes) || IsRos2(bytes) || IsMkv(bytes);
 }
 
 std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames) {
   const std::string bytes = FirstBytes(path);
   if (bytes.empty()) throw IoError(path.string() + ": cannot be read, or is no file");
-  if (!IsBag(bytes) && !IsMkv(bytes)) {
-    throw DataError(
-        fmt::format("{}: neither a bag of ROS 1 nor a Matroska file; expected a recording of these",
-                    path.string()));
+  if (!IsBag(bytes) && !IsRos2(bytes) && !IsMkv(bytes)) {
+    throw DataError(fmt::format(
+        "{}: neither a bag of ROS 1 or 2 (.bag, .db3) nor a Matroska file; expected a recording of "
+        "these",
+        path.string()));
   }
-  std::vector<RecordedDepth> streams = IsBag(bytes)
-                                           ? formats_internal::ReadBagRecording(path, max_frames)
-                                           : formats_internal::ReadMkvRecording(path, max_frames);
+  std::vector<RecordedDepth> streams =
+      IsBag(bytes)    ? formats_internal::ReadBagRecording(path, max_frames)
+      : IsRos2(bytes) ? formats_internal::ReadRos2Recording(path, max_frames)
+                      : formats_internal::ReadMkvRecording(path, max_frames);
   if (streams.empty())
     throw DataError(path.string() + ": the recording has no depth stream with a frame");
   return streams;

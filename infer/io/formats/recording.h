@@ -31,6 +31,8 @@ bool IsRecording(const std::filesystem::path& path);
 ///   sensor_msgs/Image of 16 bits whose name has "depth", or of 16UC1 or 32FC1, with the
 ///   CameraInfo and the option "Depth Units" that share most of the topic's path. Without that
 ///   option ROS's own convention holds: integers are millimetres, floats metres (REP 118);
+/// - bags of ROS 2 in SQLite (.db3), as RealSense's recorder writes them today: images of the same
+///   encodings, or compressed as PNG ("16UC1; compressedDepth png");
 /// - Azure Kinect .mkv: the track DEPTH (b16g), or one of 16-bit grey where none has a name, whose
 ///   unit is the millimetre, with the attached calibration.json.
 /// Throws IoError, or DataError where the file is damaged, or has no depth stream with a frame.
@@ -39,6 +41,7 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
 namespace formats_internal {
 
 std::vector<RecordedDepth> ReadBagRecording(const std::filesystem::path& path, int max_frames);
+std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames);
 std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames);
 
 /// The name in configs/intrinsics.yaml of a device's own name, or "".

@@ -16,7 +16,7 @@ function el(name, attributes, ...children) {
 
 const NONE = "–";
 const known = (x) => typeof x === "number" && Number.isFinite(x);
-const fixed = (x, digits) => (known(x) ? x.toFixed(digits).replace("-", "−") : NONE);
+const fixed = (x, digits) => (known(x) ? x.toFixed(digits).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−") : NONE);
 const mm = (x, digits = 1) => fixed(known(x) ? 1000 * x : x, digits);
 const percent = (x) => (known(x) ? fixed(100 * x, 0) + " %" : NONE);
 const largest = (list) => (Array.isArray(list) && list.every(known) ? Math.max(...list) : undefined);

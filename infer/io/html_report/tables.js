@@ -111,8 +111,8 @@ function fillUncertainty(report) {
       + "most below two. They follow from the measurements’ noise and from what the other estimates leave open; errors that all sensors share are in them "
       + "only as far as the statistical model knows of them."),
     table("Standard deviations", head, rows),
-    el("p", { class: "note" }, "Depth offset and gain: true depth = measured depth × gain + offset, ± standard deviation; 0 and 1 where the capture does not tell. The file’s "
-      + "covariance and sigma_translation_m refer to a movement about the structure’s origin; the table has them at the sensor."));
+    el("p", { class: "note" }, "Depth offset and gain: true depth = measured depth × gain + offset, ± standard deviation; 0 and 1 where the capture does not tell. The position’s are sigma_position_m of "
+      + "extrinsics.json; covariance there is that of a movement about the structure’s origin."));
   for (const sensor of placed) {
     if (sensor.unconstrained) $("uncertainty-table").append(el("p", {}, el("b", {}, sensor.name), ` is hardly constrained ${sensor.unconstrained.join("; ")}.`));
   }

@@ -3,6 +3,7 @@
 // The formats, one pair of functions each, texts in memory. Readers throw DataError with `name`,
 // the file's, in the message. Not for callers of ReadPoses and WritePoses.
 
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -41,6 +42,14 @@ Poses ReadRos(const std::string& text, const std::string& name);
 
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
+
+/// Where LiveScan3D's camera, whose points it transforms, is to the sensor of that name:
+/// p_camera = T p_sensor.
+using CameraFromSensor = std::function<Pose(const std::string& name)>;
+Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor);
+Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor);
+/// Whether it is one of its files, by its name.
+bool IsLivescanFile(const std::string& file);
 
 Files WriteColmap(const Poses& poses);
 Poses ReadColmap(const Files& files);

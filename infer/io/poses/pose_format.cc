@@ -17,8 +17,8 @@ using poses_internal::Files;
 
 constexpr std::uint64_t kMostBytes = 64u << 20;  // of a file of poses, or of COLMAP's images
 
-bool IsFolder(PoseFormat format) {
-  return format == PoseFormat::kColmap || format == PoseFormat::kVolumetricCapture;
+bool IsLivescan(PoseFormat format) {
+  return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
 }
 
 const char* WordOf(PoseFormat format) {
@@ -28,8 +28,32 @@ const char* WordOf(PoseFormat format) {
   return "";
 }
 
+/// The camera whose points LiveScan3D's client of that device transforms.
+poses_internal::CameraFromSensor LivescanCamera(PoseFormat format,
+                                                const PoseFormatOptions& options) {
+  if (format == PoseFormat::kLivescanKinectV2) {
+    return [](const std::string&) {
+      Pose pose = Pose::Identity();
+      pose.linear() = KinectV2FromSensor();
+      return pose;
+    };
+  }
+  return [&options](const std::string& name) {
+    const auto found = options.colour_from_depth.find(name);
+    if (found == options.colour_from_depth.end()) {
+      throw ConfigError(fmt::format(
+          "livescan3d_azure: its points are those of the colour camera, and where that of {0} is "
+          "to its depth camera is not known; give the device's raw calibration by "
+          "--colour-camera {0}=FILE.json",
+          name));
+    }
+    return found->second;
+  };
+}
+
 Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
   const auto wanted = [&](const std::filesystem::path& file) {
+    if (IsLivescan(format)) return poses_internal::IsLivescanFile(file.filename().string());
     return format == PoseFormat::kColmap
                ? file.filename() == "cameras.txt" || file.filename() == "images.txt"
                : file.extension() == ".extrinsics";
@@ -45,10 +69,13 @@ Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
   return files;
 }
 
-std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format) {
+std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format,
+                                const PoseFormatOptions& options) {
   if (format == PoseFormat::kVolalign) return ReadPosesOfExtrinsics(path);
   if (IsFolder(format)) {
     const Files files = ReadFolder(path, format);
+    if (IsLivescan(format))
+      return poses_internal::ReadLivescan(files, LivescanCamera(format, options));
     return format == PoseFormat::kColmap ? poses_internal::ReadColmap(files)
                                          : poses_internal::ReadVolumetricCapture(files);
   }
@@ -96,7 +123,8 @@ std::string TextOf(PoseFormat format, const std::vector<SensorPose>& poses) {
 
 bool HoldsIntrinsics(PoseFormat format) {
   return format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
-         format != PoseFormat::kVolumetricCapture && format != PoseFormat::kTum;
+         format != PoseFormat::kVolumetricCapture && format != PoseFormat::kTum &&
+         !IsLivescan(format);
 }
 
 /// Throws where the format cannot be written; what it leaves out.
@@ -107,7 +135,7 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
     if (needs && !pose.intrinsics)
       throw ConfigError(fmt::format("{} needs intrinsics, and those of \"{}\" are not known",
                                     WordOf(format), pose.name));
-    if (format == PoseFormat::kVolumetricCapture &&
+    if ((format == PoseFormat::kVolumetricCapture || IsLivescan(format)) &&
         (pose.name.empty() || pose.name.find('/') != std::string::npos || pose.name[0] == '.'))
       throw ConfigError(fmt::format("\"{}\" is no name of a file", pose.name));
     intrinsics = intrinsics || pose.intrinsics;
@@ -119,10 +147,21 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
     lost.push_back(
         "the distortion has no place in it: Open3D's cameras are pinholes, so undistort the "
         "pictures");
+  if (format == PoseFormat::kLivescanAzure) {
+    lost.push_back(
+        "LiveScan3D looks for calibration_SERIAL.txt in its working folder, so a sensor's name has "
+        "to be its serial number; clients that keep the number with its final zero look for a file "
+        "without .txt: copy it to that name");
+  }
   return lost;
 }
 
 }  // namespace
+
+bool IsFolder(PoseFormat format) {
+  return format == PoseFormat::kColmap || format == PoseFormat::kVolumetricCapture ||
+         IsLivescan(format);
+}
 
 PoseFormat ParsePoseFormat(const std::string& word) {
   std::vector<std::string> words;
@@ -133,14 +172,16 @@ PoseFormat ParsePoseFormat(const std::string& word) {
   throw ConfigError(fmt::format("\"{}\" is no format; known are {}", word, fmt::join(words, ", ")));
 }
 
-std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format) {
-  std::vector<SensorPose> poses = ReadAny(path, format);
+std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
+                                  const PoseFormatOptions& options) {
+  std::vector<SensorPose> poses = ReadAny(path, format, options);
   if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
   return poses;
 }
 
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
-                                    const std::vector<SensorPose>& poses) {
+                                    const std::vector<SensorPose>& poses,
+                                    const PoseFormatOptions& options) {
   if (format == PoseFormat::kVolalign)
     throw ConfigError(
         "only `volalign calibrate` writes an extrinsics.json; --to poses has the "
@@ -150,8 +191,10 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     WriteFileAtomically(path, TextOf(format, poses));
     return lost;
   }
-  const Files files = format == PoseFormat::kColmap ? poses_internal::WriteColmap(poses)
-                                                    : poses_internal::WriteVolumetricCapture(poses);
+  const Files files =
+      IsLivescan(format) ? poses_internal::WriteLivescan(poses, LivescanCamera(format, options))
+      : format == PoseFormat::kColmap ? poses_internal::WriteColmap(poses)
+                                      : poses_internal::WriteVolumetricCapture(poses);
   for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
   return lost;
 }

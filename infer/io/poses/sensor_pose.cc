@@ -32,6 +32,8 @@ Eigen::Matrix3d UnityFromYUp() { return Eigen::Vector3d(-1, 1, 1).asDiagonal(); 
 
 Eigen::Matrix3d UnityCameraFromSensor() { return Eigen::Vector3d(1, -1, 1).asDiagonal(); }
 
+Eigen::Matrix3d KinectV2FromSensor() { return Eigen::Vector3d(-1, -1, 1).asDiagonal(); }
+
 Pose PoseFromRotation(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                       const std::string& what) {
   const bool rigid =

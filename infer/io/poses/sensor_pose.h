@@ -28,6 +28,8 @@ Eigen::Matrix3d ZUpFromYUp();
 Eigen::Matrix3d UnityFromYUp();
 /// A camera of Unity, x right, y up, z forward, left-handed, from the sensor frame.
 Eigen::Matrix3d UnityCameraFromSensor();
+/// The camera space of the Kinect for Windows SDK 2.0: x left, y up, z forward.
+Eigen::Matrix3d KinectV2FromSensor();
 
 /// A rotation of the pose that a quaternion or a matrix of limited precision gives; throws
 /// DataError, with `what` in its message, where it is farther than 1e-3 from one.

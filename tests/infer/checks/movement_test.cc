@@ -85,6 +85,20 @@ int Count(const Movements& movements, Movement movement) {
   return count;
 }
 
+// A sensor that stayed is compared with the others' motion, which it has no part in.
+TEST(Movement, ASensorIsNoJudgeOfItself) {
+  Captures captures(4, 1, /*same_errors=*/true);
+  for (std::size_t i = 0; i < 4; ++i) {
+    captures.last[i].covariance = captures.now[i].covariance = 1e-5 * Matrix6d::Identity();
+    captures.now[i].structure_from_sensor =
+        captures.last_from_now.inverse() * captures.last[i].structure_from_sensor;
+  }
+  captures.now[0].structure_from_sensor.translation().y() += 0.003;
+  const Movements found = FindMovements(captures.last, captures.now);
+  EXPECT_EQ(found.sensors[0].movement, Movement::kStayed);
+  EXPECT_NEAR(found.sensors[0].translation_m, 0.003, 1e-5);
+}
+
 TEST(Movement, FalseAlarmsAreAsRareAsTheyShouldBe) {
   for (const int sensors : {3, 8}) {
     MovementOptions options;

@@ -190,13 +190,40 @@ TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
   EXPECT_EQ(
       nlohmann::json::parse(ReadFile(*folder_ / "built.json"))["sensors"]["left"]["unconstrained"],
       nlohmann::json({"along structure z (0.25 m)"}));
-  EXPECT_DOUBLE_EQ(back.sigma_translation_m().z(), 0.25);
   const std::string report = FormatReport(result);
   EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
             std::string::npos);
   EXPECT_NE(report.find("boxes are 99.00 % of their nominal size"), std::string::npos);
   EXPECT_NE(report.find("left is hardly constrained along structure z (0.25 m)"),
             std::string::npos);
+}
+
+// A turn about the vertical through the structure's origin, known to 10 mrad, moves a sensor across
+// its distance from that axis.
+TEST_F(ExportTest, SigmaIsOfTheSensorsPosition) {
+  CalibrationResult result = *result_;
+  SensorResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const SensorResult& sensor) { return sensor.name == "left"; });
+  left.covariance.setZero();
+  left.covariance(4, 4) = 1e-4;
+  WriteExtrinsics(*folder_ / "sigma.json",
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
+  auto json = nlohmann::json::parse(ReadFile(*folder_ / "sigma.json"));
+  const Eigen::Vector3d p = left.structure_from_sensor->translation();
+  nlohmann::json& sensor = json["sensors"]["left"];
+  const std::vector<double> sigma = sensor["sigma_position_m"];
+  EXPECT_NEAR(sigma[0], 0.01 * std::abs(p.z()), 1e-9);
+  EXPECT_NEAR(sigma[1], 0, 1e-9);
+  EXPECT_NEAR(sigma[2], 0.01 * std::abs(p.x()), 1e-9);
+  EXPECT_NE(FormatReport(result).find(
+                fmt::format("{:.2f}", 10 * std::max(std::abs(p.x()), std::abs(p.z())))),
+            std::string::npos);
+  // Earlier files have another key.
+  sensor.erase("sigma_position_m");
+  sensor["sigma_translation_m"] = {0.0, 0.0, 0.0};
+  WriteFileAtomically(*folder_ / "sigma.json", json.dump());
+  EXPECT_EQ(ReadExtrinsics(*folder_ / "sigma.json").sensors.size(), result.sensors.size());
 }
 
 TEST_F(ExportTest, FilesFromBeforeEstimatesAreRead) {
@@ -318,7 +345,7 @@ TEST_F(ExportTest, ANumberThatIsNotFiniteTakesNoPoseWithIt) {
   EXPECT_EQ(sensors["left"].status, SensorStatus::kWeak);
   EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
   EXPECT_EQ(sensors["left"].reason,
-            "not finite, and left out: rms_to_structure_m, covariance, sigma_translation_m, "
+            "not finite, and left out: rms_to_structure_m, covariance, sigma_position_m, "
             "sigma_rotation_deg");
   EXPECT_TRUE(std::isnan(sensors["left"].rms_to_structure_m));
   EXPECT_TRUE(sensors["left"].covariance.array().isNaN().all());

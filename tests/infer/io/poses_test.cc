@@ -17,6 +17,7 @@
 #include "core/file_util.h"
 #include "core/lens.h"
 #include "core/random.h"
+#include "infer/io/formats/kinect_calibration.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -41,7 +42,28 @@ class PosesTest : public ::testing::Test {
                                   random.Uniform(-0.5, 1), random.Uniform(-180, 180));
       pose.intrinsics = Intrinsics{320, 288, 252.5, 251.25, 163.1, 170.2, lenses[i]};
       poses_.push_back(pose);
+      options_.colour_from_depth[pose.name] = ColourFromDepth();
     }
+  }
+
+  /// Of a device, as users print it (github.com/microsoft/Azure-Kinect-Sensor-SDK/issues/1617 has
+  /// another): 32 mm to the side, tilted by 5 degrees.
+  static Pose ColourFromDepth() {
+    Pose pose = Pose::Identity();
+    pose.linear() << 0.99999922513961792, 0.0011817576596513391, -0.00044814043212682009,
+        -0.0011387512786313891, 0.99628061056137085, 0.0861603245139122, 0.0005482942215166986,
+        -0.086159750819206238, 0.9962812066078186;
+    pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
+    pose.translation() << -0.0320834, -0.0022054, 0.0038837;
+    return pose;
+  }
+
+  static std::string RawCalibration(const char* colour_rt) {
+    return std::string(R"({"CalibrationInformation": {"Cameras": [
+      {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Rt": )") +
+           colour_rt + R"(},
+      {"Purpose": "CALIBRATION_CameraPurposeDepth",
+       "Rt": {"Rotation": [0, -1, 0, 1, 0, 0, 0, 0, 1], "Translation": [0.01, 0.02, 0.03]}}]}})";
   }
   ~PosesTest() override { std::filesystem::remove_all(folder_); }
 
@@ -51,12 +73,13 @@ class PosesTest : public ::testing::Test {
   std::filesystem::path Written(PoseFormat format) {
     const std::filesystem::path path = Path("poses");
     std::filesystem::remove_all(path);
-    WritePoses(path, format, poses_);
+    WritePoses(path, format, poses_, options_);
     return path;
   }
 
   std::filesystem::path folder_;
   std::vector<SensorPose> poses_;
+  PoseFormatOptions options_;
 };
 
 void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
@@ -66,11 +89,12 @@ void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
   for (const auto& [word, format] : kPoseFormatWords) {
     if (format == PoseFormat::kVolalign) continue;
-    const std::vector<SensorPose> back = ReadPoses(Written(format), format);
+    const std::vector<SensorPose> back = ReadPoses(Written(format), format, options_);
     ASSERT_EQ(back.size(), poses_.size()) << word;
     const bool with_intrinsics = format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
                                  format != PoseFormat::kVolumetricCapture &&
-                                 format != PoseFormat::kTum;
+                                 format != PoseFormat::kLivescanKinectV2 &&
+                                 format != PoseFormat::kLivescanAzure && format != PoseFormat::kTum;
     for (std::size_t i = 0; i < back.size(); ++i) {
       EXPECT_EQ(back[i].name, poses_[i].name) << word;
       ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, word);
@@ -99,6 +123,7 @@ TEST_F(PosesTest, SayWhatAFormatHasNoPlaceFor) {
   EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kColmap, poses_), ConfigError);
   poses_[1].name = "../S2";
   EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kVolumetricCapture, poses_), ConfigError);
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kLivescanKinectV2, poses_), ConfigError);
   EXPECT_THROW(ParsePoseFormat("kinect"), ConfigError);
 }
 
@@ -119,6 +144,91 @@ TEST_F(PosesTest, VolumetricCapturesOwnFile) {
   const Eigen::Vector3d to_stack = -pose.translation().normalized();
   EXPECT_GT(pose.linear().col(2).dot(to_stack), 0.99);
   EXPECT_LT(pose.linear()(1, 0), -0.95);
+}
+
+/// LiveScan3D's LoadCalibration and what its StoreFrame makes of a point of the camera.
+Eigen::Vector3d LivescanPoint(const std::filesystem::path& file, const Eigen::Vector3d& camera) {
+  std::ifstream stream(file);
+  float t[3], r[3][3];
+  for (float& number : t) stream >> number;
+  for (auto& row : r) {
+    for (float& number : row) stream >> number;
+  }
+  int marker = -1;
+  bool calibrated = false;
+  stream >> marker >> calibrated;
+  EXPECT_TRUE(stream && calibrated) << file;
+  const Eigen::Vector3d p = camera + Eigen::Vector3d(t[0], t[1], t[2]);
+  return {r[0][0] * p.x() + r[0][1] * p.y() + r[0][2] * p.z(),
+          r[1][0] * p.x() + r[1][1] * p.y() + r[1][2] * p.z(),
+          r[2][0] * p.x() + r[2][1] * p.y() + r[2][2] * p.z()};
+}
+
+// The clouds of all sensors lie upon each other in LiveScan3D, in the structure frame: a Kinect
+// v2's, whose camera space has x to the left and y up, and an Azure Kinect's, whose points its SDK
+// gives in the frame of the colour camera.
+TEST_F(PosesTest, LivescanOverlaysTheClouds) {
+  const Eigen::Vector3d world(0.2, 0.7, -0.1);
+  for (const SensorPose& pose : poses_) {
+    const Eigen::Vector3d p = pose.structure_from_sensor.inverse() * world;
+    const std::string file = "calibration_" + pose.name + ".txt";
+    const Eigen::Vector3d kinect = LivescanPoint(Written(PoseFormat::kLivescanKinectV2) / file,
+                                                 Eigen::Vector3d(-p.x(), -p.y(), p.z()));
+    EXPECT_LT((kinect - world).norm(), 1e-5) << pose.name;
+    const Eigen::Vector3d azure =
+        LivescanPoint(Written(PoseFormat::kLivescanAzure) / file, ColourFromDepth() * p);
+    EXPECT_LT((azure - world).norm(), 1e-5) << pose.name;
+  }
+}
+
+// As LiveScan3D's SaveCalibration writes it: no blanks within the matrix.
+TEST_F(PosesTest, LivescansOwnFile) {
+  std::filesystem::create_directories(Path("livescan"));
+  const auto write = [&](const std::string& text) {
+    std::ofstream(Path("livescan") / "calibration_0001") << text;
+  };
+  write("0.1 -0.2 -1.5 \n0.8-0.6-0\n0.60.80\n001\n3\n1\n");
+  const auto read = [&] {
+    return ReadPoses(Path("livescan"), PoseFormat::kLivescanKinectV2).at(0);
+  };
+  EXPECT_THROW(read(), DataError);  // "001" ends one number too early, for LiveScan3D as well
+  write(
+      "0.1 -0.2 -1.5 "
+      "\n0.9999970.002-0.001\n-0.0019990.9999980.000998\n0.001002-0.0009960.999999\n3\n1\n");
+  const SensorPose pose = read();
+  EXPECT_EQ(pose.name, "0001");
+  // The point at -T is the origin.
+  EXPECT_LT((pose.structure_from_sensor * Eigen::Vector3d(0.1, -0.2, 1.5)).norm(), 1e-5);
+  EXPECT_NEAR(pose.structure_from_sensor.linear()(0, 0), -0.999997, 1e-5);
+  write("0.1 -0.2 -1.5\n1 0 0\n0 1 0\n0 0 1\n3\n0\n");
+  EXPECT_THROW(read(), DataError);  // not calibrated
+  std::string later;
+  for (int i = 0; i < 34; ++i) later += i % 5 == 0 ? "1 " : "0 ";
+  write(later);
+  EXPECT_THROW(read(), DataError);
+}
+
+// Where the colour camera is comes from the raw calibration, whose Rt map one frame of the device
+// into each camera.
+TEST_F(PosesTest, LivescanNeedsTheColourCamera) {
+  try {
+    WritePoses(Path("x"), PoseFormat::kLivescanAzure, poses_);
+    ADD_FAILURE();
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string(e.what()).find("--colour-camera S1="), std::string::npos) << e.what();
+  }
+  std::ofstream(Path("raw.json")) << RawCalibration(
+      R"({"Rotation": [1, 0, 0, 0, 0.8, 0.6, 0, -0.6, 0.8], "Translation": [-0.03, 0, 0.004]})");
+  const Pose colour_from_depth = ReadColourFromDepth(Path("raw.json"));
+  // A point of the device's frame, seen by both cameras.
+  const Eigen::Vector3d device(0.1, 0.2, 1.0);
+  const Eigen::Vector3d depth(-0.2 + 0.01, 0.1 + 0.02, 1.03);
+  const Eigen::Vector3d colour(0.1 - 0.03, 0.8 * 0.2 + 0.6, -0.6 * 0.2 + 0.8 + 0.004);
+  EXPECT_LT((colour_from_depth * depth - colour).norm(), 1e-9);
+  std::ofstream(Path("raw.json")) << RawCalibration("{}");
+  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
+  std::ofstream(Path("raw.json")) << "{}";
+  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
 }
 
 // Read by OpenCV itself; a point is projected as its documentation says.

@@ -59,6 +59,7 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   Pose before_from_after = Pose::Identity();
   before_from_after.translation().x() = 0.05;
   now.sensors[1].structure_from_sensor = *now.sensors[1].structure_from_sensor * before_from_after;
+  now.sensors[1].together = Moved(0.3, 0.1);
   now.captures = {"now.json"};
   now.pairs[1].rms_m = 0.009;
   now.pairs[2].rms_m = 0.009;
@@ -86,7 +87,15 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   }
   const Pose expected = *last.sensors[1].structure_from_sensor * before_from_after;
   EXPECT_LT(ComparePoses(*updated.sensors[1].structure_from_sensor, expected).translation_m, 1e-6);
-  EXPECT_GT(updated.sensors[1].covariance(0, 0), last.sensors[1].covariance(0, 0));
+  EXPECT_LT(
+      ComparePoses(*updated.sensors[1].together, last_from_now * Moved(0.3, 0.1)).translation_m,
+      1e-6);
+  // Its own error, in the last frame, and that of where the last frame is.
+  const Matrix6d turn = Adjoint(last_from_now);
+  const Matrix6d own = turn * now.sensors[1].covariance * turn.transpose();
+  EXPECT_LT(((updated.sensors[1].covariance - own) - check.movements.covariance).norm(),
+            1e-6 * own.norm());
+  EXPECT_GT(check.movements.covariance.norm(), 0.1 * own.norm());
   EXPECT_FALSE(updated.metrics);
   ASSERT_EQ(updated.pairs.size(), 3u);
   for (const PairResult& pair : updated.pairs)

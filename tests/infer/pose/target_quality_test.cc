@@ -63,6 +63,17 @@ TEST(TargetQuality, AStackWithoutThemIsGood) {
   EXPECT_EQ(TargetPicture(structure, quality).find(">?</text>"), std::string::npos);
 }
 
+// Of a wall that fills the picture nothing tells where along it the sensor is.
+TEST(TargetQuality, AWallFixesNoPlace) {
+  TargetViewOptions options;
+  options.directions = 4;
+  options.heights_m = {50};
+  const Structure wall = Stack({Box::FromMinMax("wall", {-0.1, -50, -50}, {0.1, 50, 50})});
+  const TargetQuality quality = MeasureTarget(wall, options);
+  EXPECT_TRUE(std::isinf(quality.views[0].weakest_m)) << quality.views[0].weakest_m;
+  EXPECT_FALSE(quality.views[0].sides_fix_pose);
+}
+
 TEST(TargetQuality, ThePapersStackNeedsTheFloor) {
   const Structure structure = testing_infer::PaperStructure();
   const TargetQuality quality = MeasureTarget(structure, FewViews());

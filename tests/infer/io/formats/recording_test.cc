@@ -1,5 +1,6 @@
 // Recordings that other programs wrote: realsense.bag by librealsense 2.56's recorder from a
-// software device, kinect.mkv by ffmpeg and mkvmerge (tests/compat/record_depth.py has the values).
+// software device, realsense.db3 by that of 2.59, kinect.mkv by ffmpeg and mkvmerge
+// (tests/compat/record_depth.py has the values).
 
 #include "infer/io/formats/recording.h"
 
@@ -18,11 +19,13 @@ namespace volalign {
 namespace {
 
 constexpr char kBag[] = "tests/infer/io/recordings/realsense.bag";
+constexpr char kDb3[] = "tests/infer/io/recordings/realsense.db3";
 constexpr char kMkv[] = "tests/infer/io/recordings/kinect.mkv";
 
-TEST(RecordingTest, RealSenseBag) {
-  ASSERT_TRUE(IsRecording(kBag));
-  const std::vector<RecordedDepth> streams = ReadRecording(kBag, 2);
+/// What is in kBag and in kDb3.
+void ExpectRealSense(const std::string& file) {
+  ASSERT_TRUE(IsRecording(file));
+  const std::vector<RecordedDepth> streams = ReadRecording(file, 2);
   ASSERT_EQ(streams.size(), 1u);
   const RecordedDepth& depth = streams[0];
   EXPECT_EQ(depth.stream, "/device_0/sensor_0/Depth_0/image/data");
@@ -33,7 +36,7 @@ TEST(RecordingTest, RealSenseBag) {
   EXPECT_EQ(*depth.depth_scale, 0.0001);
   EXPECT_EQ(*depth.intrinsics, (Intrinsics{64, 48, 47.5, 47.25, 31.5, 23.75, {0, 0, 0, 0, 0}}));
   ASSERT_EQ(depth.frames.size(), 2u);
-  EXPECT_EQ(ReadRecording(kBag, 100)[0].frames.size(), 3u);
+  EXPECT_EQ(ReadRecording(file, 100)[0].frames.size(), 3u);
   for (int i = 0; i < 2; ++i) {
     const StoredDepth& frame = depth.frames[static_cast<std::size_t>(i)];
     EXPECT_TRUE(frame.whole_numbers);
@@ -41,6 +44,26 @@ TEST(RecordingTest, RealSenseBag) {
       for (int u = 0; u < 64; ++u)
         ASSERT_EQ(frame.values(u, v), static_cast<float>(10000 + 100 * i + 64 * v + u));
   }
+}
+
+TEST(RecordingTest, RealSenseBag) { ExpectRealSense(kBag); }
+
+TEST(RecordingTest, RealSenseDb3) { ExpectRealSense(kDb3); }
+
+// Of a bag whose pages are cut off, and of a database that is none.
+TEST(RecordingTest, DamagedDb3) {
+  const TempFolder folder;
+  const std::string bytes = ReadFile(kDb3);
+  for (const std::size_t size : {std::size_t{50}, std::size_t{5000}, bytes.size() / 2}) {
+    WriteFileAtomically(folder / "cut.db3", bytes.substr(0, size));
+    ExpectError<DataError>([&] { ReadRecording(folder / "cut.db3", 3); }, {"cut.db3"});
+  }
+  // The images' PNG begins after a header of twelve bytes.
+  std::string other = bytes;
+  const std::string png = "\x89PNG";
+  for (std::size_t at = 0; (at = other.find(png, at)) != std::string::npos; ++at) other[at] = 'x';
+  WriteFileAtomically(folder / "png.db3", other);
+  ExpectError<DataError>([&] { ReadRecording(folder / "png.db3", 3); }, {"png.db3"});
 }
 
 TEST(RecordingTest, AzureKinectMkv) {

@@ -1,0 +1,59 @@
+#pragma once
+
+// Depth images as ROS has them, whatever the form of their messages.
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/camera.h"
+#include "infer/io/formats/recording.h"
+
+namespace volalign::formats_internal {
+
+std::string Lower(std::string text);
+
+/// sensor_msgs/Image.
+struct RosImage {
+  std::uint32_t width = 0, height = 0, step = 0;
+  std::string encoding;
+  bool big_endian = false;
+  std::string_view data;
+};
+
+/// Whether an image of that encoding is depth.
+bool IsDepth(const std::string& topic, const std::string& encoding);
+
+/// Values as stored; throws DataError for too few bytes.
+StoredDepth DecodeImage(const RosImage& image, const std::string& name);
+
+/// sensor_msgs/CameraInfo. `rectified` is the camera of an image that was rectified.
+struct CameraInfo {
+  Intrinsics raw, rectified;  ///< width, height and the raw one's coefficients are there
+  std::string model;
+  /// K and P of the message, row by row.
+  void SetMatrices(const std::array<double, 9>& k, const std::array<double, 12>& p);
+};
+
+/// What of a recording matters, as it is read.
+struct RosContent {
+  std::map<std::string, RecordedDepth> streams;  // by topic
+  std::map<std::string, CameraInfo> infos;
+  std::map<std::string, double> units;                                // metres
+  std::map<std::string, std::map<std::string, std::string>> devices;  // of /device_0/info
+};
+
+/// Whether it is "/device_0/info", of the recorder of RealSense.
+bool IsDeviceInfo(const std::string& topic);
+
+/// Whether the topic has the option Depth Units of the recorder of RealSense.
+bool IsDepthUnits(const std::string& topic);
+
+/// The streams, each with what is said of it by the topics that share most of its path. `name`
+/// begins every message; throws DataError.
+std::vector<RecordedDepth> DescribeStreams(RosContent content, const std::string& name);
+
+}  // namespace volalign::formats_internal

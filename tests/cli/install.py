@@ -1,0 +1,75 @@
+#!/usr/bin/env python3
+"""Does the installed program work where the source tree is not?
+
+    tests/cli/install.py CMAKE BUILD_FOLDER SOURCE_FOLDER
+
+Installs what the build folder has to a new prefix, and runs it in an empty folder. Where the system lets an ordinary user make a
+mount namespace, an empty folder is mounted over the source tree meanwhile.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CMAKE, BUILD, SOURCE = sys.argv[1:4] if len(sys.argv) > 3 else ("", "", "")
+del sys.argv[1:4]
+
+
+class Install(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="volalign_install_")
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.prefix, self.work = (os.path.join(self.folder, name) for name in ("prefix", "work"))
+        os.makedirs(self.work)
+        subprocess.run([CMAKE, "--install", BUILD, "--prefix", self.prefix], stdout=subprocess.DEVNULL, check=True)
+        hide = ["unshare", "--map-root-user", "--mount", "bash", "-c", f'mount -t tmpfs none "{SOURCE}" && exec "$@"', "bash"]
+        inside = self.folder.startswith(os.path.join(SOURCE, ""))
+        can_hide = not inside and shutil.which("unshare") and subprocess.run(hide + ["true"], stderr=subprocess.DEVNULL, check=False).returncode == 0
+        self.hide = hide if can_hide else []
+        print("the source tree is", "hidden" if can_hide else "in place: no mount namespace here", file=sys.stderr)
+
+    def volalign(self, *arguments, status=0):
+        environment = {key: value for key, value in os.environ.items() if key != "VOLALIGN_DATA_DIR"}
+        done = subprocess.run(
+            self.hide + [os.path.join(self.prefix, "bin", "volalign"), *arguments],
+            cwd=self.work,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        self.assertEqual(done.returncode, status, done.stdout)
+        return done.stdout
+
+    def test_installed_program(self):
+        found = self.volalign("doctor")
+        self.assertIn(os.path.join(self.prefix, "share", "volalign") + "\n", found)
+        self.assertIn("everything is there", found)
+        self.assertIn("loss:", self.volalign("config", "show", "configs/m05.yaml"))
+        if self.hide:
+            with self.assertRaises(AssertionError):
+                self.volalign("structure", "show", os.path.join(SOURCE, "configs", "structure.yaml"))
+
+        self.volalign("render", "--rig", "configs/rig_ring4.yaml", "-o", "capture")
+        self.volalign("calibrate", "--capture", "capture/capture.json", "--model", "models/m05-lite.pt", "-o", "out")
+        with open(os.path.join(self.work, "out", "extrinsics.json"), encoding="utf-8") as file:
+            sensors = json.load(file)["sensors"]
+        self.assertEqual([sensor["status"] for sensor in sensors.values()], ["ok"] * 4)
+        self.assertTrue(os.path.exists(os.path.join(self.work, "out", "report.html")))
+
+    def test_completion_is_installed(self):
+        file = os.path.join(self.prefix, "share", "bash-completion", "completions", "volalign")
+        script = f"source '{file}'; COMP_WORDS=(volalign cali); COMP_CWORD=1; _volalign; echo ${{COMPREPLY[@]}}"
+        done = subprocess.run(["bash", "-c", script], stdout=subprocess.PIPE, text=True, check=True)
+        self.assertEqual(done.stdout.split(), ["calibrate"])
+
+
+if __name__ == "__main__":
+    if not SOURCE:
+        sys.exit(__doc__)
+    unittest.main()
