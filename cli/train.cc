@@ -85,7 +85,7 @@ Command AddTrainCommand(CLI::App& program) {
   CLI::Option* sweep =
       app->add_option("--sweep", options->sweep,
                       "YAML of recipes, values and seeds: trains all combinations in folders of "
-                      "--run-dir, and goes on where it was stopped");
+                      "--output, and goes on where it was stopped");
   sweep->excludes(config);
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")

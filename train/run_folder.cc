@@ -8,9 +8,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <functional>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "core/error.h"
@@ -19,6 +21,10 @@ namespace volalign {
 namespace {
 
 constexpr char kStateSuffix[] = ".state";
+/// A killed process keeps its lock until its memory is freed, which takes seconds on a busy
+/// machine.
+constexpr int kLockTries = 100;
+constexpr std::chrono::milliseconds kLockPause(100);
 
 /// The number that a state's name is, or -1.
 std::int64_t SamplesOf(const std::filesystem::path& path) {
@@ -47,11 +53,15 @@ RunFolder::RunFolder(std::filesystem::path dir) : dir_(std::move(dir)) {
     throw IoError(fmt::format("cannot create folder {}: {}", dir_.string(), error.message()));
   }
   lock_ = ::open(dir_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ < 0) return;
   // A file system that has no locks for folders is no reason not to train.
-  if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    ::close(lock_);
-    throw Error(fmt::format("another process trains in {}: wait for it, or use another --run-dir",
-                            dir_.string()));
+  for (int tries = 0; ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++tries) {
+    if (tries == kLockTries) {
+      ::close(lock_);
+      throw Error(fmt::format("another process trains in {}: wait for it, or use another folder",
+                              dir_.string()));
+    }
+    std::this_thread::sleep_for(kLockPause);
   }
 }
 

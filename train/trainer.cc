@@ -27,7 +27,7 @@ std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& dat
                                 std::vector<std::string>* damaged) {
   if (!resume) {
     if (folder.States().empty()) return std::nullopt;
-    throw Error(fmt::format("{} holds a run already: use --resume, or another --run-dir",
+    throw Error(fmt::format("{} holds a run already: use --resume, or another folder",
                             folder.dir().string()));
   }
   std::optional<SavedState> state = FindState(folder, config, data.identity, damaged);
