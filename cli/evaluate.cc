@@ -30,8 +30,8 @@ namespace volalign {
 namespace {
 
 struct Options {
-  std::string model, output, config, seeds, compare;
-  std::vector<std::string> captures, assignments;
+  std::string output, config, seeds, compare;
+  std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
   int egl_device = -1;
   std::string suite, suite_config = "configs/paper/suite.yaml";
@@ -59,7 +59,8 @@ void AddSuiteOptions(CLI::App* app, Options* options) {
 }
 
 void AddOptions(CLI::App* app, Options* options) {
-  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt");
+  app->add_option("--model", options->models,
+                  "checkpoints, e.g. models/m05-lite.pt; several are compared on the same frames");
   app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "
@@ -103,11 +104,9 @@ void PrintProgress(const std::string& line) {
   std::fflush(stderr);
 }
 
-EvaluateRun RunOf(const Options& options, const NetworkSegmenter& segmenter) {
+EvaluateRun RunOf(const Options& options) {
   EvaluateRun run;
   run.output = std::filesystem::path(options.output) / "evaluation.json";
-  run.model_file = segmenter.file();
-  run.model_sha256 = segmenter.sha256();
   run.program = Sha256(ReadFile("/proc/self/exe"));
   run.progress = PrintProgress;
   return run;
@@ -147,7 +146,7 @@ int RunPaperSuite(const Options& options) {
 
 int RunEvaluate(const Options& options) {
   if (!options.suite.empty()) return RunPaperSuite(options);
-  if (options.model.empty()) throw ConfigError("evaluate wants --model, or --suite");
+  if (options.models.empty()) throw ConfigError("evaluate wants --model, or --suite");
   if (options.rigs.files.empty() && options.captures.empty()) {
     throw ConfigError("evaluate wants --rig RIG.yaml ..., --capture capture.json ..., or both");
   }
@@ -160,8 +159,13 @@ int RunEvaluate(const Options& options) {
   if (!options.seeds.empty()) series.seeds = ParseSeeds(options.seeds);
 
   SetTorchThreads(variants.front().options.threads);
-  const std::unique_ptr<NetworkSegmenter> segmenter =
-      LoadNetworkSegmenter(options.model, nullptr, variants.front().options.device);
+  std::vector<std::unique_ptr<NetworkSegmenter>> networks;
+  std::vector<EvaluationModel> models;
+  for (const std::string& file : options.models) {
+    networks.push_back(LoadNetworkSegmenter(file, nullptr, variants.front().options.device));
+    NetworkSegmenter* network = networks.back().get();
+    models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
+  }
   std::optional<EglContext> egl;
   std::optional<DepthRenderer> renderer;
   std::vector<EvaluationItem> items;
@@ -174,12 +178,11 @@ int RunEvaluate(const Options& options) {
     items = RigItems(rigs, series, &*renderer);
   }
   for (const std::string& capture : options.captures) {
-    items.push_back(CaptureItem(capture, segmenter->structure()));
+    items.push_back(CaptureItem(capture, networks.front()->structure()));
   }
-  const EvaluateRun run = RunOf(options, *segmenter);
+  const EvaluateRun run = RunOf(options);
   SaveOptions(options.output, source, rigs);
-  const std::vector<EvaluatedCase> cases =
-      Evaluate(items, variants, *segmenter, segmenter->structure(), run);
+  const std::vector<EvaluatedCase> cases = Evaluate(items, variants, models, run);
   fmt::print("{}", FormatEvaluation(cases));
   std::fflush(stdout);
   SaveCommand(options.output);

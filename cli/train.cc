@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/file_util.h"
 #include "core/torch_threads.h"
+#include "train/compute.h"
 #include "train/launch.h"
 #include "train/run_log.h"
 #include "train/run_table.h"
@@ -51,12 +52,14 @@ int TrainOne(const Options& options) {
     return status;
   }
   SetTorchThreads(config.run.threads);
+  KeepFreedMemory();
   Train(config, train_options);
   if (train_options.world.rank == 0) SaveCommand(options.run_dir);
   return 0;
 }
 
 int TrainMany(const Options& options) {
+  KeepFreedMemory();
   const std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
   const SweepResult result = TrainSweep(runs, options.run_dir, /*quiet=*/false);

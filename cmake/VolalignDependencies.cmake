@@ -97,13 +97,14 @@ if(fmt_FOUND AND Torch_FOUND)
   endforeach()
 endif()
 
-# Training in several processes needs a LibTorch with Gloo and its own Gloo's headers, which LibTorch from PyPI leaves out. On CUDA devices NCCL
-# is used where its headers are found (PyPI's nvidia-nccl package has them), else Gloo.
+# Training in several processes needs a LibTorch with Gloo and Gloo's headers. LibTorch from PyPI leaves them out; Debian's (libgloo-dev) serve there
+# too, although Gloo itself is another version: LibTorch's header mentions Gloo's types behind pointers only. On CUDA devices NCCL is used where its
+# headers are found (PyPI's nvidia-nccl package has them), else Gloo.
 set(VOLALIGN_GLOO OFF)
 set(VOLALIGN_NCCL OFF)
 if(TARGET torch_cpu)
   get_target_property(definitions torch_cpu INTERFACE_COMPILE_DEFINITIONS)
-  find_path(GLOO_INCLUDE_DIR gloo/config.h PATHS ${TORCH_INCLUDE_DIRS} NO_DEFAULT_PATH)
+  find_path(GLOO_INCLUDE_DIR gloo/config.h HINTS ${TORCH_INCLUDE_DIRS})
   if(VOLALIGN_PROCESSES AND "${definitions}" MATCHES "USE_C10D_GLOO" AND GLOO_INCLUDE_DIR)
     set(VOLALIGN_GLOO ON)
   endif()

@@ -3,7 +3,6 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/batch_norm.h>
 #include <ATen/ops/cat.h>
-#include <ATen/ops/conv2d.h>
 #include <ATen/ops/empty.h>
 #include <ATen/ops/group_norm.h>
 #include <ATen/ops/log_softmax.h>
@@ -21,6 +20,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "core/convolution.h"
 #include "core/error.h"
 #include "core/training_forward.h"
 
@@ -133,9 +133,7 @@ ConvUnitImpl::ConvUnitImpl(int in, int out, int kernel, Normalization normalizat
 }
 
 at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
-  const std::int64_t padding = weight.size(2) / 2;
-  const at::Tensor b = bias.defined() ? bias.to(dtype) : at::Tensor();
-  at::Tensor y = at::conv2d(x.to(dtype), weight.to(dtype), b, /*stride=*/1, padding);
+  const at::Tensor y = Convolve(x, weight, dtype, weight.size(2) / 2, bias);
   switch (normalization_) {
     case Normalization::kNone:
       return y;

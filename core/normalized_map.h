@@ -49,8 +49,4 @@ PooledMap NormalizedAndPooledMap(const at::Tensor& raw, const MapParameters& par
 /// multiplications instead of 36. Differentiable.
 at::Tensor PhaseWeight(const at::Tensor& weight);
 
-/// log_softmax over the classes of logits [B,K,H,W], float32 or bfloat16: [B,K,H,W] float32,
-/// contiguous.
-at::Tensor LogProbabilities(const at::Tensor& logits);
-
 }  // namespace volalign

@@ -1,7 +1,6 @@
 #include "core/training_forward.h"
 
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/conv2d.h>
 #include <ATen/ops/relu.h>
 #include <ATen/ops/sigmoid.h>
 #include <ATen/ops/upsample_nearest2d.h>
@@ -9,15 +8,12 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/convolution.h"
+#include "core/log_probabilities.h"
 #include "core/normalized_map.h"
 
 namespace volalign {
 namespace {
-
-at::Tensor Convolve(const at::Tensor& x, const at::Tensor& weight, at::ScalarType type,
-                    std::int64_t padding) {
-  return at::conv2d(x.to(type), weight.to(type), {}, /*stride=*/1, padding);
-}
 
 /// Units of the network in one type.
 class Units {
@@ -118,7 +114,7 @@ at::Tensor TrainingForward(const StructureNetLayers& layers, Normalization norma
   }
   x = units.Relu(layers.last, x);
   const ConvUnit& classifier = layers.classifier;
-  return LogProbabilities(at::conv2d(x, classifier->weight.to(type), classifier->bias.to(type)));
+  return LogProbabilities(Convolve(x, classifier->weight, type, 0, classifier->bias));
 }
 
 }  // namespace volalign

@@ -77,9 +77,8 @@ std::string ValidationTable(const ValidationResult& result) {
     }
     if (scores.empty()) return;
     const ValidationResult r = Summarise(scores);
-    table += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.4f} | {} | {:.1f} cm, {:.2f} deg |\n",
-                         name, r.samples, r.miou, r.miou_authors, r.loss_seg, r.posed,
-                         100 * r.median_translation_error_m, r.median_rotation_error_deg);
+    table += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.4f} | {} | {} |\n", name, r.samples,
+                         r.miou, r.miou_authors, r.loss_seg, r.posed, MedianPoseError(r));
   };
   row("all", [](const SampleScore&) { return true; });
   std::set<std::string> sensors;

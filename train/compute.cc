@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 #include <torch/cuda.h>
 
+#include <limits>
 #include <string>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 #if defined(__aarch64__)
 #include <asm/hwcap.h>
 #include <sys/auxv.h>
@@ -37,6 +41,13 @@ Compute ChooseCompute(const RunConfig& run, const World& world) {
                               ? compute.device.is_cpu() || bf16
                               : run.channels_last == Layout::kChannelsLast;
   return compute;
+}
+
+void KeepFreedMemory() {
+#if defined(__GLIBC__)
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+#endif
 }
 
 std::string ToString(const Compute& compute) {

@@ -26,6 +26,11 @@ Compute ChooseCompute(const RunConfig& run, const World& world = World());
 /// takes longer than float32.
 bool ProcessorHasBf16();
 
+/// From here on the process keeps the memory that it frees. glibc gives large blocks back to the
+/// system, which hands them out again a page at a time and cleared: a tenth of a training step,
+/// whose maps all have such blocks. The program's to decide, as SetTorchThreads.
+void KeepFreedMemory();
+
 /// "cpu, bf16, channels last".
 std::string ToString(const Compute& compute);
 

@@ -31,6 +31,7 @@ void AddRow(const json& row, LoggedRun* run) {
   const std::string prefix = row.at("type").get<std::string>() + "/";
   const auto samples = row.at("samples").get<std::int64_t>();
   run->samples = std::max(run->samples, samples);
+  run->last_rows[prefix] = samples;
   for (const auto& [key, value] : row.items()) {
     if (!value.is_number() || key == "samples") continue;
     Curve& curve = run->curves[prefix + key];
@@ -44,6 +45,8 @@ void AddRow(const json& row, LoggedRun* run) {
 std::optional<double> LoggedRun::Last(const std::string& metric) const {
   const auto curve = curves.find(metric);
   if (curve == curves.end()) return std::nullopt;
+  const auto last = last_rows.find(metric.substr(0, metric.find('/') + 1));
+  if (last != last_rows.end() && last->second != curve->second.samples.back()) return std::nullopt;
   return curve->second.values.back();
 }
 

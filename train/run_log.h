@@ -19,10 +19,12 @@ struct Curve {
 
 /// What a run folder tells of its run, finished or not.
 struct LoggedRun {
-  std::string name;                           ///< the folder, as it was given
-  std::map<std::string, std::string> config;  ///< every key of config.yaml, as text
-  std::int64_t samples = 0;                   ///< of the last row
-  std::map<std::string, Curve> curves;        ///< "train/loss", "validation/miou", ...
+  std::string name;                               ///< the folder, as it was given
+  std::map<std::string, std::string> config;      ///< every key of config.yaml, as text
+  std::int64_t samples = 0;                       ///< of the last row
+  std::map<std::string, Curve> curves;            ///< "train/loss", "validation/miou", ...
+  std::map<std::string, std::int64_t> last_rows;  ///< samples of the last row: "train/", ...
+  /// Of the last row of its kind; none where that row does not have it.
   std::optional<double> Last(const std::string& metric) const;
   std::optional<double> SamplesPerSecond() const;  ///< median over the rows
 };

@@ -67,18 +67,16 @@ void JsonlSink::Train(const TrainRow& row) {
 
 void JsonlSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
-  const json j = {{"type", "validation"},
-                  {"step", row.step},
-                  {"samples", row.samples},
-                  {"validation_samples", v.samples},
-                  {"loss_seg", v.loss_seg},
-                  {"loss_3d", v.loss_3d},
-                  {"miou", v.miou},
-                  {"miou_authors", v.miou_authors},
-                  {"posed", v.posed},
-                  {"keypoint_rmse_m", v.keypoint_rmse_m},
-                  {"median_translation_error_m", v.median_translation_error_m},
-                  {"median_rotation_error_deg", v.median_rotation_error_deg}};
+  json j = {{"type", "validation"},   {"step", row.step},
+            {"samples", row.samples}, {"validation_samples", v.samples},
+            {"loss_seg", v.loss_seg}, {"loss_3d", v.loss_3d},
+            {"miou", v.miou},         {"miou_authors", v.miou_authors},
+            {"posed", v.posed}};
+  if (v.posed > 0) {
+    j["keypoint_rmse_m"] = v.keypoint_rmse_m;
+    j["median_translation_error_m"] = v.median_translation_error_m;
+    j["median_rotation_error_deg"] = v.median_rotation_error_deg;
+  }
   Write(j.dump());
 }
 
@@ -106,9 +104,8 @@ void ProgressSink::Validation(const ValidationRow& row) {
   miou_ = fmt::format("  mIoU {:.3f}", v.miou);
   Line(
       fmt::format("validation at {}: loss_seg {:.4f}  mIoU {:.3f}  posed {}/{}  median pose "
-                  "error {:.1f} cm {:.2f} deg",
-                  row.samples, v.loss_seg, v.miou, v.posed, v.samples,
-                  100 * v.median_translation_error_m, v.median_rotation_error_deg));
+                  "error {}",
+                  row.samples, v.loss_seg, v.miou, v.posed, v.samples, MedianPoseError(v)));
 }
 
 void ProgressSink::Line(const std::string& text) {

@@ -47,15 +47,17 @@ void TensorBoardSink::Train(const TrainRow& row) {
 
 void TensorBoardSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
-  file_.Scalars(row.samples,
-                {{"validation/loss_seg", v.loss_seg},
-                 {"validation/loss_3d", v.loss_3d},
-                 {"validation/miou", v.miou},
-                 {"validation/miou_authors", v.miou_authors},
-                 {"validation/posed", v.posed},
-                 {"validation/keypoint_rmse_m", v.keypoint_rmse_m},
-                 {"validation/median_translation_error_m", v.median_translation_error_m},
-                 {"validation/median_rotation_error_deg", v.median_rotation_error_deg}});
+  file_.Scalars(row.samples, {{"validation/loss_seg", v.loss_seg},
+                              {"validation/loss_3d", v.loss_3d},
+                              {"validation/miou", v.miou},
+                              {"validation/miou_authors", v.miou_authors},
+                              {"validation/posed", v.posed}});
+  if (v.posed > 0) {
+    file_.Scalars(row.samples,
+                  {{"validation/keypoint_rmse_m", v.keypoint_rmse_m},
+                   {"validation/median_translation_error_m", v.median_translation_error_m},
+                   {"validation/median_rotation_error_deg", v.median_rotation_error_deg}});
+  }
   if (!v.examples.empty()) {
     file_.Picture(row.samples, "validation/depth, labels, predicted", LabelPictures(v.examples));
   }

@@ -3,6 +3,7 @@
 #include <ATen/ops/argmax.h>
 #include <ATen/ops/gather.h>
 #include <c10/core/GradMode.h>
+#include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -148,6 +149,12 @@ ValidationResult Summarise(const std::vector<SampleScore>& scores) {
     result.median_rotation_error_deg = Summarise(rotation).median;
   }
   return result;
+}
+
+std::string MedianPoseError(const ValidationResult& result) {
+  if (result.posed == 0) return "-";
+  return fmt::format("{:.1f} cm, {:.2f} deg", 100 * result.median_translation_error_m,
+                     result.median_rotation_error_deg);
 }
 
 }  // namespace volalign

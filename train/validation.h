@@ -33,10 +33,11 @@ struct ValidationResult {
   int samples = 0;
   double loss_seg = 0;
   double loss_3d = 0;
-  double miou = 0;             ///< over the classes present in an image (core/metrics.h)
-  double miou_authors = 0;     ///< over all classes
-  int posed = 0;               ///< samples whose predicted keypoints fix a pose (core/procrustes.h)
-  double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
+  double miou = 0;          ///< over the classes present in an image (core/metrics.h)
+  double miou_authors = 0;  ///< over all classes
+  int posed = 0;  ///< samples whose predicted keypoints fix a pose (core/procrustes.h); without
+                  ///< one, the errors below mean nothing and are left out of files
+  double keypoint_rmse_m = 0;             ///< 3D RMSE of aligned keypoints, over posed samples
   double median_translation_error_m = 0;  ///< over posed samples
   double median_rotation_error_deg = 0;   ///< over posed samples
   std::vector<SampleScore> scores;        ///< of each sample, in order
@@ -45,6 +46,10 @@ struct ValidationResult {
 
 /// Means and medians over some samples; `loss_3d`, which is a batch's, stays 0 and `scores` empty.
 ValidationResult Summarise(const std::vector<SampleScore>& scores);
+
+/// The medians over posed samples for a line of text: "12.3 cm, 0.45 deg", or "-" where there are
+/// none.
+std::string MedianPoseError(const ValidationResult& result);
 
 /// Keypoints of the sides that `labels` shows in a sample's depth map, in two frames, m.
 struct SideKeypoints {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "core/config.h"
@@ -16,11 +17,42 @@ namespace volalign {
 
 namespace {
 
-std::string Fingerprint(const EvaluationItem& item, const EvaluationVariant& variant,
+/// One of the combinations of a model and a variant.
+struct Combination {
+  std::size_t model, variant;
+  std::string name;
+};
+
+/// By model, then by variant. Throws ConfigError for two models of one name.
+std::vector<Combination> Combine(const std::vector<EvaluationModel>& models,
+                                 const std::vector<EvaluationVariant>& variants) {
+  std::vector<Combination> combinations;
+  std::set<std::string> names;
+  for (std::size_t m = 0; m < models.size(); ++m) {
+    const std::string& file = models[m].checkpoint.file;
+    const std::string model = std::filesystem::path(file).stem().string();
+    if (!names.insert(model).second) {
+      throw ConfigError(fmt::format(
+          "{}: another checkpoint is called {} too, and tables name them so; rename one", file,
+          model));
+    }
+    for (std::size_t v = 0; v < variants.size(); ++v) {
+      const std::string& variant = variants[v].name;
+      combinations.push_back({m, v,
+                              models.size() == 1     ? variant
+                              : variants.size() == 1 ? model
+                                                     : fmt::format("{}, {}", model, variant)});
+    }
+  }
+  return combinations;
+}
+
+std::string Fingerprint(const EvaluationItem& item, const Combination& combination,
+                        const std::string& model_sha256, const CalibrateOptions& options,
                         const EvaluateRun& run) {
   std::string all;
-  for (const std::string& part : {run.program, run.model_sha256, item.rig, item.sensors,
-                                  item.identity, variant.name, WriteConfig(variant.options)}) {
+  for (const std::string& part : {run.program, model_sha256, item.rig, item.sensors, item.identity,
+                                  combination.name, WriteConfig(options)}) {
     all += fmt::format("{}:{}\n", part.size(), part);
   }
   return Sha256(all);
@@ -30,6 +62,7 @@ std::string Fingerprint(const EvaluationItem& item, const EvaluationVariant& var
 class Results {
  public:
   Results(const std::vector<EvaluationItem>& items, const std::vector<EvaluationVariant>& variants,
+          const std::vector<EvaluationModel>& models, const std::vector<Combination>& combinations,
           const EvaluateRun& run) {
     if (std::filesystem::exists(run.output)) {
       for (EvaluatedCase& one : ReadEvaluation(run.output)) {
@@ -39,13 +72,14 @@ class Results {
     }
     for (const EvaluationItem& item : items) {
       wanted_.emplace_back();
-      for (const EvaluationVariant& variant : variants) {
-        wanted_.back().push_back(Fingerprint(item, variant, run));
+      for (const Combination& one : combinations) {
+        wanted_.back().push_back(Fingerprint(item, one, models[one.model].checkpoint.sha256,
+                                             variants[one.variant].options, run));
       }
     }
   }
 
-  /// Indices of the variants under which an item has no result yet.
+  /// Indices of the combinations with which an item has no result yet.
   std::vector<std::size_t> Missing(std::size_t item) const {
     std::vector<std::size_t> missing;
     for (std::size_t j = 0; j < wanted_[item].size(); ++j) {
@@ -53,11 +87,11 @@ class Results {
     }
     return missing;
   }
-  void Add(std::size_t item, std::size_t variant, EvaluatedCase one) {
-    one.fingerprint = wanted_[item][variant];
+  void Add(std::size_t item, std::size_t combination, EvaluatedCase one) {
+    one.fingerprint = wanted_[item][combination];
     known_[one.fingerprint] = std::move(one);
   }
-  /// Of one item, as far as they are there, in order of the variants.
+  /// Of one item, as far as they are there, in order of the combinations.
   std::vector<EvaluatedCase> Of(std::size_t item) const {
     std::vector<EvaluatedCase> cases;
     for (const std::string& fingerprint : wanted_[item]) {
@@ -77,19 +111,41 @@ class Results {
 
  private:
   std::map<std::string, EvaluatedCase> known_;
-  std::vector<std::vector<std::string>> wanted_;  // by item and variant
+  std::vector<std::vector<std::string>> wanted_;  // by item and combination
 };
 
-/// The still of an item. Throws DataError unless it has the sides that the network knows.
-EvaluationStill LoadStill(const EvaluationItem& item, const Structure& structure) {
-  EvaluationStill still = item.load();
-  if (still.structure.SideNames() != structure.SideNames()) {
-    throw DataError(fmt::format(
-        "{}: the structure \"{}\" has other sides than \"{}\", which the network knows; train "
-        "a network for it",
-        item.rig, still.structure.name(), structure.name()));
+/// Throws DataError unless the still of `item` has the sides that the network knows.
+void RequireSides(const EvaluationItem& item, const Structure& of_still, const Structure& known) {
+  if (of_still.SideNames() == known.SideNames()) return;
+  throw DataError(fmt::format(
+      "{}: the structure \"{}\" has other sides than \"{}\", which the network knows; train a "
+      "network for it",
+      item.rig, of_still.name(), known.name()));
+}
+
+/// The cases of one item, of the combinations `asked`.
+std::vector<EvaluatedCase> EvaluateItem(const EvaluationItem& item,
+                                        const std::vector<EvaluationVariant>& variants,
+                                        const std::vector<EvaluationModel>& models,
+                                        const std::vector<Combination>& asked) {
+  const EvaluationStill still = item.load();
+  std::vector<EvaluatedCase> cases;
+  for (std::size_t m = 0; m < models.size(); ++m) {
+    std::vector<EvaluationVariant> own;
+    for (const Combination& one : asked) {
+      if (one.model == m) own.push_back({one.name, variants[one.variant].options});
+    }
+    if (own.empty()) continue;
+    RequireSides(item, still.structure, *models[m].structure);
+    for (EvaluatedCase& one : EvaluateStill(still, own, *models[m].segmenter)) {
+      one.rig = item.rig;
+      one.sensors = item.sensors;
+      one.seed = item.seed;
+      one.placements = item.placements;
+      cases.push_back(std::move(one));
+    }
   }
-  return still;
+  return cases;
 }
 
 /// "ring8 kinect seed 3: placed by robust 8/8, paper 7/8"
@@ -112,30 +168,24 @@ std::string Placed(const EvaluationItem& item, const std::vector<EvaluatedCase>&
 
 std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
                                     const std::vector<EvaluationVariant>& variants,
-                                    Segmenter& segmenter, const Structure& structure,
+                                    const std::vector<EvaluationModel>& models,
                                     const EvaluateRun& run) {
-  Results results(items, variants, run);
-  const auto write = [&] {
-    WriteEvaluation(run.output, results.All(), run.model_file, run.model_sha256);
-  };
+  const std::vector<Combination> combinations = Combine(models, variants);
+  Results results(items, variants, models, combinations, run);
+  std::vector<CheckpointFile> files;
+  for (const EvaluationModel& model : models) files.push_back(model.checkpoint);
+  const auto write = [&] { WriteEvaluation(run.output, results.All(), files); };
   std::size_t made = 0;
   const auto start = std::chrono::steady_clock::now();
   for (std::size_t i = 0; i < items.size(); ++i) {
     const EvaluationItem& item = items[i];
     const std::vector<std::size_t> missing = results.Missing(i);
     if (!missing.empty()) {
-      std::vector<EvaluationVariant> asked;
-      asked.reserve(missing.size());
-      for (const std::size_t j : missing) asked.push_back(variants[j]);
-      std::vector<EvaluatedCase> fresh =
-          EvaluateStill(LoadStill(item, structure), asked, segmenter);
-      for (std::size_t k = 0; k < fresh.size(); ++k) {
-        fresh[k].rig = item.rig;
-        fresh[k].sensors = item.sensors;
-        fresh[k].seed = item.seed;
-        fresh[k].placements = item.placements;
+      std::vector<Combination> asked;
+      for (const std::size_t j : missing) asked.push_back(combinations[j]);
+      std::vector<EvaluatedCase> fresh = EvaluateItem(item, variants, models, asked);
+      for (std::size_t k = 0; k < fresh.size(); ++k)
         results.Add(i, missing[k], std::move(fresh[k]));
-      }
       ++made;
       write();
     }

@@ -94,11 +94,8 @@ void Describe(Archive& ar, EvaluationSummary& summary) {
 namespace {
 
 struct EvaluationFile {
-  struct Model {
-    std::string file, sha256;
-  };
   std::string tool = "volalign " VOLALIGN_VERSION;
-  Model model;
+  std::vector<CheckpointFile> models;
   std::vector<EvaluationSummary> summary;
   std::vector<EvaluatedCase> cases;
 };
@@ -106,7 +103,7 @@ struct EvaluationFile {
 }  // namespace
 
 template <class Archive>
-void Describe(Archive& ar, EvaluationFile::Model& model) {
+void Describe(Archive& ar, CheckpointFile& model) {
   ar("file", model.file);
   ar("sha256", model.sha256);
 }
@@ -115,15 +112,15 @@ template <class Archive>
 void Describe(Archive& ar, EvaluationFile& file) {
   ar.Constant("format", kEvaluationFormat);
   ar.Derived("tool", file.tool);
-  ar.Derived("model", file.model);
+  ar.Derived("models", file.models);
   ar.Derived("summary", file.summary);
   ar("cases", file.cases);
 }
 
 void WriteEvaluation(const std::filesystem::path& path, const std::vector<EvaluatedCase>& cases,
-                     const std::string& model_file, const std::string& model_sha256) {
+                     const std::vector<CheckpointFile>& models) {
   EvaluationFile file;
-  file.model = {model_file, model_sha256};
+  file.models = models;
   file.summary = SummariseCases(cases);
   file.cases = cases;
   WriteFileAtomically(path, WriteDescribed(file, path.string(), 1));

@@ -10,10 +10,14 @@ namespace volalign {
 
 inline constexpr char kEvaluationFormat[] = "volalign.evaluation/1";
 
-/// evaluation.json: the cases, and for people and other programs their summary and the model.
+struct CheckpointFile {
+  std::string file, sha256;
+};
+
+/// evaluation.json: the cases, and for people and other programs their summary and the models.
 /// Throws IoError.
 void WriteEvaluation(const std::filesystem::path& path, const std::vector<EvaluatedCase>& cases,
-                     const std::string& model_file, const std::string& model_sha256);
+                     const std::vector<CheckpointFile>& models);
 
 /// The cases of an evaluation.json, strictly. Throws IoError, or DataError, for a file that is no
 /// evaluation too.

@@ -2,6 +2,7 @@
 // random and hard batches?
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 #include <fmt/format.h>
 
 #include <cstdlib>

@@ -36,9 +36,10 @@ void WriteRun(const std::filesystem::path& dir, int seed, double lr, double miou
                  {"step_s", {{"data", 0.1}}}}
                 .dump() +
             "\n";
-    rows +=
-        json{{"type", "validation"}, {"samples", samples}, {"miou", miou + 1.0 / samples}}.dump() +
-        "\n";
+    json validation = {
+        {"type", "validation"}, {"samples", samples}, {"miou", miou + 1.0 / samples}};
+    if (samples == 10) validation["keypoint_rmse_m"] = 0.1;  // later no sample has a pose
+    rows += validation.dump() + "\n";
   }
   WriteFileAtomically(dir / "metrics.jsonl", rows + "{\"type\":\"tr");
 }
@@ -62,6 +63,7 @@ TEST(Runs, AreListedComparedAndPlotted) {
   EXPECT_DOUBLE_EQ(list[0].at("best"), 0.6);
   EXPECT_EQ(list[0].at("samples_per_s"), 4);
   EXPECT_FALSE(list[0].contains("loss_seg"));  // of a validation, which these rows lack
+  EXPECT_FALSE(list[0].contains("keypoint_rmse_m"));
 
   const std::vector<RunGroup> groups = GroupRuns(runs);
   ASSERT_EQ(groups.size(), 2u);

@@ -229,7 +229,9 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
       best = row.at("loss_seg").get<double>();
       at = row.at("samples").get<std::int64_t>();
     }
-    if (lr < 0.01) EXPECT_EQ(at, 10);
+    if (lr < 0.01) {
+      EXPECT_EQ(at, 10);
+    }
     EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.pt").meta.samples, at);
     EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 80);
   }

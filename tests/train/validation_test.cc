@@ -77,5 +77,14 @@ TEST(FindKeypoints, OfOnePoseAreTheSameThroughALens) {
   }
 }
 
+TEST(MedianPoseError, SaysNothingWithoutAPose) {
+  ValidationResult result;
+  EXPECT_EQ(MedianPoseError(result), "-");
+  result.posed = 1;
+  result.median_translation_error_m = 0.1234;
+  result.median_rotation_error_deg = 1.5;
+  EXPECT_EQ(MedianPoseError(result), "12.3 cm, 1.50 deg");
+}
+
 }  // namespace
 }  // namespace volalign

@@ -31,8 +31,6 @@ class EvaluateFiles : public testing::Test {
       variant.options.refine.max_side_points = 300;
     }
     run_.output = folder_ / "evaluation.json";
-    run_.model_file = "model.pt";
-    run_.model_sha256 = "abc";
     run_.program = "1";
     run_.progress = [this](const std::string& line) { lines_.push_back(line); };
   }
@@ -55,12 +53,13 @@ class EvaluateFiles : public testing::Test {
     return items;
   }
   std::vector<EvaluatedCase> Run(const std::vector<EvaluationItem>& items) {
-    return Evaluate(items, variants_, segmenter_, ring_.still.structure, run_);
+    return Evaluate(items, variants_, models_, run_);
   }
 
   TempFolder folder_;
   Ring ring_;
   StoredSegmenter segmenter_;
+  std::vector<EvaluationModel> models_{{{"model.pt", "abc"}, &segmenter_, &ring_.still.structure}};
   EvaluateRun run_;
   std::vector<EvaluationVariant> variants_ = TwoVariants();
   std::vector<std::string> lines_;
@@ -126,17 +125,41 @@ TEST_F(EvaluateFiles, ReadsBackWhatItWrote) {
 TEST_F(EvaluateFiles, ReadsBackHowManyPlacements) {
   std::vector<EvaluatedCase> cases = Run(Items(1));
   cases[1].placements = 4;
-  WriteEvaluation(run_.output, cases, "m", "s");
+  WriteEvaluation(run_.output, cases, {{"m", "s"}});
   const std::vector<EvaluatedCase> read = ReadEvaluation(run_.output);
   EXPECT_EQ(read.at(0).placements, 1);
   EXPECT_EQ(read.at(1).placements, 4);
 }
 
+/// Each model under each variant; one more model costs only what it adds.
+TEST_F(EvaluateFiles, ComparesModels) {
+  for (EvaluationVariant& variant : variants_)
+    variant.options.initial.method = PoseMethod::kNetwork;
+  Run(Items(2));
+  StoredSegmenter blind;
+  models_.push_back({{"runs/blind.pt", "def"}, &blind, &ring_.still.structure});
+  const std::vector<EvaluatedCase> cases = Run(Items(2));
+  ASSERT_EQ(cases.size(), 8u);
+  EXPECT_EQ(cases[0].variant, "model, " + variants_[0].name);
+  EXPECT_EQ(cases[3].variant, "blind, " + variants_[1].name);
+  EXPECT_TRUE(cases[0].results[0].placed());
+  EXPECT_FALSE(cases[3].results[0].placed());
+  EXPECT_EQ(cases[5].seed, 1u);
+  variants_.pop_back();
+  EXPECT_EQ(Run(Items(1)).at(1).variant, "blind");
+  EXPECT_NE(ReadFile(run_.output).find("\"sha256\": \"def\""), std::string::npos);
+  models_[1].checkpoint.file = "other/model.pt";
+  ExpectError<ConfigError>([&] { Run(Items(1)); }, {"other/model.pt", "called model too"});
+}
+
 TEST_F(EvaluateFiles, RejectsAnotherStructure) {
   const Structure one = Structure::FromBoxes(
       "one", {Box::FromMinMax("box", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});
-  ExpectError<DataError>([&] { Evaluate(Items(1), variants_, segmenter_, one, run_); },
-                         {"ring", "other sides", "\"one\""});
+  ExpectError<DataError>(
+      [&] {
+        Evaluate(Items(1), variants_, {{{"m", "s"}, &segmenter_, &one}}, run_);
+      },
+      {"ring", "other sides", "\"one\""});
   WriteFileAtomically(run_.output, "{\"cases\": []}");
   ExpectError<DataError>([&] { Run(Items(1)); }, {"evaluation.json", "another folder"});
 }
