@@ -14,11 +14,11 @@ namespace volalign {
 namespace {
 
 constexpr double kPixelsAMetre = 120;
-constexpr double kMargin = 0.9;        // m around all sensors
+constexpr double kMargin = 1.3;        // m around all sensors: room for their names
 constexpr double kMagnification = 20;  // of the errors' ellipses
 constexpr double kSigmas = 2;          // their half axes
 constexpr double kBeyondStack = 0.5;   // m
-constexpr double kLegendHeight = 74;   // px
+constexpr double kLegendHeight = 92;   // px
 // Okabe and Ito's colours, which people with any colour vision tell apart.
 constexpr char kOk[] = "#0072b2", kWeak[] = "#e69f00", kFailed[] = "#d55e00";
 
@@ -172,9 +172,9 @@ std::string Legend(const Paper& paper) {
   }
   return text + fmt::format(
                     "<text x=\"20\" y=\"{:.1f}\">from above, structure frame; by each name its "
-                    "expected error; ellipses: {:.0f} standard deviations, {:.0f} times "
-                    "enlarged</text>\n",
-                    top + 26, kSigmas, kMagnification);
+                    "expected error</text>\n<text x=\"20\" y=\"{:.1f}\">ellipses: {:.0f} standard "
+                    "deviations, {:.0f} times enlarged</text>\n",
+                    top + 26, top + 44, kSigmas, kMagnification);
 }
 
 }  // namespace
