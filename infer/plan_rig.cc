@@ -116,9 +116,7 @@ void FinishTrials(PlannedSensor* sensor) {
 }  // namespace
 
 Eigen::Matrix3d PlannedSensor::PositionCovariance() const {
-  Eigen::Matrix<double, 3, 6> jacobian;
-  jacobian << Eigen::Matrix3d::Identity(), -Cross(structure_from_sensor.translation());
-  return jacobian * covariance * jacobian.transpose();
+  return volalign::PositionCovariance(covariance, structure_from_sensor);
 }
 
 RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options) {

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace volalign {
 
@@ -13,6 +15,20 @@ Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance) {
 
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance) {
   return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;
+}
+
+Eigen::Matrix3d PositionCovariance(const Matrix6d& covariance, const Pose& structure_from_sensor) {
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian << Eigen::Matrix3d::Identity(), -Cross(structure_from_sensor.translation());
+  return jacobian * covariance * jacobian.transpose();
+}
+
+double SigmaPosition(const Matrix6d& covariance, const Pose& structure_from_sensor) {
+  const Eigen::Matrix3d position = PositionCovariance(covariance, structure_from_sensor);
+  if (!position.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(position, Eigen::EigenvaluesOnly)
+                       .eigenvalues()
+                       .maxCoeff());
 }
 
 std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
@@ -77,7 +93,7 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                     100 * quality.label_iou),
         "look at pictures/: something may hide the structure, or the sensor be too near or far"};
   }
-  const double sigma_m = SigmaTranslation(evidence.covariance).maxCoeff();
+  const double sigma_m = SigmaPosition(evidence.covariance, evidence.structure_from_sensor);
   const double sigma_deg = SigmaRotationDeg(evidence.covariance).maxCoeff();
   if (!(sigma_m <= options.weak_sigma_translation_m) ||
       !(sigma_deg <= options.weak_sigma_rotation_deg)) {

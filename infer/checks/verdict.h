@@ -64,7 +64,7 @@ struct VerdictOptions {
   double weak_inlier_share = 0.8;
   double weak_label_iou = 0.5;
   double weak_rms_m = 0.02;
-  double weak_sigma_translation_m = 0.02;
+  double weak_sigma_translation_m = 0.03;
   double weak_sigma_rotation_deg = 1.5;
   double same_place_m = 0.02;
   double same_direction_deg = 2;
@@ -144,7 +144,9 @@ struct VerdictOptions {
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
     ar("weak_sigma_translation_m", weak_sigma_translation_m,
-       "standard deviation of the sensor's position, m, above which it is weak", Above(0));
+       "standard deviation of the sensor's position in the direction in which it is known least, "
+       "m, above which it is weak",
+       Above(0));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
        "standard deviation of its rotation, deg, above which it is weak", Above(0));
     ar("same_place_m", same_place_m,
@@ -165,6 +167,7 @@ struct ContradictedSensors {
 /// What is known about a placed sensor when it is judged.
 struct PlacedEvidence {
   PoseQuality quality;                               ///< at the reported pose
+  Pose structure_from_sensor = Pose::Identity();     ///< that pose
   Matrix6d covariance = Matrix6d::Zero();            ///< of it
   std::string unsolved;                              ///< RefinedFrame::problem
   std::optional<ContradictedSensors> contradiction;  ///< of other sensors
@@ -184,6 +187,13 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
 /// Standard deviations per axis, from a covariance of [translation; rotation vector], m and deg.
 Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance);
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
+
+/// Of a sensor's own position, structure frame. SigmaTranslation is that of a movement about the
+/// structure's origin, to which a rotation adds what it moves the sensor by.
+Eigen::Matrix3d PositionCovariance(const Matrix6d& covariance, const Pose& structure_from_sensor);
+
+/// Standard deviation of that position in the direction in which it is known least, m.
+double SigmaPosition(const Matrix6d& covariance, const Pose& structure_from_sensor);
 
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
 /// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.
