@@ -76,7 +76,7 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   if (sensor->together)
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
   const std::optional<Finding> weakness = FindWeakness(
-      {quality, sensor->covariance, refined.problem, contradiction, depth.same_depth_as,
+      {quality, pose, sensor->covariance, refined.problem, contradiction, depth.same_depth_as,
        placed.suspect_intrinsics, suspect_lens, placed.by_neighbours, labelled.other_pose,
        labelled.floor_would_tell, frame.quarter_turns != kAutoTurns},
       options.verdict);

@@ -13,6 +13,7 @@
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/verification.h"
 #include "infer/pose/agreement.h"
+#include "infer/pose/shape_check.h"
 
 namespace volalign {
 
@@ -146,6 +147,10 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
   if (std::optional<Finding> failure =
           VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
+  }
+  if (labelled.source == PoseSource::kGeometry &&
+      !KeepsShape(view, structure, pose, options.initial)) {
+    return ExplainMissingShape();
   }
   if (labelled.up_unknown) return UpUnknown(labelled);
 

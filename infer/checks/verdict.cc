@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace volalign {
 
@@ -23,6 +25,14 @@ Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matr
 
 Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance) {
   return PositionCovariance(structure_from_sensor, covariance).diagonal().cwiseSqrt();
+}
+
+double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance) {
+  const Eigen::Matrix3d position = PositionCovariance(structure_from_sensor, covariance);
+  if (!position.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(position, Eigen::EigenvaluesOnly)
+                       .eigenvalues()
+                       .maxCoeff());
 }
 
 std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
@@ -87,7 +97,7 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                     100 * quality.label_iou),
         "look at pictures/: something may hide the structure, or the sensor be too near or far"};
   }
-  const double sigma_m = SigmaTranslation(evidence.covariance).maxCoeff();
+  const double sigma_m = LargestSigmaPosition(evidence.structure_from_sensor, evidence.covariance);
   const double sigma_deg = SigmaRotationDeg(evidence.covariance).maxCoeff();
   if (!(sigma_m <= options.weak_sigma_translation_m) ||
       !(sigma_deg <= options.weak_sigma_rotation_deg)) {

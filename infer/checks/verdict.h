@@ -64,7 +64,7 @@ struct VerdictOptions {
   double weak_inlier_share = 0.8;
   double weak_label_iou = 0.5;
   double weak_rms_m = 0.02;
-  double weak_sigma_translation_m = 0.02;
+  double weak_sigma_translation_m = 0.03;
   double weak_sigma_rotation_deg = 1.5;
   double same_place_m = 0.02;
   double same_direction_deg = 2;
@@ -146,8 +146,8 @@ struct VerdictOptions {
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
     ar("weak_sigma_translation_m", weak_sigma_translation_m,
-       "standard deviation of the pose's translation at the structure's origin, m, above which the "
-       "sensor is weak",
+       "standard deviation of the sensor's position in the direction in which it is known least, "
+       "m, above which it is weak",
        Above(0));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
        "standard deviation of its rotation, deg, above which it is weak", Above(0));
@@ -169,6 +169,7 @@ struct ContradictedSensors {
 /// What is known about a placed sensor when it is judged.
 struct PlacedEvidence {
   PoseQuality quality;                               ///< at the reported pose
+  Pose structure_from_sensor = Pose::Identity();     ///< that pose
   Matrix6d covariance = Matrix6d::Zero();            ///< of it
   std::string unsolved;                              ///< RefinedFrame::problem
   std::optional<ContradictedSensors> contradiction;  ///< of other sensors
@@ -194,6 +195,9 @@ Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
 Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance);
 /// Its standard deviations along the structure's axes, m.
 Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
+/// Its standard deviation in the direction in which it is known least, m; NaN for a covariance that
+/// is not finite.
+double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
 
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
 /// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.

@@ -9,6 +9,7 @@
 #include "infer/pose/floor.h"
 #include "infer/pose/initial_pose.h"
 #include "infer/pose/same_pose.h"
+#include "infer/pose/shape_check.h"
 #include "infer/pose/stack_search.h"
 #include "infer/pose/standing_guesses.h"
 
@@ -28,12 +29,13 @@ constexpr std::size_t kMostOfGuess = 6, kMostOfAllGuesses = 40;
 constexpr std::size_t kMostVerified = 6;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
-/// A pose on a floor that explains so much of its view needs no other floor tried.
-constexpr double kCertain = 0.97;
 
-/// A plane is of the room that has so many times the most that the structure has in one plane;
-/// sides are in one that face alike (8 deg) and are no farther apart, m.
-constexpr double kLargerThanStack = 1.3, kSameDirection = 0.99, kSamePlane = 0.04;
+/// A plane is of the room that has so many times the most that the structure has in one plane.
+/// Planes are found with tolerances, so that sides that are turned (25 deg) or offset (m) against
+/// each other count as one.
+constexpr double kLargerThanStack = 1.3, kAlikeDirection = 0.9, kAlikePlane = 0.1;
+/// Sides are in one plane that face alike (8 deg) and are no farther apart, m.
+constexpr double kSameDirection = 0.99, kSamePlane = 0.04;
 
 /// Sensors are mounted upright, on a side or overhead.
 std::vector<Eigen::Vector3d> UsualUps() {
@@ -76,18 +78,18 @@ Poses Distinct(Poses poses, const Structure& structure) {
   return distinct;
 }
 
-bool InOnePlane(const Side& a, const Side& b) {
-  return b.normal.dot(a.normal) > kSameDirection &&
-         std::abs(a.normal.dot(b.centre - a.centre)) < kSamePlane;
+bool InOnePlane(const Side& a, const Side& b, double direction, double distance) {
+  return b.normal.dot(a.normal) > direction &&
+         std::abs(a.normal.dot(b.centre - a.centre)) < distance;
 }
 
-/// The most of a structure's surface that lies in one plane, m^2.
+/// The most of a structure's surface that may be found to lie in one plane, m^2.
 double LargestFlat(const Structure& structure) {
   double largest = 0;
   for (const Side& side : structure.sides()) {
     double area = 0;
     for (const Side& other : structure.sides()) {
-      if (InOnePlane(side, other)) area += other.exposed_area;
+      if (InOnePlane(side, other, kAlikeDirection, kAlikePlane)) area += other.exposed_area;
     }
     largest = std::max(largest, area);
   }
@@ -99,8 +101,9 @@ int CountPlanes(const Structure& structure) {
   std::vector<const Side*> different;
   for (const Side& side : structure.sides()) {
     if (side.label == 0 || !(side.exposed_area > 0)) continue;
-    const bool known = std::any_of(different.begin(), different.end(),
-                                   [&](const Side* other) { return InOnePlane(side, *other); });
+    const bool known = std::any_of(different.begin(), different.end(), [&](const Side* other) {
+      return InOnePlane(side, *other, kSameDirection, kSamePlane);
+    });
     if (!known) different.push_back(&side);
   }
   return static_cast<int>(different.size());
@@ -125,14 +128,9 @@ class Search {
   Poses OnFloors() const {
     Poses found;
     if (table_height_m_ < 0) return found;
-    for (const StandingGuess& guess : GuessFloors(planes_, table_height_m_)) {
-      Poses poses = Look(SearchStack(points_, outline_, guess, kMostLookedAt));
-      Append(OnTheFloor(Verify(FitRoughly(std::move(poses), true))), &found);
-      const bool certain = std::any_of(found.begin(), found.end(), [](const auto& pose) {
-        return pose.shape.explained_share() > kCertain;
-      });
-      if (certain) break;
-    }
+    const std::vector<StandingGuess> floors = GuessFloors(planes_, table_height_m_);
+    for (const auto& candidates : SearchStack(points_, outline_, floors, kMostLookedAt))
+      Append(OnTheFloor(Verify(FitRoughly(Look(candidates), true), true)), &found);
     return found;
   }
 
@@ -142,12 +140,17 @@ class Search {
     std::vector<StackCandidate> candidates;
     for (const StandingGuess& guess :
          GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
-      Append(SearchStack(points_, coarse, guess, kMostOfGuess), &candidates);
+      Append(SearchStack(points_, coarse, {guess}, kMostOfGuess).front(), &candidates);
     }
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.votes > b.votes; });
     if (candidates.size() > kMostOfAllGuesses) candidates.resize(kMostOfAllGuesses);
-    return Verify(FitRoughly(Look(candidates), false));
+    Poses found = Verify(FitRoughly(Look(candidates), false), false);
+    const auto refuted = [&](const GeometricPose& pose) {
+      return SeesBelow(surface_.view, structure_, pose.structure_from_sensor, table_height_m_);
+    };
+    found.erase(std::remove_if(found.begin(), found.end(), refuted), found.end());
+    return found;
   }
 
   /// The poses, and where their aliases explain the view, these.
@@ -165,7 +168,7 @@ class Search {
     Poses all = poses;
     // Those need not pass the limits that their originals have passed: which of them explain as
     // much is for Compete to say.
-    Append(FitWell(Distinct(std::move(moved), structure_)), &all);
+    Append(FitWell(Distinct(std::move(moved), structure_), false), &all);
     return all;
   }
 
@@ -208,20 +211,29 @@ class Search {
     return Distinct(std::move(poses), structure_);
   }
 
-  /// Fitted with more points, and looked at with all rays.
-  Poses FitWell(Poses poses) const {
+  /// Fitted with more points, and looked at with all rays. `floor`: with the floor's as well, where
+  /// that explains more: few sides may leave a direction open, but not every floor is flat.
+  Poses FitWell(Poses poses, bool floor) const {
     if (poses.size() > kMostVerified) poses.resize(kMostVerified);
-    const BoxFit fit{4, 1500, 0.05, 0.03, false};
     for (GeometricPose& pose : poses) {
-      pose.structure_from_sensor = FitToBoxes(points_, structure_, fit, pose.structure_from_sensor);
-      pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
+      const GeometricPose alone = FitWell(pose, points_, false);
+      pose = floor ? FitWell(pose, floor_points_, true) : alone;
+      if (Gain(alone.shape) > Gain(pose.shape)) pose = alone;
     }
     return poses;
   }
 
+  GeometricPose FitWell(GeometricPose pose, const std::vector<OrientedPoint>& points,
+                        bool floor) const {
+    const BoxFit fit{4, 1500, 0.05, 0.03, floor};
+    pose.structure_from_sensor = FitToBoxes(points, structure_, fit, pose.structure_from_sensor);
+    pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
+    return pose;
+  }
+
   /// Those that have the structure's shape.
-  Poses Verify(Poses poses) const {
-    poses = FitWell(std::move(poses));
+  Poses Verify(Poses poses, bool floor) const {
+    poses = FitWell(std::move(poses), floor);
     const auto other = [&](const GeometricPose& pose) {
       return !HasShape(pose.shape, structure_, options_);
     };

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
+#include <utility>
 
 namespace volalign {
 
@@ -29,6 +31,8 @@ constexpr double kPlaneNormal = 0.9;
 constexpr std::size_t kTrials = 80, kProbes = 800;
 /// A plane that has less, of all points' area, is none.
 constexpr double kLeastShare = 0.01;
+/// m: cells of a plane; what lies in neighbouring ones belongs together.
+constexpr double kPartCell = 0.25;
 
 double ToleranceAt(const Eigen::Vector3d& p) {
   return kPlaneTolerance + kPlaneRelativeTolerance * p.z();
@@ -85,6 +89,71 @@ RoomPlane Fit(const std::vector<OrientedPoint>& points, const std::vector<char>&
   plane.normal = normal.dot(plane.normal) < 0 ? Eigen::Vector3d(-normal) : normal;
   plane.offset = plane.normal.dot(mean);
   return plane;
+}
+
+/// A pixel on a plane.
+struct PlanePixel {
+  int u, v;
+  double area;               // m^2
+  std::pair<int, int> cell;  // of the plane
+};
+
+std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SurfaceView& surface) {
+  const SensorView& view = surface.view;
+  const Eigen::Vector3d x = plane.normal.unitOrthogonal(), y = plane.normal.cross(x);
+  std::vector<PlanePixel> pixels;
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const Eigen::Vector3d normal = surface.normals(u, v).cast<double>();
+      if (!(normal.squaredNorm() > 0)) continue;
+      const Eigen::Vector3d p = view.Point(u, v);
+      if (!Lies(p, normal, plane)) continue;
+      pixels.push_back({u,
+                        v,
+                        view.PixelArea(p, normal),
+                        {static_cast<int>(std::floor(p.dot(x) / kPartCell)),
+                         static_cast<int>(std::floor(p.dot(y) / kPartCell))}});
+    }
+  }
+  return pixels;
+}
+
+/// The parts of a plane: neighbouring cells are of one. Returns the part of each cell.
+std::map<std::pair<int, int>, int> PartsOf(const std::vector<PlanePixel>& pixels) {
+  std::map<std::pair<int, int>, int> parts;
+  for (const PlanePixel& pixel : pixels) parts[pixel.cell] = -1;
+  int count = 0;
+  for (auto& [first, part] : parts) {
+    if (part >= 0) continue;
+    part = count;
+    std::vector<std::pair<int, int>> open = {first};
+    while (!open.empty()) {
+      const auto [x, y] = open.back();
+      open.pop_back();
+      for (int k = 0; k < 9; ++k) {
+        const auto next = parts.find({x + k % 3 - 1, y + k / 3 - 1});
+        if (next == parts.end() || next->second >= 0) continue;
+        next->second = count;
+        open.push_back(next->first);
+      }
+    }
+    ++count;
+  }
+  return parts;
+}
+
+/// Marks the pixels of the plane's parts that are larger than `largest` m^2. A side of the
+/// structure may lie in one plane with a strip of a wall far behind it.
+void MarkLargeParts(const RoomPlane& plane, double largest, SurfaceView* surface) {
+  const std::vector<PlanePixel> pixels = PixelsOn(plane, *surface);
+  const std::map<std::pair<int, int>, int> parts = PartsOf(pixels);
+  std::vector<double> areas(parts.size(), 0);
+  for (const PlanePixel& pixel : pixels)
+    areas[static_cast<std::size_t>(parts.at(pixel.cell))] += pixel.area;
+  for (const PlanePixel& pixel : pixels) {
+    if (areas[static_cast<std::size_t>(parts.at(pixel.cell))] > largest)
+      surface->room(pixel.u, pixel.v) = 1;
+  }
 }
 
 }  // namespace
@@ -180,14 +249,9 @@ std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, 
 }
 
 void MarkRoom(const std::vector<RoomPlane>& planes, double largest, SurfaceView* surface) {
-  const SensorView& view = surface->view;
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      const Eigen::Vector3d normal = surface->normals(u, v).cast<double>();
-      surface->room(u, v) = std::any_of(planes.begin(), planes.end(), [&](const RoomPlane& plane) {
-        return plane.area > largest && Lies(view.Point(u, v), normal, plane);
-      });
-    }
+  std::fill(surface->room.begin(), surface->room.end(), 0);
+  for (const RoomPlane& plane : planes) {
+    if (plane.area > largest) MarkLargeParts(plane, largest, surface);
   }
 }
 

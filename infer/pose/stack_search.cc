@@ -41,6 +41,54 @@ std::vector<double> Turns(const StackOutline& outline, const StandingGuess& gues
   return turns;
 }
 
+/// The votes that one guess gets.
+class GuessVotes {
+ public:
+  GuessVotes(const std::vector<OrientedPoint>& points, const StackOutline& outline,
+             const StandingGuess& guess)
+      : guess_(guess), outline_(outline), room_(RoomFromSensor(guess.up)) {
+    for (const double foot : guess.feet) {
+      occupied_.push_back(FindOccupied(points, outline, foot, room_));
+      maps_.emplace_back(occupied_.back(), outline);
+    }
+  }
+
+  void Count(const Votes& votes, std::size_t turn) {
+    for (std::size_t f = 0; f < maps_.size(); ++f) {
+      if (occupied_[f].empty()) continue;
+      maps_[f].Count(occupied_[f], votes);
+      maps_[f].AppendPeaks(static_cast<int>(turn), static_cast<int>(f), &highest_, &peaks_);
+    }
+  }
+
+  std::vector<StackCandidate> Candidates(const std::vector<double>& turns, std::size_t most) const {
+    std::vector<StackCandidate> candidates;
+    for (const Peak& peak : Distinct(peaks_, most, turns.size(), guess_.yaws.empty())) {
+      Pose room_from_structure = Pose::Identity();
+      room_from_structure.linear() =
+          Eigen::AngleAxisd(turns[static_cast<std::size_t>(peak.turn)], Eigen::Vector3d::UnitY())
+              .toRotationMatrix();
+      room_from_structure.translation() =
+          Eigen::Vector3d(peak.x * outline_.cell, guess_.feet[static_cast<std::size_t>(peak.foot)],
+                          peak.z * outline_.cell) -
+          room_from_structure.linear() * outline_.foot;
+      Pose room_from_sensor = Pose::Identity();
+      room_from_sensor.linear() = room_;
+      candidates.push_back({room_from_structure.inverse() * room_from_sensor, peak.votes});
+    }
+    return candidates;
+  }
+
+ private:
+  const StandingGuess& guess_;
+  const StackOutline& outline_;
+  Eigen::Matrix3d room_;
+  std::vector<std::vector<OccupiedCell>> occupied_;  // of each foot
+  std::vector<VoteMap> maps_;
+  std::vector<Peak> peaks_;
+  float highest_ = 0;
+};
+
 }  // namespace
 
 Eigen::Matrix3d RoomFromSensor(const Eigen::Vector3d& up) {
@@ -50,42 +98,21 @@ Eigen::Matrix3d RoomFromSensor(const Eigen::Vector3d& up) {
   return room;
 }
 
-std::vector<StackCandidate> SearchStack(const std::vector<OrientedPoint>& points,
-                                        const StackOutline& outline, const StandingGuess& guess,
-                                        std::size_t most) {
-  const Eigen::Matrix3d room = RoomFromSensor(guess.up);
-  std::vector<std::vector<OccupiedCell>> occupied;
-  std::vector<VoteMap> maps;
-  for (const double foot : guess.feet) {
-    occupied.push_back(FindOccupied(points, outline, foot, room));
-    maps.emplace_back(occupied.back(), outline);
-  }
-  const std::vector<double> turns = Turns(outline, guess);
+std::vector<std::vector<StackCandidate>> SearchStack(const std::vector<OrientedPoint>& points,
+                                                     const StackOutline& outline,
+                                                     const std::vector<StandingGuess>& guesses,
+                                                     std::size_t most) {
+  std::vector<GuessVotes> searches;
+  for (const StandingGuess& guess : guesses) searches.emplace_back(points, outline, guess);
+  std::vector<std::vector<StackCandidate>> candidates;
+  if (guesses.empty()) return candidates;
+  const std::vector<double> turns = Turns(outline, guesses.front());
   Votes votes(outline);
-  std::vector<Peak> peaks;
-  float highest = 0;
   for (std::size_t k = 0; k < turns.size(); ++k) {
     votes.Make(outline.pieces, turns[k]);
-    for (std::size_t f = 0; f < maps.size(); ++f) {
-      if (occupied[f].empty()) continue;
-      maps[f].Count(occupied[f], votes);
-      maps[f].AppendPeaks(static_cast<int>(k), static_cast<int>(f), &highest, &peaks);
-    }
+    for (GuessVotes& search : searches) search.Count(votes, k);
   }
-  std::vector<StackCandidate> candidates;
-  for (const Peak& peak : Distinct(std::move(peaks), most, turns.size(), guess.yaws.empty())) {
-    Pose room_from_structure = Pose::Identity();
-    room_from_structure.linear() =
-        Eigen::AngleAxisd(turns[static_cast<std::size_t>(peak.turn)], Eigen::Vector3d::UnitY())
-            .toRotationMatrix();
-    room_from_structure.translation() =
-        Eigen::Vector3d(peak.x * outline.cell, guess.feet[static_cast<std::size_t>(peak.foot)],
-                        peak.z * outline.cell) -
-        room_from_structure.linear() * outline.foot;
-    Pose room_from_sensor = Pose::Identity();
-    room_from_sensor.linear() = room;
-    candidates.push_back({room_from_structure.inverse() * room_from_sensor, peak.votes});
-  }
+  for (const GuessVotes& search : searches) candidates.push_back(search.Candidates(turns, most));
   return candidates;
 }
 

@@ -26,12 +26,14 @@ struct StackCandidate {
   double votes = 0;  ///< cells of the outline that were measured, less those inside
 };
 
-/// Where the structure may stand: for every turn about the vertical, the measured surfaces above
-/// the foot, in cells of horizontal slabs, are correlated with the structure's outline. A measured
-/// cell counts 1 on a side that faces the same way, and -1.5 inside the structure. At most `most`
-/// candidates, those with the most votes first.
-std::vector<StackCandidate> SearchStack(const std::vector<OrientedPoint>& points,
-                                        const StackOutline& outline, const StandingGuess& guess,
-                                        std::size_t most);
+/// Where the structure may stand, for each guess: for every turn about the vertical, the measured
+/// surfaces above the foot, in cells of horizontal slabs, are correlated with the structure's
+/// outline. A measured cell counts 1 on a side that faces the same way, and -1.5 inside the
+/// structure. At most `most` candidates of each guess, those with the most votes first. All guesses
+/// have the same `yaws`.
+std::vector<std::vector<StackCandidate>> SearchStack(const std::vector<OrientedPoint>& points,
+                                                     const StackOutline& outline,
+                                                     const std::vector<StandingGuess>& guesses,
+                                                     std::size_t most);
 
 }  // namespace volalign

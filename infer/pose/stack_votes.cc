@@ -159,11 +159,18 @@ void VoteMap::Count(const std::vector<OccupiedCell>& occupied, const Votes& vote
 }
 
 void VoteMap::AppendPeaks(int turn, int foot, float* most, std::vector<Peak>* peaks) const {
-  for (const float votes : map_) *most = std::max(*most, votes);
+  using Row = Eigen::Map<const Eigen::ArrayXf>;
+  std::vector<float> highest;  // of each row
+  for (int z = 0; z < height_; ++z) {
+    highest.push_back(Row(&map_[Index(x0_, z + z0_)], width_).maxCoeff());
+    *most = std::max(*most, highest.back());
+  }
+  const auto least = std::max(0.0f, static_cast<float>(kLeastVotes) * *most);
   for (int z = 1; z + 1 < height_; ++z) {
+    if (!(highest[static_cast<std::size_t>(z)] > least)) continue;
     for (int x = 1; x + 1 < width_; ++x) {
       const float* at = &map_[Index(x + x0_, z + z0_)];
-      if (!(*at > kLeastVotes * *most) || !(*at > 0)) continue;
+      if (!(*at > least)) continue;
       if (at[-1] > *at || at[1] >= *at || at[-width_] > *at || at[width_] >= *at) continue;
       peaks->push_back({*at, x + x0_, z + z0_, turn, foot});
     }

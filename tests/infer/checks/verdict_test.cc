@@ -16,7 +16,7 @@ PlacedEvidence AtTheLimits() {
   PlacedEvidence evidence;
   evidence.quality.surface = {1000, 0.02, 0.8};
   evidence.quality.label_iou = 0.5;
-  evidence.covariance.diagonal().head<3>().setConstant(0.0199 * 0.0199);
+  evidence.covariance.diagonal().head<3>().setConstant(0.0299 * 0.0299);
   evidence.covariance.diagonal().tail<3>().setConstant(std::pow(1.49 * M_PI / 180, 2));
   return evidence;
 }
@@ -34,7 +34,7 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
   // From the least telling on: each spoils what those before have spoiled already, and prevails.
   const std::vector<Case> cases = {
       {SensorCode::kUncertain, [](PlacedEvidence* e) { e->covariance(5, 5) = 0.01; }, "5.73 deg"},
-      {SensorCode::kUncertain, [](PlacedEvidence* e) { e->covariance(1, 1) = 0.0009; }, "30.0 mm"},
+      {SensorCode::kUncertain, [](PlacedEvidence* e) { e->covariance(1, 1) = 0.0016; }, "40.0 mm"},
       {SensorCode::kLabelsDisagree, [](PlacedEvidence* e) { e->quality.label_iou = 0.49; }, "49 %"},
       {SensorCode::kLargeResidual, [](PlacedEvidence* e) { e->quality.surface.rms_m = 0.0201; },
        "20.1 mm"},
@@ -70,6 +70,24 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
     EXPECT_NE(weakness->reason.find(c.words), std::string::npos) << weakness->reason;
     EXPECT_NE(weakness->hint, "");
   }
+}
+
+// A turn about the structure's vertical moves a sensor that stands 2.3 m away.
+TEST(FindWeakness, WhatCountsIsThePositionOfTheSensorItself) {
+  PlacedEvidence evidence = AtTheLimits();
+  evidence.structure_from_sensor.translation() = Eigen::Vector3d(0, 0.9, 2.3);
+  evidence.covariance.setZero();
+  evidence.covariance(4, 4) = std::pow(1.1 * M_PI / 180, 2);
+  const std::optional<Finding> weakness = FindWeakness(evidence, VerdictOptions());
+  ASSERT_TRUE(weakness.has_value());
+  EXPECT_EQ(weakness->code, SensorCode::kUncertain);
+  EXPECT_NE(weakness->reason.find("44.2 mm and 1.10 deg"), std::string::npos) << weakness->reason;
+  // The same turn about the sensor moves it nowhere.
+  Matrix6d about_sensor = Matrix6d::Identity();
+  about_sensor.topRightCorner<3, 3>() = Cross(evidence.structure_from_sensor.translation());
+  evidence.covariance = about_sensor * evidence.covariance * about_sensor.transpose();
+  EXPECT_GT(SigmaTranslation(evidence.covariance).maxCoeff(), 0.04);
+  EXPECT_FALSE(FindWeakness(evidence, VerdictOptions()).has_value());
 }
 
 TEST(FindWeakness, AnUncertaintyThatIsNoNumberIsUncertain) {

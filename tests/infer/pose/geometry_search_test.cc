@@ -63,8 +63,8 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
   }
 }
 
-// One family of upright planes tells nothing of a turn about their normal. The room's walls reach
-// under the structure, as round a table: that speaks for no pose.
+// One family of upright planes tells nothing of a turn about their normal. What reaches under the
+// structure contradicts a pose, unless it may stand on a table.
 TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
   const Structure structure = PaperStructure();
   for (int i = 0; i < 4; ++i) {
@@ -72,8 +72,10 @@ TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
       SCOPED_TRACE(std::to_string(i) + (wall > 0 ? " in a room" : ""));
       const Pose truth = RingPose(90.0 * i, 2.2, 0.2);
       const SensorView view = See(structure, truth, {false, wall});
-      EXPECT_TRUE(Contains(Find(view, structure), truth));
-      EXPECT_TRUE(Choose(view, structure).ambiguous);
+      const double table_height_m = wall > 0 ? -1 : 0;
+      EXPECT_TRUE(Contains(Find(view, structure, table_height_m), truth));
+      EXPECT_TRUE(Choose(view, structure, table_height_m).ambiguous);
+      if (wall > 0) EXPECT_FALSE(Contains(Find(view, structure), truth));
     }
   }
 }
@@ -118,6 +120,18 @@ TEST(FindPosesByGeometry, NothingAmongOtherBoxes) {
   for (int i = 0; i < 3; ++i) {
     SCOPED_TRACE(i);
     EXPECT_TRUE(Find(See(others, RingPose(120.0 * i, 2.3)), PaperStructure()).empty());
+  }
+}
+
+// Sides of two boxes that face almost alike are found as one plane, which is larger than any side.
+TEST(FindPosesByGeometry, SidesThatAreFoundAsOnePlaneAreNoWall) {
+  const Structure structure = Structure::FromBoxes(
+      "stack", {Standing("low", {0.33, 0.36, 0.36}, {0, 0, 0}),
+                Standing("high", {0.27, 0.32, 0.37}, {0.05, 0.36, -0.04}, 10)});
+  for (int i = 0; i < 4; ++i) {
+    SCOPED_TRACE(i);
+    const Pose truth = RingPose(90.0 * i + 4, 2.1, 1.0, 90, {0, 0.34, 0});
+    EXPECT_TRUE(Contains(Find(See(structure, truth), structure), truth));
   }
 }
 
