@@ -123,18 +123,6 @@ TEST(FindPosesByGeometry, NothingAmongOtherBoxes) {
   }
 }
 
-// Sides of two boxes that face almost alike are found as one plane, which is larger than any side.
-TEST(FindPosesByGeometry, SidesThatAreFoundAsOnePlaneAreNoWall) {
-  const Structure structure = Structure::FromBoxes(
-      "stack", {Standing("low", {0.33, 0.36, 0.36}, {0, 0, 0}),
-                Standing("high", {0.27, 0.32, 0.37}, {0.05, 0.36, -0.04}, 10)});
-  for (int i = 0; i < 4; ++i) {
-    SCOPED_TRACE(i);
-    const Pose truth = RingPose(90.0 * i + 4, 2.1, 1.0, 90, {0, 0.34, 0});
-    EXPECT_TRUE(Contains(Find(See(structure, truth), structure), truth));
-  }
-}
-
 TEST(FindPosesByGeometry, ASymmetricStackIsAmbiguousOnAFloor) {
   const std::vector<Structure> stacks = {
       Structure::FromBoxes("one", {Standing("one", {0.5, 0.4, 0.3}, {0, 0, 0})}),
