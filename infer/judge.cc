@@ -78,7 +78,7 @@ void Judge(const SensorFrame& frame, const PlacedSensor& placed, const DepthFind
   const std::optional<Finding> weakness = FindWeakness(
       {quality, pose, sensor->covariance, refined.problem, contradiction, depth.same_depth_as,
        placed.suspect_intrinsics, suspect_lens, placed.by_neighbours, labelled.other_pose,
-       labelled.floor_would_tell, frame.quarter_turns != kAutoTurns},
+       labelled.floor_would_tell, frame.quarter_turns != kAutoTurns, placed.visible_by_geometry},
       options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);

@@ -148,13 +148,15 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
           VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
   }
-  if (labelled.source == PoseSource::kGeometry &&
-      !KeepsShape(view, structure, pose, options.initial)) {
-    return ExplainMissingShape();
+  std::optional<double> visible;
+  if (labelled.source == PoseSource::kGeometry) {
+    visible = VisibleWithShape(view, structure, pose, options.initial);
+    if (!visible) return ExplainMissingShape();
   }
   if (labelled.up_unknown) return UpUnknown(labelled);
 
   PlacedSensor placed = PlaceAt(seen, structure, pose, options);
+  placed.visible_by_geometry = visible;
   if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
   return placed;
 }

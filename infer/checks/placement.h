@@ -25,7 +25,9 @@ struct PlacedSensor {
   Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   SensorPoints points;               ///< labelled by the own pose, for the joint refinement
   std::optional<Finding> suspect_intrinsics;  ///< other intrinsics fit clearly better
-  std::optional<Finding> by_neighbours;       ///< set where the sensor needs them, see neighbours.h
+  /// Share of the structure's view that nothing hides, where geometry alone has found the pose.
+  std::optional<double> visible_by_geometry;
+  std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
 
   /// What stands as the sensor's initial pose: one that its own view leaves open is none.
   const Pose& InitialPoseOf(const InitialPose& initial) const {

@@ -106,6 +106,13 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                                sigma_deg),
                    "let it see more sides, or more of what its neighbours see"};
   }
+  if (evidence.visible_by_geometry.value_or(1) < options.weak_visible_share) {
+    return Finding{SensorCode::kAmbiguous,
+                   fmt::format("something hides {:.0f} % of the structure from it, and other boxes "
+                               "could look like the rest",
+                               100 * (1 - *evidence.visible_by_geometry)),
+                   "look at pictures/, clear its view, or calibrate with a model"};
+  }
   return std::nullopt;
 }
 

@@ -66,6 +66,7 @@ struct VerdictOptions {
   double weak_rms_m = 0.02;
   double weak_sigma_translation_m = 0.03;
   double weak_sigma_rotation_deg = 1.5;
+  double weak_visible_share = 0.75;
   double same_place_m = 0.02;
   double same_direction_deg = 2;
 
@@ -151,6 +152,10 @@ struct VerdictOptions {
        Above(0));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
        "standard deviation of its rotation, deg, above which it is weak", Above(0));
+    ar("weak_visible_share", weak_visible_share,
+       "share of the structure's view that nothing hides, below which a sensor is weak that "
+       "geometry alone has placed",
+       Between(0, 1));
     ar("same_place_m", same_place_m,
        "distance, m, below which two sensors with one direction are one sensor under two names",
        AtLeast(0));
@@ -180,6 +185,7 @@ struct PlacedEvidence {
   std::string other_pose;                            ///< LabelledView::other_pose
   bool floor_would_tell = true;                      ///< LabelledView::floor_would_tell
   bool known_turns = false;                          ///< the capture gives its quarter_turns
+  std::optional<double> visible_by_geometry;         ///< PlacedSensor::visible_by_geometry
 };
 
 /// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most

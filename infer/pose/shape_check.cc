@@ -42,21 +42,24 @@ bool SeesBelow(const SensorView& view, const Structure& structure,
   return floor.below > kMostBelow * floor.pixels;
 }
 
-bool KeepsShape(const SensorView& view, const Structure& structure,
-                const Pose& structure_from_sensor, const InitialPoseOptions& options) {
-  if (SeesBelow(view, structure, structure_from_sensor, options.table_height_m)) return false;
+std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
+                                       const Pose& structure_from_sensor,
+                                       const InitialPoseOptions& options) {
+  if (SeesBelow(view, structure, structure_from_sensor, options.table_height_m))
+    return std::nullopt;
   const ShapeEvidence shape =
       MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor);
   if (shape.explained_share() < kLeastExplained ||
       shape.goes_on_share() > options.geometry.max_goes_on_share) {
-    return false;
+    return std::nullopt;
   }
   const std::vector<SideEvidence> patches =
       CollectEvidence(view, LabelsFromPose(view, structure, structure_from_sensor, kOnSide),
                       structure, options.evidence);
-  return std::none_of(patches.begin(), patches.end(), [&](const SideEvidence& patch) {
+  const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SideEvidence& patch) {
     return IsTilted(patch, structure, structure_from_sensor);
   });
+  return tilted ? std::nullopt : std::optional<double>(shape.visible_share());
 }
 
 }  // namespace volalign

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "core/pose.h"
 #include "core/structure.h"
 #include "infer/pose/initial_pose.h"
@@ -14,8 +16,10 @@ bool SeesBelow(const SensorView& view, const Structure& structure,
 
 /// Does the structure still have the shape of what the view shows, at a pose that geometry has
 /// found and that was refined since? It is looked at more closely then: other boxes may have the
-/// structure's outline to a few centimetres, but they do not face as its sides do.
-bool KeepsShape(const SensorView& view, const Structure& structure,
-                const Pose& structure_from_sensor, const InitialPoseOptions& options);
+/// structure's outline to a few centimetres, but they do not face as its sides do. If it does: the
+/// share of the structure's view that nothing hides.
+std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
+                                       const Pose& structure_from_sensor,
+                                       const InitialPoseOptions& options);
 
 }  // namespace volalign

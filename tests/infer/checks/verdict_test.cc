@@ -90,6 +90,17 @@ TEST(FindWeakness, WhatCountsIsThePositionOfTheSensorItself) {
   EXPECT_FALSE(FindWeakness(evidence, VerdictOptions()).has_value());
 }
 
+TEST(FindWeakness, HalfHiddenAndFoundByGeometryAlone) {
+  PlacedEvidence evidence = AtTheLimits();
+  evidence.visible_by_geometry = VerdictOptions().weak_visible_share;
+  EXPECT_FALSE(FindWeakness(evidence, VerdictOptions()).has_value());
+  evidence.visible_by_geometry = 0.6;
+  const std::optional<Finding> weakness = FindWeakness(evidence, VerdictOptions());
+  ASSERT_TRUE(weakness.has_value());
+  EXPECT_EQ(weakness->code, SensorCode::kAmbiguous);
+  EXPECT_NE(weakness->reason.find("hides 40 %"), std::string::npos) << weakness->reason;
+}
+
 TEST(FindWeakness, AnUncertaintyThatIsNoNumberIsUncertain) {
   PlacedEvidence evidence = AtTheLimits();
   evidence.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();

@@ -20,19 +20,20 @@ Structure Stack(double yaw_deg = 0, double height = 0) {
 
 const Pose kTruth = RingPose(40, 1.9, 0.9, 90, {0, 0.35, 0});
 
-TEST(KeepsShape, AtTheTruePoseOnly) {
+TEST(VisibleWithShape, AtTheTruePoseOnly) {
   const SensorView view = See(Stack(), kTruth);
-  EXPECT_TRUE(KeepsShape(view, Stack(), kTruth, InitialPoseOptions()));
+  EXPECT_TRUE(VisibleWithShape(view, Stack(), kTruth, InitialPoseOptions()).has_value());
   const Pose aside = Eigen::Translation3d(-0.08, 0, -0.05) * kTruth;
-  EXPECT_FALSE(KeepsShape(view, Stack(), aside, InitialPoseOptions()));
+  EXPECT_FALSE(VisibleWithShape(view, Stack(), aside, InitialPoseOptions()).has_value());
 }
 
 // Within the tolerance of a first look, the sides of a box that is turned lie where they should.
-TEST(KeepsShape, NotWhereASideFacesElsewhere) {
+TEST(VisibleWithShape, NotWhereASideFacesElsewhere) {
   const SensorView view = See(Stack(16), kTruth);
   EXPECT_GT(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth).explained_share(), 0.94);
-  EXPECT_FALSE(KeepsShape(view, Stack(), kTruth, InitialPoseOptions()));
-  EXPECT_TRUE(KeepsShape(See(Stack(5), kTruth), Stack(), kTruth, InitialPoseOptions()));
+  EXPECT_FALSE(VisibleWithShape(view, Stack(), kTruth, InitialPoseOptions()).has_value());
+  EXPECT_TRUE(
+      VisibleWithShape(See(Stack(5), kTruth), Stack(), kTruth, InitialPoseOptions()).has_value());
 }
 
 // The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
@@ -42,7 +43,7 @@ TEST(SeesBelow, WhereTheRoomReachesUnderTheStack) {
   EXPECT_FALSE(SeesBelow(view, Stack(), kTruth, 0));
   const Pose lying(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
   EXPECT_TRUE(SeesBelow(view, Stack(), lying * kTruth, 0));
-  EXPECT_FALSE(KeepsShape(view, Stack(), lying * kTruth, InitialPoseOptions()));
+  EXPECT_FALSE(VisibleWithShape(view, Stack(), lying * kTruth, InitialPoseOptions()).has_value());
 }
 
 }  // namespace
