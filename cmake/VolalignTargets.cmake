@@ -12,6 +12,10 @@ endif()
 # Same rounding whatever the processor's fused multiply-add: a training sample is the same on every
 # machine.
 target_compile_options(volalign_options INTERFACE -ffp-contract=off)
+if(UNIX AND NOT APPLE)
+  # The C++ library before LibTorch: PyPI's libtorch.so exports parts of an older std::filesystem, which programs would use otherwise, and crash.
+  target_link_options(volalign_options INTERFACE "LINKER:--push-state,--no-as-needed" -lstdc++ "LINKER:--pop-state")
+endif()
 if(VOLALIGN_ASAN)
   # Without -fno-sanitize-recover a test that meets undefined behaviour prints a line and passes.
   target_compile_options(volalign_options INTERFACE
