@@ -202,7 +202,7 @@ PlacedSensor PlaceAt(const SeenView& seen, const Structure& structure, const Pos
   return {pose,
           SampleSeen(seen, LabelsFromPose(seen.view, structure, pose, kRelabelDistance), structure,
                      options),
-          std::nullopt, std::nullopt};
+          std::nullopt, std::nullopt, std::nullopt};
 }
 
 std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
