@@ -55,7 +55,7 @@ class Drafter {
     if (sensors_.empty()) {
       throw DataError(
           fmt::format("{}: no depth file or recording is in it or in a folder of it; expected {}, "
-                      ".bag or .mkv{}",
+                      ".bag, .db3 or .mkv{}",
                       folder_.string(), kDepthFormats,
                       draft_.found.empty() ? "" : " (" + draft_.found.front() + ")"));
     }
