@@ -11,8 +11,8 @@ namespace volalign {
 /// however it ends.
 class RunFolder {
  public:
-  /// Makes the folder where there is none. Throws IoError, or Error where another process trains in
-  /// it.
+  /// Makes the folder where there is none. Waits up to 10 s for a process that trains in it, which
+  /// may just have been killed. Throws IoError, or Error where it goes on.
   explicit RunFolder(std::filesystem::path dir);
   ~RunFolder();
   RunFolder(const RunFolder&) = delete;

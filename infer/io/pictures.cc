@@ -62,10 +62,10 @@ std::string Title(const SensorOutcome& sensor) {
   std::string title = fmt::format("{}: {}", sensor.name, ToString(sensor.status));
   if (sensor.code != SensorCode::kNone) title += fmt::format(" ({})", ToString(sensor.code));
   if (sensor.structure_from_sensor && sensor.covariance.allFinite()) {
-    title += fmt::format(", {:.1f} mm RMS to the structure, sigma {:.1f} mm and {:.2f} deg",
-                         1000 * sensor.rms_to_structure_m,
-                         1000 * sensor.sigma_position_m().maxCoeff(),
-                         sensor.sigma_rotation_deg().maxCoeff());
+    title +=
+        fmt::format(", {:.1f} mm RMS to the structure, sigma {:.1f} mm and {:.2f} deg",
+                    1000 * sensor.rms_to_structure_m, 1000 * sensor.sigma_position_m().maxCoeff(),
+                    sensor.sigma_rotation_deg().maxCoeff());
   }
   return title;
 }

@@ -6,13 +6,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "core/checkpoint.h"
@@ -223,6 +226,8 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
     double best = 1e9;
     std::int64_t at = 0;
     const std::vector<json> rows = Rows(folder / "run", "validation");
+    for (const json& row : rows)
+      EXPECT_EQ(row.contains("median_translation_error_m"), row.at("posed") > 0);
     ASSERT_EQ(rows.size(), 8u);
     for (const json& row : rows) {
       if (row.at("loss_seg").get<double>() >= best) continue;
@@ -297,6 +302,18 @@ TEST(Trainer, TwoProcessesDoNotTrainInOneFolder) {
   ExpectError<Error>(
       [&] { TrainOn(SyntheticData(2, 32, 8), TinyConfig(), Options(folder / "run")); },
       {"another process", "run"});
+}
+
+/// As that of a process that was killed and still gives its memory back.
+TEST(RunFolder, WaitsForAnotherThatEnds) {
+  const TempFolder folder;
+  auto held = std::make_unique<RunFolder>(folder / "run");
+  std::thread end([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    held.reset();
+  });
+  EXPECT_NO_THROW(RunFolder(folder / "run"));
+  end.join();
 }
 
 TEST(Trainer, TinyNetworkOverfitsAFixedBatch) {

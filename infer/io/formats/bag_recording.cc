@@ -1,9 +1,9 @@
 // Depth streams of a bag: what RealSense's recorder writes, and depth images of ROS 1.
 
-#include <array>
 #include <cstdint>
+#include <string>
+#include <string_view>
 
-#include "core/error.h"
 #include "infer/io/formats/byte_reader.h"
 #include "infer/io/formats/recording.h"
 #include "infer/io/formats/ros_bag.h"
@@ -13,48 +13,29 @@ namespace volalign::formats_internal {
 
 namespace {
 
-/// std_msgs/Header.
-void SkipHeader(ByteReader* reader) {
-  reader->Take(3 * sizeof(std::uint32_t));  // seq, stamp
-  reader->Block();                          // frame_id
-}
+class BagReader {
+ public:
+  BagReader(std::string_view message, const std::string& name) : reader_(message, name) {}
+  template <class T>
+  T Value() {
+    return reader_.Value<T>();
+  }
+  std::string_view Bytes() { return reader_.Block(); }
+  std::string Text() { return std::string(reader_.Block()); }
+  /// std_msgs/Header.
+  void SkipHeader() {
+    reader_.Take(3 * sizeof(std::uint32_t));  // seq, stamp
+    reader_.Block();                          // frame_id
+  }
 
-RosImage ParseImage(std::string_view message, const std::string& name) {
-  ByteReader reader(message, name);
-  SkipHeader(&reader);
-  RosImage image;
-  image.height = reader.Value<std::uint32_t>();
-  image.width = reader.Value<std::uint32_t>();
-  image.encoding = std::string(reader.Block());
-  image.big_endian = reader.Value<std::uint8_t>() != 0;
-  image.step = reader.Value<std::uint32_t>();
-  image.data = reader.Block();
-  return image;
-}
-
-CameraInfo ParseCameraInfo(std::string_view message, const std::string& name) {
-  ByteReader reader(message, name);
-  SkipHeader(&reader);
-  CameraInfo info;
-  info.raw.height = static_cast<int>(reader.Value<std::uint32_t>());
-  info.raw.width = static_cast<int>(reader.Value<std::uint32_t>());
-  info.model = std::string(reader.Block());
-  const auto count = reader.Value<std::uint32_t>();
-  if (count > 64) throw DataError(name + ": damaged: a lens of more than 64 coefficients");
-  for (std::uint32_t i = 0; i < count; ++i) info.raw.distortion.push_back(reader.Value<double>());
-  std::array<double, 9> k, r;
-  std::array<double, 12> p;
-  for (double& x : k) x = reader.Value<double>();
-  for (double& x : r) x = reader.Value<double>();
-  for (double& x : p) x = reader.Value<double>();
-  info.SetMatrices(k, p);
-  return info;
-}
+ private:
+  ByteReader reader_;
+};
 
 void Collect(const BagConnection& connection, std::string_view message, int max_frames,
              const std::string& name, RosContent* content) {
   if (connection.type == "sensor_msgs/Image") {
-    const RosImage image = ParseImage(message, name);
+    const RosImage image = ReadImage(BagReader(message, name));
     if (!IsDepth(connection.topic, image.encoding)) return;
     RecordedDepth& stream = content->streams[connection.topic];
     stream.stream = connection.topic;
@@ -62,14 +43,14 @@ void Collect(const BagConnection& connection, std::string_view message, int max_
       stream.frames.push_back(DecodeImage(image, name));
     if (image.encoding == "32FC1") stream.depth_scale = 1;
   } else if (connection.type == "sensor_msgs/CameraInfo") {
-    content->infos.emplace(connection.topic, ParseCameraInfo(message, name));
+    content->infos.emplace(connection.topic, ReadCameraInfo(BagReader(message, name), name));
   } else if (connection.type == "std_msgs/Float32") {
     if (IsDepthUnits(connection.topic))
-      content->units[connection.topic] = ByteReader(message, name).Value<float>();
+      content->units[connection.topic] = BagReader(message, name).Value<float>();
   } else if (connection.type == "diagnostic_msgs/KeyValue" && IsDeviceInfo(connection.topic)) {
-    ByteReader reader(message, name);
-    const std::string key(reader.Block());
-    content->devices[connection.topic].emplace(key, std::string(reader.Block()));
+    BagReader reader(message, name);
+    const std::string key = reader.Text();
+    content->devices[connection.topic].emplace(key, reader.Text());
   }
 }
 

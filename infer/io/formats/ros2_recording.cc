@@ -53,19 +53,6 @@ class CdrReader {
   std::size_t size_;
 };
 
-RosImage ParseImage(std::string_view message, const std::string& name) {
-  CdrReader reader(message, name);
-  reader.SkipHeader();
-  RosImage image;
-  image.height = reader.Value<std::uint32_t>();
-  image.width = reader.Value<std::uint32_t>();
-  image.encoding = reader.Text();
-  image.big_endian = reader.Value<std::uint8_t>() != 0;
-  image.step = reader.Value<std::uint32_t>();
-  image.data = reader.Bytes();
-  return image;
-}
-
 /// sensor_msgs/CompressedImage with "16UC1; compressedDepth png".
 StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
   CdrReader reader(message, name);
@@ -81,25 +68,6 @@ StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
   StoredDepth depth{Image<float>(png.width(), png.height()), /*whole_numbers=*/true};
   std::copy(png.begin(), png.end(), depth.values.begin());
   return depth;
-}
-
-CameraInfo ParseCameraInfo(std::string_view message, const std::string& name) {
-  CdrReader reader(message, name);
-  reader.SkipHeader();
-  CameraInfo info;
-  info.raw.height = static_cast<int>(reader.Value<std::uint32_t>());
-  info.raw.width = static_cast<int>(reader.Value<std::uint32_t>());
-  info.model = reader.Text();
-  const auto count = reader.Value<std::uint32_t>();
-  if (count > 64) throw DataError(name + ": damaged: a lens of more than 64 coefficients");
-  for (std::uint32_t i = 0; i < count; ++i) info.raw.distortion.push_back(reader.Value<double>());
-  std::array<double, 9> k, r;
-  std::array<double, 12> p;
-  for (double& x : k) x = reader.Value<double>();
-  for (double& x : r) x = reader.Value<double>();
-  for (double& x : p) x = reader.Value<double>();
-  info.SetMatrices(k, p);
-  return info;
 }
 
 /// "Name=Intel RealSense D415;Serial Number=9185".
@@ -134,14 +102,14 @@ void Collect(const Topic& topic, std::string_view message, int max_frames, const
     if (static_cast<int>(depth.frames.size()) < max_frames) depth.frames.push_back(decode());
   };
   if (topic.type == "sensor_msgs/msg/Image") {
-    const RosImage image = ParseImage(message, name);
+    const RosImage image = ReadImage(CdrReader(message, name));
     if (!IsDepth(topic.name, image.encoding)) return;
     add(topic.name, [&] { return DecodeImage(image, name); });
     if (image.encoding == "32FC1") content->streams[topic.name].depth_scale = 1;
   } else if (topic.type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic.name).empty()) {
     add(Uncompressed(topic.name), [&] { return ParseCompressed(message, name); });
   } else if (topic.type == "sensor_msgs/msg/CameraInfo") {
-    content->infos.emplace(topic.name, ParseCameraInfo(message, name));
+    content->infos.emplace(topic.name, ReadCameraInfo(CdrReader(message, name), name));
   } else if (topic.type == "std_msgs/msg/String" && IsDepthUnits(topic.name)) {
     const std::string text = CdrReader(message, name).Text();
     const double unit = std::strtod(text.c_str(), nullptr);

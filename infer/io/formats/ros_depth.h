@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/error.h"
 #include "infer/io/formats/recording.h"
 
 namespace volalign::formats_internal {
@@ -37,6 +38,43 @@ struct CameraInfo {
   /// K and P of the message, row by row.
   void SetMatrices(const std::array<double, 9>& k, const std::array<double, 12>& p);
 };
+
+// The messages have the same fields in ROS 1 and 2, in bytes of different forms. Reader:
+// SkipHeader() for a std_msgs/Header, Value<T>(), Text() and Bytes().
+
+template <class Reader>
+RosImage ReadImage(Reader reader) {
+  reader.SkipHeader();
+  RosImage image;
+  image.height = reader.template Value<std::uint32_t>();
+  image.width = reader.template Value<std::uint32_t>();
+  image.encoding = reader.Text();
+  image.big_endian = reader.template Value<std::uint8_t>() != 0;
+  image.step = reader.template Value<std::uint32_t>();
+  image.data = reader.Bytes();
+  return image;
+}
+
+/// Throws DataError, which `name` begins, for what is no lens.
+template <class Reader>
+CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
+  reader.SkipHeader();
+  CameraInfo info;
+  info.raw.height = static_cast<int>(reader.template Value<std::uint32_t>());
+  info.raw.width = static_cast<int>(reader.template Value<std::uint32_t>());
+  info.model = reader.Text();
+  const auto count = reader.template Value<std::uint32_t>();
+  if (count > 64) throw DataError(name + ": damaged: a lens of more than 64 coefficients");
+  for (std::uint32_t i = 0; i < count; ++i)
+    info.raw.distortion.push_back(reader.template Value<double>());
+  std::array<double, 9> k, r;
+  std::array<double, 12> p;
+  for (double& x : k) x = reader.template Value<double>();
+  for (double& x : r) x = reader.template Value<double>();
+  for (double& x : p) x = reader.template Value<double>();
+  info.SetMatrices(k, p);
+  return info;
+}
 
 /// What of a recording matters, as it is read.
 struct RosContent {

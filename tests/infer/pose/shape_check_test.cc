@@ -36,6 +36,19 @@ TEST(VisibleWithShape, NotWhereASideFacesElsewhere) {
       VisibleWithShape(See(Stack(5), kTruth), Stack(), kTruth, InitialPoseOptions()).has_value());
 }
 
+// The upper box is 20 cm narrower than described: so much of it is seen through.
+TEST(VisibleWithShape, NotWhereMuchIsMissing) {
+  const Structure narrow =
+      Structure::FromBoxes("narrow", {Standing("low", {0.5, 0.35, 0.4}, {0, 0, 0}),
+                                      Standing("high", {0.15, 0.4, 0.3}, {0.15, 0.35, 0})});
+  const SensorView view = See(narrow, kTruth);
+  const double explained =
+      MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth).explained_share();
+  EXPECT_GT(explained, 0.7);
+  EXPECT_LT(explained, 0.9);
+  EXPECT_FALSE(VisibleWithShape(view, Stack(), kTruth, InitialPoseOptions()).has_value());
+}
+
 // The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
 // it: much is measured where there would be ground.
 TEST(SeesBelow, WhereTheRoomReachesUnderTheStack) {
