@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "core/parallel_for.h"
+#include "core/pose.h"
 #include "core/stage_clock.h"
 #include "infer/check_request.h"
 #include "infer/checks/depth_checks.h"
@@ -29,6 +31,11 @@ std::vector<UnlabelledView> Unlabelled(const StillStages& still) {
   return unlabelled;
 }
 
+/// Labels follow the joint solution, so often at most, and while a sensor moves farther than this,
+/// m.
+constexpr int kLabelRounds = 6;
+constexpr double kLabelsStay = 0.002;
+
 /// Only sensors without structure terms, which have not been refined alone, need the coarse stage.
 RefineResult RefineTogether(const Structure& structure, const std::vector<RefineFrame>& frames,
                             const LensSet& lenses, const std::vector<Pose>& placements,
@@ -36,6 +43,65 @@ RefineResult RefineTogether(const Structure& structure, const std::vector<Refine
   options.coarse = std::any_of(frames.begin(), frames.end(),
                                [](const RefineFrame& f) { return !f.use_structure_terms; });
   return Refine(structure, frames, options, lenses.lenses, placements);
+}
+
+/// The joint solution, and what it was found from.
+struct JointSolution {
+  std::vector<RefineFrame> frames;
+  std::vector<SensorPoints> points;  ///< of the frames
+  RefineResult refined;
+};
+
+/// The seen views of all placed sensors, in the order of FramesToRefine.
+std::vector<SeenView> PlacedViews(const std::vector<StillStages>& stages, const LensSet& lenses) {
+  std::vector<SeenView> views;
+  for (const StillStages& still : stages) {
+    for (std::size_t i = 0; i < still.seen.size(); ++i) {
+      if (std::holds_alternative<PlacedSensor>(still.placements[i]))
+        views.push_back({still.views[i], still.seen[i].intrinsics, lenses.Of(still.first + i)});
+    }
+  }
+  return views;
+}
+
+/// Solves for all sensors together, with the labels that the solution itself implies: the stack as
+/// it is found, seen from the poses that are found, labels the points anew, and everything is
+/// solved again from there, until the poses stay. What the first labels came from, a network or
+/// geometry, then makes little difference.
+JointSolution RefineWithItsLabels(const Structure& structure,
+                                  const std::vector<StillStages>& stages, const LensSet& lenses,
+                                  const std::vector<Pose>& stood, const PlacementOptions& options) {
+  JointSolution joint;
+  joint.frames = FramesToRefine(stages, lenses, options.refine);
+  joint.refined = RefineTogether(structure, joint.frames, lenses, stood, options.refine);
+  const std::vector<SeenView> views = PlacedViews(stages, lenses);
+  joint.points.resize(views.size());
+  for (int round = 0; round < kLabelRounds; ++round) {
+    RefineOptions again = options.refine;
+    std::vector<std::size_t> with_sides;
+    double moved = 0;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const RefinedFrame& found = joint.refined.frames[i];
+      if (!joint.frames[i].use_structure_terms || !found.accepted) continue;
+      with_sides.push_back(i);
+      moved = std::max(
+          moved, ComparePoses(joint.frames[i].start, found.structure_from_sensor).translation_m);
+    }
+    if (moved < kLabelsStay) break;
+    // Points are associated anew in each round. A sensor that was refused begins where it did.
+    if (with_sides.size() == views.size()) again.fine_iterations = 1;
+    ParallelFor(with_sides.size(), options.threads, [&](std::size_t k) {
+      const std::size_t i = with_sides[k];
+      RefineFrame& frame = joint.frames[i];
+      frame.start = joint.refined.frames[i].structure_from_sensor;
+      const auto still = static_cast<std::size_t>(frame.still);
+      joint.points[i] =
+          PlaceAt(views[i], joint.refined.placements[still].built, frame.start, options).points;
+      frame.points = &joint.points[i];
+    });
+    joint.refined = RefineTogether(structure, joint.frames, lenses, stood, again);
+  }
+  return joint;
 }
 
 /// Places the sensors in every still. Returns where the stack stood in each.
@@ -103,17 +169,15 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
     still.assembly = InspectStack(still.views, still.labelled, structure, placement);
     clock.Lap("assembly");
   }
-  std::vector<RefineFrame> to_refine;
-  RefineResult refined;
+  JointSolution joint;
   for (int round = 1;; ++round) {
     begin("each sensor by itself");
     const std::vector<Pose> placements = PlaceInStills(structure, lenses, placement, &stages);
     clock.Lap("placement");
     begin("all sensors together");
-    to_refine = FramesToRefine(stages, lenses, options.refine);
-    refined = RefineTogether(structure, to_refine, lenses, placements, options.refine);
+    joint = RefineWithItsLabels(structure, stages, lenses, placements, placement);
     clock.Lap("refinement");
-    const double moved = TakeLenses(refined, &lenses);
+    const double moved = TakeLenses(joint.refined, &lenses);
     if (moved > 0) SeeThrough(lenses, threads, &stages);
     if (moved < kLinearPx || round == kMostLensRounds) break;
     MeasureLenses(FindPlanes(stages, lenses, threads), threads, &lenses);
@@ -126,9 +190,9 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   clock.Lap("lenses");
   CalibrationResult result = CombineStills(
       stills,
-      JudgeStills(std::move(stages), structure, refined, lenses, suspect_lenses,
+      JudgeStills(std::move(stages), structure, joint.refined, lenses, suspect_lenses,
                   {options.verdict, options.initial.evidence.min_confidence, threads}),
-      to_refine, refined);
+      joint.frames, joint.refined);
   clock.Lap("metrics");
   result.timings_s = clock.Total();
   return result;

@@ -22,10 +22,6 @@ namespace {
 /// m: how far a measured point may lie from the side that the pose shows there, to be labelled with
 /// it. Boxes stray by centimetres.
 constexpr double kRelabelDistance = 0.04;
-/// Labels that a pose implies follow the pose that they lead to, so often at most, and while it
-/// moves farther than this, m.
-constexpr int kLabelRounds = 4;
-constexpr double kLabelsStay = 0.002;
 
 /// Where many sides fit the structure badly: would they fit it with other intrinsics?
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
@@ -103,19 +99,14 @@ Finding UpUnknown(const LabelledView& labelled) {
       "its quarter_turns"};
 }
 
-/// No network has labelled the view: the own pose does, until both stay as they are.
-OwnPose RefineWithItsLabels(const SeenView& seen, OwnPose own, const Structure& structure,
+/// Refines the own pose again, with the labels that it implies itself: a network's, or those of the
+/// pose that geometry has found, end where they like.
+OwnPose RefineWithItsLabels(const SeenView& seen, const OwnPose& own, const Structure& structure,
                             const PlacementOptions& options) {
-  for (int round = 0; round < kLabelRounds; ++round) {
-    InitialPose from;
-    from.from_keypoints = from.structure_from_sensor = own.structure_from_sensor;
-    own = RefineAlone(PlaceAt(seen, structure, own.structure_from_sensor, options).points, from,
-                      seen.lens, structure, options.refine);
-    if (ComparePoses(own.structure_from_sensor, from.structure_from_sensor).translation_m <
-        kLabelsStay)
-      break;
-  }
-  return own;
+  InitialPose from;
+  from.from_keypoints = from.structure_from_sensor = own.structure_from_sensor;
+  return RefineAlone(PlaceAt(seen, structure, own.structure_from_sensor, options).points, from,
+                     seen.lens, structure, options.refine);
 }
 
 /// See PlaceSensors.
@@ -132,8 +123,7 @@ Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool u
   if (use_structure) {
     own = RefineAlone(SampleSeen(seen, labelled.segmentation, structure, options), initial,
                       seen.lens, structure, options.refine);
-    if (labelled.source == PoseSource::kGeometry)
-      own = RefineWithItsLabels(seen, std::move(own), structure, options);
+    own = RefineWithItsLabels(seen, own, structure, options);
   }
 
   const Pose& pose = own.structure_from_sensor;
