@@ -61,10 +61,10 @@ struct VerdictOptions {
   double max_sigma_by_neighbours_deg = 2;
   double min_shared_share = 0.8;
   // Of the reported pose, for the sensor to be ok.
-  double weak_inlier_share = 0.8;
+  double weak_inlier_share = 0.9;
   double weak_label_iou = 0.5;
   double weak_rms_m = 0.02;
-  double weak_sigma_translation_m = 0.03;
+  double weak_sigma_translation_m = 0.02;
   double weak_sigma_rotation_deg = 1.5;
   double weak_visible_share = 0.75;
   double same_place_m = 0.02;

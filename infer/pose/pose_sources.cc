@@ -16,6 +16,9 @@ namespace {
 /// m.
 constexpr int kLabelRounds = 3;
 constexpr double kLabelsStay = 0.005;
+/// Agreement of a network's labels with the best pose that they lead to, below which they say
+/// nothing: beyond the distances that it was trained for it labels the room (0.11 to 0.16 at 4 m).
+constexpr double kSaysNothing = 0.25;
 
 /// Which of both sources a pose comes from makes no difference: shape, floor and the network's
 /// labels are compared at every one.
@@ -103,7 +106,7 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
     both.push_back(own);
     JudgeAlike(view, structure, trials, initial, &both);
     const double own_score = both.back().network_score;
-    return both.front().network_score > own_score ? geometry : network;
+    return own_score < kSaysNothing || both.front().network_score > own_score ? geometry : network;
   }
   network.insert(network.end(), geometry.begin(), geometry.end());
   JudgeAlike(view, structure, trials, initial, &network);

@@ -257,12 +257,12 @@ class RealCaptures : public testing::Test {
 
   /// `weakness`: what it may be weak for.
   static void ExpectFit(const SensorResult& sensor, double measured_rms_mm,
-                        SensorCode weakness = SensorCode::kNone) {
+                        SensorCode weakness = SensorCode::kNone, double inliers = 0.98) {
     EXPECT_TRUE(sensor.status == SensorStatus::kOk ||
                 (sensor.status == SensorStatus::kWeak && sensor.code == weakness))
         << sensor.name << ": " << sensor.reason;
     EXPECT_GT(sensor.points, 10000) << sensor.name;
-    EXPECT_GT(sensor.inlier_share, 0.98) << sensor.name;
+    EXPECT_GT(sensor.inlier_share, inliers) << sensor.name;
     EXPECT_FALSE(!(1000 * sensor.rms_to_structure_m < 1.25 * measured_rms_mm))
         << sensor.name << ": " << 1000 * sensor.rms_to_structure_m << " mm";
     std::cout << fmt::format("{}: {:.2f} mm RMS (bound {:.2f})\n", sensor.name,
@@ -324,14 +324,25 @@ TEST_F(RealCaptures, FourAzureKinects) {
 // What finds the first pose is not to matter: everything after it labels points by the pose. The
 // last Kinect is weak either way, see above.
 TEST_F(RealCaptures, AreThoseOfTheModelWithoutOne) {
-  std::vector<SensorFrame> kinects;
-  for (const char* name : {"KA03_Depth", "KA04_Depth", "KA06_Depth", "KAX1_Depth"}) {
-    kinects.push_back(RealFrame(name, FromPool("azure_kinect_nfov_binned", 320, 0)));
-    kinects.back().intrinsics.distortion.clear();
-  }
-  const std::vector<SensorFrame> stereo = {
-      RealFrame("input", FromPool("realsense_d415", 1280, 0).Resized(320, 180))};
-  for (const std::vector<SensorFrame>& frames : {kinects, stereo}) {
+  const auto kinects = [](const std::vector<std::string>& names, const std::string& kind) {
+    std::vector<SensorFrame> frames;
+    for (const std::string& name : names) {
+      frames.push_back(RealFrame(name, FromPool("azure_kinect_nfov_binned", 320, 0)));
+      frames.back().intrinsics.distortion.clear();
+      frames.back().sensor = kind;
+    }
+    return frames;
+  };
+  SensorFrame stereo = RealFrame("input", FromPool("realsense_d415", 1280, 0).Resized(320, 180));
+  SensorFrame named_stereo = stereo;
+  named_stereo.sensor = "realsense_d415";
+  const std::vector<std::string> four = {"KA03_Depth", "KA04_Depth", "KA06_Depth", "KAX1_Depth"},
+                                 pair = {"KA03_Depth", "KAX1_Depth"};
+  const std::string kind = "azure_kinect_nfov_binned";
+  const std::vector<std::vector<SensorFrame>> captures = {kinects(four, ""), kinects(four, kind),
+                                                          kinects(pair, ""), kinects(pair, kind),
+                                                          {stereo},          {named_stereo}};
+  for (const std::vector<SensorFrame>& frames : captures) {
     CalibrateOptions by_labels;
     by_labels.initial.method = PoseMethod::kNetwork;
     const CalibrationResult with = CalibrateFrames(frames, by_labels);
@@ -349,13 +360,13 @@ TEST_F(RealCaptures, AreThoseOfTheModelWithoutOne) {
   }
 }
 
-// A stereo matcher's wide edges make the stack too high and too narrow: the refined pose may be
-// refused, and the one that stands is uncertain.
+// A stereo matcher's wide edges make the stack too high and too narrow: points lie farther off than
+// elsewhere.
 TEST_F(RealCaptures, RealSense) {
   const Intrinsics intrinsics = FromPool("realsense_d415", 1280, 0).Resized(320, 180);
   SensorFrame frame = RealFrame("input", intrinsics);
   frame.sensor = "realsense_d415";
-  ExpectFit(CalibrateFrames({frame}).sensors[0], 11.0, SensorCode::kUncertain);
+  ExpectFit(CalibrateFrames({frame}).sensors[0], 14.2, SensorCode::kUncertain, 0.93);
 }
 
 }  // namespace

@@ -79,6 +79,26 @@ TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
   EXPECT_EQ(alone.sensors[1].code, SensorCode::kNoStructure);
 }
 
+// As beyond the distances that it was trained for: sides are found beside the stack.
+TEST(CalibrateByGeometry, StandsInForANetworkThatLabelsTheRoom) {
+  Rig rig = ThreeSensors();
+  LabelImage& labels = rig.labels[1];
+  const LabelImage truth = labels;
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      const int from = v - labels.height() / 4;
+      labels(u, v) = from >= 0 ? truth(u, from) : 0;
+    }
+  }
+  StoredSegmenter astray;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    astray.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  const CalibrationResult both = Calibrate(rig.frames, rig.structure, astray);
+  ASSERT_TRUE(both.sensors[1].error.has_value()) << both.sensors[1].reason;
+  EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
+  EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
+}
+
 /// The paper's stack on a table, in a room whose floor is 0.7 m lower.
 Rig OnATable() {
   const Structure stack = testing_infer::PaperStructure();

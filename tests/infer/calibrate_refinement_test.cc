@@ -95,8 +95,8 @@ TEST_F(KeptInitial, LeavesTheOthersAsIfItWasNotThere) {
     const PoseError gap = ComparePoses(*sensor.structure_from_sensor, *alone.structure_from_sensor);
     // Its neighbours' depth offsets, the boxes and what is estimated at all had been chosen with
     // it.
-    EXPECT_LT(gap.translation_m, 8e-3) << sensor.name;
-    EXPECT_LT(gap.rotation_deg, 0.25) << sensor.name;
+    EXPECT_LT(gap.translation_m, 10e-3) << sensor.name;
+    EXPECT_LT(gap.rotation_deg, 0.3) << sensor.name;
   }
 }
 
@@ -181,6 +181,43 @@ TEST(WithoutStructure, NeighboursMendWhatLabelsSpoil) {
   EXPECT_GT(sensor.initial_error->translation_m, 0.01);
   EXPECT_FALSE(!(sensor.error->translation_m < 5e-3)) << sensor.error->translation_m;
   EXPECT_FALSE(!(sensor.error->rotation_deg < 0.1)) << sensor.error->rotation_deg;
+}
+
+/// Half of the labels, those of every second stripe of the picture, and none near a side's end.
+LabelImage InStripes(const LabelImage& labels) {
+  LabelImage some = labels;
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      bool inside = u / 12 % 2 == 0;
+      for (const int d : {-4, 4}) {
+        inside = inside && labels.Contains(u + d, v) && labels(u + d, v) == labels(u, v) &&
+                 labels.Contains(u, v + d) && labels(u, v + d) == labels(u, v);
+      }
+      if (!inside) some(u, v) = 0;
+    }
+  }
+  return some;
+}
+
+// The points are labelled by the solution itself until it stays, whatever it began with.
+TEST(LabelsToBeginWith, HardlyMatter) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  for (int i = 0; i < 4; ++i) {
+    rig.Add("S" + std::to_string(i), testing_infer::RingPose(20 + 90.0 * i, 2.0, 0.4), {true, 3.0});
+    AddSmoothError(&rig.frames.back().depth, 0.004, 40, static_cast<std::uint64_t>(i));
+  }
+  const CalibrationResult all = CalibrateRig(rig);
+  for (LabelImage& labels : rig.labels) labels = InStripes(labels);
+  const CalibrationResult some = CalibrateRig(rig);
+  double apart_at_first = 0;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    const SensorResult &a = all.sensors[i], &b = some.sensors[i];
+    ASSERT_TRUE(a.structure_from_sensor && b.structure_from_sensor) << a.reason << b.reason;
+    const PoseError apart = ComparePoses(*a.structure_from_sensor, *b.structure_from_sensor);
+    EXPECT_LT(apart.translation_m, 1e-3) << a.name;
+    apart_at_first = std::max(apart_at_first, ComparePoses(a.initial, b.initial).translation_m);
+  }
+  EXPECT_GT(apart_at_first, 0.005) << "nothing to settle";
 }
 
 }  // namespace

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 #include "tests/infer/refine/points_and_evidence.h"
@@ -65,6 +68,31 @@ TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
     ASSERT_GT(count, 100) << i;
     EXPECT_LT(std::abs(sum / count), 1e-3) << "silhouettes are biased";
   }
+}
+
+TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
+  const Rig rig = RingOfEight();
+  const SensorView view = MakeSensorView(rig.frames[0].depth, rig.frames[0].intrinsics);
+  LabelImage labels = rig.labels[0];
+  const auto sampled = [&] {
+    std::vector<std::array<double, 3>> points;
+    SamplingOptions options;
+    options.max_side_points = 1000;
+    for (const SidePoint& point :
+         SamplePoints(view, testing_infer::Certain(labels), rig.structure, options).side_points)
+      points.push_back({point.p.x(), point.p.y(), point.p.z()});
+    std::sort(points.begin(), points.end());
+    return points;
+  };
+  const auto before = sampled();
+  for (int v = 0; v < labels.height(); ++v)
+    labels(v * 7 % labels.width(), v) = 0;  // one pixel of each row
+  const auto after = sampled();
+  std::vector<std::array<double, 3>> same;
+  std::set_intersection(before.begin(), before.end(), after.begin(), after.end(),
+                        std::back_inserter(same));
+  EXPECT_GT(before.size(), 500u);
+  EXPECT_GT(same.size(), before.size() * 97 / 100);
 }
 
 }  // namespace
