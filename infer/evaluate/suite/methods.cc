@@ -81,13 +81,7 @@ FramePoses RefineStatistically(const SuiteStill& still, const FramePoses& initia
 /// Labels of the network, and the paper's poses.
 MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
   MethodResult result;
-  std::vector<SegmentationRequest> requests;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const SensorFrame& frame = still.still.frames[i];
-    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
-    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
-  }
-  std::vector<SegmentationResult> segmented = segmenter.Segment(requests);
+  std::vector<SegmentationResult> segmented = segmenter.Segment(RequestsOf(still));
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
   for (std::size_t i = 0; i < still.views.size(); ++i) {
@@ -129,6 +123,16 @@ MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int thre
 }
 
 }  // namespace
+
+std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still) {
+  std::vector<SegmentationRequest> requests;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const SensorFrame& frame = still.still.frames[i];
+    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
+    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
+  }
+  return requests;
+}
 
 MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads) {

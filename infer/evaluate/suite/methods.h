@@ -32,9 +32,12 @@ struct MethodResult {
   std::optional<FramePoses> graph, statistical;  ///< refined; absent where a method has not
 };
 
-/// Runs a method. `segmenter`: of its model; unused by markers. Network: frames whose turn is not
-/// known are as the network's training has them. Throws std::invalid_argument for markers without
-/// infrared pictures.
+/// What a network sees of a capture: its frames, those whose turn is not known as its training has
+/// them. Refers to the still.
+std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still);
+
+/// Runs a method. `segmenter`: of its model; unused by markers. Throws std::invalid_argument for
+/// markers without infrared pictures.
 MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads);
 

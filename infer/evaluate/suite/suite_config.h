@@ -139,11 +139,13 @@ struct SuiteTable {
   }
 };
 
-/// labels: predicted labels over depth, a column for each view; clouds: points coloured by their
-/// distance to the structure.
-enum class FigureKind { kLabels, kClouds };
-inline constexpr std::array<std::pair<const char*, FigureKind>, 2> kFigureKindWords = {
-    {{"labels", FigureKind::kLabels}, {"clouds", FigureKind::kClouds}}};
+/// labels: predicted labels over depth, a column for each view; attention: the network's attention
+/// over depth, likewise; clouds: points coloured by their distance to the structure.
+enum class FigureKind { kLabels, kAttention, kClouds };
+inline constexpr std::array<std::pair<const char*, FigureKind>, 3> kFigureKindWords = {
+    {{"labels", FigureKind::kLabels},
+     {"attention", FigureKind::kAttention},
+     {"clouds", FigureKind::kClouds}}};
 
 /// A picture with a row for each method.
 struct SuiteFigure {
@@ -157,8 +159,10 @@ struct SuiteFigure {
   void Describe(Archive& ar) {
     ar("name", name, "unique; names the file");
     DescribeWord(ar, "kind", kind, kFigureKindWords,
-                 "labels: predicted labels over depth, a column for each view; clouds: aligned "
-                 "points from two sides, blue on the structure's surface, red 5 cm off");
+                 "labels: predicted labels over depth, a column for each view; attention: the "
+                 "network's attention over depth, likewise, yellow 1 and violet 0, of the methods "
+                 "that have it; clouds: aligned "
+                 "points from two sides, violet on the structure's surface, yellow 5 cm off");
     ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
     ar("methods", methods, "a row for each");
     DescribeWord(ar, "stage", stage, kPoseStageWords, "of clouds: which poses");
