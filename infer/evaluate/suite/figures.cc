@@ -32,13 +32,6 @@ constexpr int kBlot = 1;                // px around a point
 constexpr double kNoDepthShade = 0.35;  // of an attention map where there is no depth
 constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
 
-const FramePoses* PosesOf(const MethodResult& result, PoseStage stage) {
-  if (stage == PoseStage::kInitial) return &result.initial;
-  const std::optional<FramePoses>& poses =
-      stage == PoseStage::kGraph ? result.graph : result.statistical;
-  return poses ? &*poses : nullptr;
-}
-
 /// A picture of a view, upright where it is known how.
 RgbImage DrawView(const SuiteStill& still, std::size_t i, const RgbImage& picture,
                   const std::string& method) {
@@ -71,13 +64,16 @@ std::vector<RgbImage> DrawAttentions(const SuiteStill& still, const SuiteMethod&
 }
 
 std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& result,
-                                 const FramePoses& poses, const std::string& method) {
+                                 PoseStage stage, const std::string& method) {
+  const FramePoses* poses = PosesAt(stage, result);
+  if (!poses) return {};
+  const std::vector<SensorView> views = ViewsAt(stage, still, result);
   const Structure& structure = still.still.structure;
   const std::vector<LabelImage>& labels =
       still.still.labels.empty() ? result.labels : still.still.labels;
   ErrorCloud cloud;
-  for (std::size_t i = 0; i < poses.size() && i < labels.size(); ++i) {
-    if (poses[i]) AddToCloud(still.views[i], labels[i], structure, *poses[i], &cloud);
+  for (std::size_t i = 0; i < poses->size() && i < labels.size(); ++i) {
+    if ((*poses)[i]) AddToCloud(views[i], labels[i], structure, *(*poses)[i], &cloud);
   }
   std::vector<RgbImage> row;
   for (const double phi : kViews) {
@@ -94,8 +90,7 @@ std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const SuiteStill& still
   if (figure.kind == FigureKind::kAttention) return DrawAttentions(still, method);
   const MethodResult result = methods.Run(i, still, 2);
   if (figure.kind == FigureKind::kLabels) return DrawLabels(still, result, method.name);
-  const FramePoses* poses = PosesOf(result, figure.stage);
-  return poses ? DrawClouds(still, result, *poses, method.name) : std::vector<RgbImage>();
+  return DrawClouds(still, result, figure.stage, method.name);
 }
 
 const SuiteItem* FindItem(const std::vector<SuiteItem>& items, const std::string& capture) {
