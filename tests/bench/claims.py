@@ -3,9 +3,9 @@
 
   claims.py VOLALIGN RUNS [--samples 1008]
 
-RUNS holds the runs of `volalign train --sweep configs/paper/claims.yaml -o RUNS`, finished or in part. Each model.pt is scored
-(volalign validate) on samples of its own recipe and on those of m07's distances, 150 to 350 cm; scores that are there already
-are kept (RUNS/NAME/own.json, far.json). Printed as Markdown: mean and standard deviation over seeds of each model; the
+RUNS holds the runs of `volalign train --sweep configs/paper/claims.yaml -o RUNS`; those that are not finished are left out. Each
+model is scored (volalign validate) on samples of its own recipe, and m03, m05 and m07 on those of m07's distances, 150 to 350 cm;
+scores that are there already are kept (RUNS/NAME/own.json, far.json). Printed as Markdown: mean and standard deviation over seeds of each model; the
 differences that the paper claims, with Student's paired t-test over seeds (two-sided; models with the same seed and range see
 the same samples); and scores by distance. Needs SciPy.
 """
@@ -28,6 +28,15 @@ BANDS = ["150-225", "225-275", "275-350"]
 METRICS = [("miou", "mIoU", 100, 1), ("miou_authors", "mIoU, authors'", 100, 1), ("posed_share", "with a pose, %", 100, 1),
            ("keypoint_rmse_m", "3D RMSE, cm", 100, 2), ("median_translation_error_m", "translation, cm", 100, 2),
            ("median_rotation_error_deg", "rotation, deg", 1, 2)]
+
+
+def finished(run):
+    """Whether the run has trained for as long as its recipe says."""
+    if not (run / "model.pt").exists():
+        return False
+    wanted = int(re.search(r"^run:\n(?:  .*\n)*?  samples: (\d+)$", (run / "config.yaml").read_text(), re.MULTILINE)[1])
+    rows = (run / "metrics.jsonl").read_text().splitlines()
+    return json.loads(rows[-1])["samples"] >= wanted
 
 
 def score(program, run, name, samples, assignments):
@@ -86,14 +95,14 @@ def main():
     own, far = {}, {}  # model -> seed -> scores
     for run in sorted(arguments.runs.iterdir()):
         name = re.fullmatch(r"(m0\d)_run\.seed=(\d+)", run.name)
-        if not name or not (run / "model.pt").exists():
+        if not name or not finished(run):
             continue
         model, seed = name[1], int(name[2])
         own.setdefault(model, {})[seed] = score(arguments.program, run, "own", arguments.samples, [])
         if model in RANGES:
             far.setdefault(model, {})[seed] = score(arguments.program, run, "far", arguments.samples, ["data.pose.rho_cm=[150,350]"])
     if not own:
-        sys.exit(f"{arguments.runs} holds no run of configs/paper/claims.yaml with a model.pt")
+        sys.exit(f"{arguments.runs} holds no finished run of configs/paper/claims.yaml")
 
     headings = [heading for _, heading, _, _ in METRICS]
     print("Mean and standard deviation over seeds, each model on samples of its own distances:\n")

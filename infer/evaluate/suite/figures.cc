@@ -34,10 +34,10 @@ constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
 
 /// A picture of a view, upright where it is known how.
 RgbImage DrawView(const SuiteStill& still, std::size_t i, const RgbImage& picture,
-                  const std::string& method) {
+                  const std::string& caption) {
   const SensorFrame& frame = still.still.frames[i];
   return Captioned(frame.ground_truth ? Turn(picture, UprightTurns(*frame.ground_truth)) : picture,
-                   fmt::format("{}: {}", method, frame.name));
+                   fmt::format("{} {}", frame.name, caption));
 }
 
 std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& result,
@@ -50,15 +50,17 @@ std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& re
   return row;
 }
 
-/// Empty of a method without attention.
+/// Empty of a method without attention. Captions have the least and the largest value.
 std::vector<RgbImage> DrawAttentions(const SuiteStill& still, const SuiteMethod& method) {
   std::vector<RgbImage> row;
   if (method.model.empty()) return row;
   const std::vector<Image<float>> attention = AttentionMaps(method.model, RequestsOf(still));
   for (std::size_t i = 0; i < attention.size(); ++i) {
-    if (attention[i].empty()) continue;
-    row.push_back(
-        DrawView(still, i, DrawAttention(still.views[i].depth, attention[i]), method.name));
+    const Image<float>& map = attention[i];
+    if (map.empty()) continue;
+    const auto [least, most] = std::minmax_element(map.begin(), map.end());
+    row.push_back(DrawView(still, i, DrawAttention(still.views[i].depth, map),
+                           fmt::format("{}: {:.3f}-{:.3f}", method.name, *least, *most)));
   }
   return row;
 }
