@@ -212,7 +212,7 @@ void StructureNetImpl::SetComputeType(at::ScalarType dtype) {
   dtype_ = dtype;
 }
 
-at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
+void StructureNetImpl::RequireInput(const at::Tensor& input) const {
   const int channels = EncodedChannels(options_.input);
   if (input.dim() != 4 || input.size(1) != channels || input.size(2) < 16 || input.size(3) < 16 ||
       input.scalar_type() != at::kFloat) {
@@ -221,11 +221,18 @@ at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
                     "not {} of {}",
                     channels, ShapeText(input), at::toString(input.scalar_type())));
   }
+}
 
+at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
   if (channels_last_ && is_training() && c10::GradMode::is_enabled() && input.is_cpu()) {
+    RequireInput(input);
     return TrainingForward(layers_, options_.normalization, dtype_, input);
   }
+  return ForwardWithAttention(input).log_probabilities;
+}
 
+NetworkOutput StructureNetImpl::ForwardWithAttention(const at::Tensor& input) {
+  RequireInput(input);
   std::vector<at::Tensor> skips;
   at::Tensor x = layers_.encoder[0][0]->forward(input, at::kFloat).relu_().to(dtype_);  // [B,c,H,W]
   for (std::size_t g = 0; g < layers_.encoder.size(); ++g) {
@@ -254,7 +261,8 @@ at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
   }
   const at::Tensor logits =
       layers_.classifier->forward(Relu(layers_.last, x), dtype_);  // [B,K,H,W]
-  return at::log_softmax(logits.to(at::kFloat), 1);
+  return {at::log_softmax(logits.to(at::kFloat), 1),
+          mask.defined() ? mask.to(at::kFloat) : at::Tensor()};
 }
 
 std::string StructureNetImpl::prettyString() const {

@@ -83,6 +83,13 @@ struct StructureNetLayers {
   ConvUnit last{nullptr}, classifier{nullptr};
 };
 
+/// What the network makes of an encoded input.
+struct NetworkOutput {
+  at::Tensor log_probabilities;  ///< [B,K,H,W] float32
+  /// The paper's mask M, [B,1,H/16,W/16] float32 from 0 to 1; undefined without attention.
+  at::Tensor attention;
+};
+
 /// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
 /// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
 /// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0.
@@ -94,6 +101,9 @@ class StructureNetImpl : public torch::nn::Module {
   /// Encoded input [B,C,H,W] float32 (EncodeDepth), any H, W >= 16 -> log-probabilities [B,K,H,W]
   /// float32. Throws Error for another shape.
   at::Tensor forward(const at::Tensor& input);
+
+  /// forward, with the attention beside it. On a CPU this is the slower way to train.
+  NetworkOutput ForwardWithAttention(const at::Tensor& input);
 
   /// Type in which all but the first convolution, the normalisation statistics and the log-softmax
   /// are computed: kFloat or kBFloat16. Weights stay float32. bfloat16 has 16 mm steps at 3 m, so
@@ -110,6 +120,7 @@ class StructureNetImpl : public torch::nn::Module {
   std::string prettyString() const;
 
  private:
+  void RequireInput(const at::Tensor& input) const;
   ConvUnit Add(const std::string& name, int in, int out, int kernel);
   at::Tensor Relu(ConvUnit& unit, const at::Tensor& x);
 

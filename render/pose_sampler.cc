@@ -7,14 +7,27 @@
 
 namespace volalign {
 
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+double SampleAzimuth(const PoseConfig& config, RandomStream& random) {
+  if (config.phi_deg.empty()) return random.Uniform(0, 2 * kPi);
+  const double placement =
+      config
+          .phi_deg[static_cast<std::size_t>(random.Below(static_cast<int>(config.phi_deg.size())))];
+  return (placement + random.Uniform(-config.phi_jitter_deg, config.phi_jitter_deg)) * kPi / 180;
+}
+
+}  // namespace
+
 Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   if (config.roll_offsets_deg.empty()) {
     throw ConfigError(
         "pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");
   }
-  constexpr double kPi = 3.14159265358979323846;
   const double rho = 0.01 * random.Uniform(config.rho_cm[0], config.rho_cm[1]);
-  const double phi = random.Uniform(0, 2 * kPi);
+  const double phi = SampleAzimuth(config, random);
   const double y = 0.01 * random.Uniform(config.height_cm[0], config.height_cm[1]);
   const SinCos place = PortableSinCos(phi);
   const Eigen::Vector3d position(rho * place.cos, y, rho * place.sin);

@@ -7,8 +7,9 @@
 namespace volalign {
 
 /// structure_from_sensor as the paper draws it (Results, "Implementation details"): position
-/// (rho cos phi, y, rho sin phi), look-at point uniform in a ball about the origin, levelled, then
-/// roll and a mounting offset. Throws Error when config.roll_offsets_deg is empty.
+/// (rho cos phi, y, rho sin phi), phi uniform or around one of config.phi_deg; look-at point
+/// uniform in a ball about the origin, levelled, then roll and a mounting offset. Throws Error when
+/// config.roll_offsets_deg is empty.
 Pose SamplePose(const PoseConfig& config, RandomStream& random);
 
 }  // namespace volalign

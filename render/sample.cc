@@ -36,6 +36,12 @@ void Validate(const SampleConfig& config) {
   RequireOrdered(config.scene.clutter_size_m, "scene.clutter_size_m");
   RequireOrdered(config.scene.tripod_count, "scene.tripod_count");
   RequireOrdered(config.scene.tripod_distance_m, "scene.tripod_distance_m");
+  if (config.pose.phi_deg.empty() && config.pose.phi_jitter_deg > 0) {
+    throw ConfigError(fmt::format(
+        "pose.phi_jitter_deg = {} needs pose.phi_deg, the azimuths to deviate from, e.g. "
+        "[45, 135, 225, 315]",
+        config.pose.phi_jitter_deg));
+  }
   if (config.pose.roll_offsets_deg.empty()) {
     throw ConfigError(
         "pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");

@@ -13,6 +13,8 @@ namespace volalign {
 struct PoseConfig {
   std::array<double, 2> rho_cm{150, 275};
   std::array<double, 2> height_cm{-15, 75};
+  std::vector<double> phi_deg;
+  double phi_jitter_deg = 0;
   double look_at_radius_cm = 20;
   double roll_deg = 5;
   std::vector<double> roll_offsets_deg{90};
@@ -22,6 +24,13 @@ struct PoseConfig {
     ar("rho_cm", rho_cm, "horizontal distance of the sensor from the origin, cm, uniform",
        Above(0));
     ar("height_cm", height_cm, "height of the sensor above the origin, cm, uniform");
+    ar("phi_deg", phi_deg,
+       "azimuths of fixed placements from +x towards +z, deg, one drawn for each sample; empty: "
+       "all "
+       "azimuths alike");
+    ar("phi_jitter_deg", phi_jitter_deg,
+       "largest deviation from a fixed placement's azimuth, deg, uniform; only with phi_deg",
+       Between(0, 180));
     ar("look_at_radius_cm", look_at_radius_cm, "radius of the ball of look-at points, cm",
        AtLeast(0));
     ar("roll_deg", roll_deg, "largest roll about the levelled optical axis, deg, uniform",

@@ -3,13 +3,10 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <cmath>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <utility>
 #include <vector>
 
@@ -32,6 +29,22 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
 }
 
 namespace {
+
+/// Bands of horizontal distance, m: what each of the paper's three ranges adds to the one before.
+constexpr std::array<std::pair<double, double>, 3> kBands{{{1.5, 2.25}, {2.25, 2.75}, {2.75, 3.5}}};
+
+std::vector<SampleScore> InBand(const std::vector<SampleScore>& scores,
+                                std::pair<double, double> band) {
+  std::vector<SampleScore> inside;
+  for (const SampleScore& score : scores) {
+    if (score.rho_m >= band.first && score.rho_m < band.second) inside.push_back(score);
+  }
+  return inside;
+}
+
+std::string InCentimetres(std::pair<double, double> band) {
+  return fmt::format("{:.0f}-{:.0f}", 100 * band.first, 100 * band.second);
+}
 
 nlohmann::ordered_json ToJson(const ValidationResult& r) {
   nlohmann::ordered_json j = {{"samples", r.samples},
@@ -59,6 +72,10 @@ std::string ValidationJson(const std::vector<ValidatedModel>& models) {
     for (const auto& [sensor, scores] : by_sensor) {
       j["by_sensor"][sensor] = ToJson(Summarise(scores));
     }
+    for (const auto& band : kBands) {
+      const std::vector<SampleScore> scores = InBand(model.result.scores, band);
+      if (!scores.empty()) j["by_rho_cm"][InCentimetres(band)] = ToJson(Summarise(scores));
+    }
     list.push_back(j);
   }
   return list.dump(1) + "\n";
@@ -69,31 +86,18 @@ std::string ValidationTable(const ValidationResult& result) {
       "| samples of | number | miou | miou_authors | loss_seg | with a pose | median error of it "
       "|\n"
       "|---|---|---|---|---|---|---|\n";
-  const auto row = [&](const std::string& name,
-                       const std::function<bool(const SampleScore&)>& belongs) {
-    std::vector<SampleScore> scores;
-    for (const SampleScore& score : result.scores) {
-      if (belongs(score)) scores.push_back(score);
-    }
+  const auto row = [&](const std::string& name, const std::vector<SampleScore>& scores) {
     if (scores.empty()) return;
     const ValidationResult r = Summarise(scores);
     table += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.4f} | {} | {} |\n", name, r.samples,
                          r.miou, r.miou_authors, r.loss_seg, r.posed, MedianPoseError(r));
   };
-  row("all", [](const SampleScore&) { return true; });
-  std::set<std::string> sensors;
-  for (const SampleScore& score : result.scores) sensors.insert(score.sensor);
-  for (const std::string& sensor : sensors) {
-    row(sensor, [&](const SampleScore& score) { return score.sensor == sensor; });
-  }
-  constexpr std::array<std::pair<double, double>, 3> kBands{
-      {{1.5, 2.25}, {2.25, 2.75}, {2.75, 3.5}}};
-  for (const auto& [near, far] : kBands) {
-    row(fmt::format("rho {:.0f}-{:.0f} cm", 100 * near, 100 * far),
-        [&, low = near, high = far](const SampleScore& score) {
-          return score.rho_m >= low && score.rho_m < high;
-        });
-  }
+  row("all", result.scores);
+  std::map<std::string, std::vector<SampleScore>> by_sensor;
+  for (const SampleScore& score : result.scores) by_sensor[score.sensor].push_back(score);
+  for (const auto& [sensor, scores] : by_sensor) row(sensor, scores);
+  for (const auto& band : kBands)
+    row(fmt::format("rho {} cm", InCentimetres(band)), InBand(result.scores, band));
   return table;
 }
 

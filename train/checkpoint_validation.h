@@ -24,7 +24,7 @@ struct ValidatedModel {
 };
 
 /// A JSON list of objects: model, training_samples, the means of ValidationResult by their names,
-/// and `by_sensor`, the same for each sensor.
+/// and `by_sensor` and `by_rho_cm`, the same for each sensor and each band of ValidationTable.
 std::string ValidationJson(const std::vector<ValidatedModel>& models);
 
 /// Markdown table: all samples, each sensor, and each band of horizontal distance 150-225, 225-275

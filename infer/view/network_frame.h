@@ -32,4 +32,9 @@ SegmentationResult RestoreSegmentation(const DepthImage& depth, const DepthImage
                                        const Image<float>& small_confidence,
                                        const NetworkFrame& frame);
 
+/// A map of the network's frame that has nothing to do with depth, back at the frame's size by
+/// nearest neighbour.
+Image<float> RestoreMap(const Image<float>& small, int width, int height,
+                        const NetworkFrame& frame);
+
 }  // namespace volalign

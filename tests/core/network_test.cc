@@ -10,6 +10,7 @@
 #include <c10/core/GradMode.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 #include <string>
 
@@ -136,6 +137,26 @@ TEST(StructureNet, WithoutAttentionEqualsAttentionOfOne) {
   source["attention.bias"].fill_(200);
   const at::Tensor x = at::rand({1, 1, 24, 40});
   EXPECT_TRUE(at::allclose(with->forward(x), without->forward(x), 1e-5, 1e-6));
+}
+
+TEST(StructureNet, GivesItsAttentionBesideTheProbabilities) {
+  c10::NoGradGuard no_grad;
+  StructureNetOptions options = Small();
+  StructureNet net(options);
+  const at::Tensor x = at::rand({2, 1, 45, 80});
+  const NetworkOutput output = net->ForwardWithAttention(x);
+  EXPECT_TRUE(output.log_probabilities.equal(net->forward(x)));
+  ASSERT_EQ(output.attention.sizes(), at::IntArrayRef({2, 1, 2, 5}));
+  EXPECT_GT(output.attention.min().item<double>(), 0);
+  EXPECT_LT(output.attention.max().item<double>(), 1);
+  // The map is the one that the decoder is multiplied by: with zero weights, the bias's sigmoid.
+  auto parameters = net->named_parameters();
+  parameters["attention.weight"].zero_();
+  parameters["attention.bias"].fill_(1.5);
+  const double expected = 1 / (1 + std::exp(-1.5));
+  EXPECT_LT((net->ForwardWithAttention(x).attention - expected).abs().max().item<double>(), 1e-6);
+  options.attention = false;
+  EXPECT_FALSE(StructureNet(options)->ForwardWithAttention(x).attention.defined());
 }
 
 TEST(StructureNet, InitialisesByXavierWithZeroBiases) {

@@ -67,6 +67,33 @@ TEST(PoseSamplerTest, IsUniformInCylinderAndBall) {
   EXPECT_NEAR(miss, 0.4 * 0.04, 0.002);
 }
 
+TEST(PoseSamplerTest, StaysAroundFixedPlacements) {
+  PoseConfig config;
+  config.rho_cm = {180, 200};
+  config.height_cm = {10, 40};
+  config.phi_deg = {45, 135, 225, 315};
+  config.phi_jitter_deg = 10;
+  constexpr int kCount = 4000;
+  std::array<int, 4> placements{};
+  std::array<int, 4> quarters{};  // of the deviation's range
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    RandomStream random(13, i, "pose");
+    const Eigen::Vector3d t = SamplePose(config, random).translation();
+    const double rho = std::hypot(t.x(), t.z());
+    EXPECT_GE(rho, 1.80 - 1e-9);
+    EXPECT_LE(rho, 2.00 + 1e-9);
+    EXPECT_GE(t.y(), 0.10 - 1e-9);
+    EXPECT_LE(t.y(), 0.40 + 1e-9);
+    const double phi = std::fmod(std::atan2(t.z(), t.x()) / kDegree + 360, 360);
+    const double off = phi - (90 * std::floor(phi / 90) + 45);
+    ASSERT_LE(std::abs(off), 10 + 1e-9);
+    ++placements[static_cast<std::size_t>(phi / 90)];
+    ++quarters[std::min<std::size_t>(static_cast<std::size_t>((off + 10) / 5), 3)];
+  }
+  for (const int count : placements) EXPECT_NEAR(count, kCount / 4, 5 * std::sqrt(kCount / 4));
+  for (const int count : quarters) EXPECT_NEAR(count, kCount / 4, 5 * std::sqrt(kCount / 4));
+}
+
 TEST(PoseSamplerTest, NeedsAMountingRoll) {
   PoseConfig config;
   config.roll_offsets_deg.clear();

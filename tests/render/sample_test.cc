@@ -244,6 +244,9 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
   config.pose.rho_cm = {200, 100};
   EXPECT_NE(message(config).find("rho_cm"), std::string::npos) << message(config);
   config = SampleConfig();
+  config.pose.phi_jitter_deg = 10;
+  EXPECT_NE(message(config).find("phi_deg"), std::string::npos) << message(config);
+  config = SampleConfig();
   EXPECT_EQ(message(config), "");
   EXPECT_THROW(MakeSampleContext(config, 0), ConfigError);
 }

@@ -85,6 +85,20 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0.5);
 }
 
+// The paper's predecessor differs from the shipped small recipe as m01 does from m05, and by where
+// its sensors stand.
+TEST(TrainConfig, FourViewStandsAtFourPlacements) {
+  const TrainConfig c = Read("configs/paper/four_view.yaml"), lite = Read("configs/m05-lite.yaml");
+  EXPECT_FALSE(c.model.attention);
+  EXPECT_FALSE(c.loss.procrustes);
+  EXPECT_EQ(c.data.pose.phi_deg, (std::vector<double>{45, 135, 225, 315}));
+  EXPECT_EQ(c.data.pose.rho_cm, (std::array<double, 2>{175, 220}));
+  EXPECT_EQ(c.model.base_channels, lite.model.base_channels);
+  EXPECT_EQ(c.data.image_sizes, lite.data.image_sizes);
+  EXPECT_TRUE(lite.data.pose.phi_deg.empty());
+  EXPECT_NO_THROW(MakeSampleContext(c.data, 1));
+}
+
 TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
   EXPECT_NO_THROW(MakeSampleContext(SampleConfig(), 1));
   for (const char* name : {"m01", "m05-lite", "ablation"}) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string>
@@ -13,10 +14,12 @@
 #include "core/error.h"
 #include "core/image_io.h"
 #include "core/picture.h"
+#include "core/picture_text.h"
 #include "core/structure_gltf.h"
 #include "core/visibility.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/suite_items.h"
+#include "infer/view/attention.h"
 
 namespace volalign {
 
@@ -24,48 +27,72 @@ namespace {
 
 constexpr double kPixel = 0.005;        // m, of a drawn cloud
 constexpr double kMargin = 0.1;         // m, around the structure
-constexpr double kWorst = 0.05;         // m, drawn red
+constexpr double kWorst = 0.05;         // m, drawn yellow
 constexpr int kBlot = 1;                // px around a point
+constexpr double kNoDepthShade = 0.35;  // of an attention map where there is no depth
 constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
 
-const FramePoses* PosesOf(const MethodResult& result, PoseStage stage) {
-  if (stage == PoseStage::kInitial) return &result.initial;
-  const std::optional<FramePoses>& poses =
-      stage == PoseStage::kGraph ? result.graph : result.statistical;
-  return poses ? &*poses : nullptr;
+/// A picture of a view, upright where it is known how.
+RgbImage DrawView(const SuiteStill& still, std::size_t i, const RgbImage& picture,
+                  const std::string& caption) {
+  const SensorFrame& frame = still.still.frames[i];
+  return Captioned(frame.ground_truth ? Turn(picture, UprightTurns(*frame.ground_truth)) : picture,
+                   fmt::format("{} {}", frame.name, caption));
 }
 
-std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& result) {
+std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& result,
+                                 const std::string& method) {
   std::vector<RgbImage> row;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const RgbImage picture = OverlayLabels(still.views[i].depth, result.labels[i]);
-    const std::optional<Pose>& truth = still.still.frames[i].ground_truth;
-    row.push_back(truth ? Turn(picture, UprightTurns(*truth)) : picture);
+  for (std::size_t i = 0; i < result.labels.size(); ++i) {
+    row.push_back(
+        DrawView(still, i, OverlayLabels(still.views[i].depth, result.labels[i]), method));
+  }
+  return row;
+}
+
+/// Empty of a method without attention. Captions have the least and the largest value.
+std::vector<RgbImage> DrawAttentions(const SuiteStill& still, const SuiteMethod& method) {
+  std::vector<RgbImage> row;
+  if (method.model.empty()) return row;
+  const std::vector<Image<float>> attention = AttentionMaps(method.model, RequestsOf(still));
+  for (std::size_t i = 0; i < attention.size(); ++i) {
+    const Image<float>& map = attention[i];
+    if (map.empty()) continue;
+    const auto [least, most] = std::minmax_element(map.begin(), map.end());
+    row.push_back(DrawView(still, i, DrawAttention(still.views[i].depth, map),
+                           fmt::format("{}: {:.3f}-{:.3f}", method.name, *least, *most)));
   }
   return row;
 }
 
 std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& result,
-                                 const FramePoses& poses) {
+                                 PoseStage stage, const std::string& method) {
+  const FramePoses* poses = PosesAt(stage, result);
+  if (!poses) return {};
+  const std::vector<SensorView> views = ViewsAt(stage, still, result);
   const Structure& structure = still.still.structure;
   const std::vector<LabelImage>& labels =
       still.still.labels.empty() ? result.labels : still.still.labels;
   ErrorCloud cloud;
-  for (std::size_t i = 0; i < poses.size() && i < labels.size(); ++i) {
-    if (poses[i]) AddToCloud(still.views[i], labels[i], structure, *poses[i], &cloud);
+  for (std::size_t i = 0; i < poses->size() && i < labels.size(); ++i) {
+    if ((*poses)[i]) AddToCloud(views[i], labels[i], structure, *(*poses)[i], &cloud);
   }
   std::vector<RgbImage> row;
-  for (const double phi : kViews) row.push_back(DrawCloud(cloud, structure, phi));
+  for (const double phi : kViews) {
+    row.push_back(Captioned(DrawCloud(cloud, structure, phi),
+                            fmt::format("{}: from {:.0f} deg", method, phi)));
+  }
   return row;
 }
 
-/// The row of one method; empty where it has not what the figure shows.
-std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const PoseStage stage,
-                              const SuiteStill& still, const MethodResult& result) {
-  if (figure.kind == FigureKind::kLabels)
-    return result.labels.empty() ? std::vector<RgbImage>() : DrawLabels(still, result);
-  const FramePoses* poses = PosesOf(result, stage);
-  return poses ? DrawClouds(still, result, *poses) : std::vector<RgbImage>();
+/// The row of a method; empty where it has not what the figure shows.
+std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const SuiteStill& still,
+                              MethodSet& methods, std::size_t i) {
+  const SuiteMethod& method = methods.at(i);
+  if (figure.kind == FigureKind::kAttention) return DrawAttentions(still, method);
+  const MethodResult result = methods.Run(i, still, 2);
+  if (figure.kind == FigureKind::kLabels) return DrawLabels(still, result, method.name);
+  return DrawClouds(still, result, figure.stage, method.name);
 }
 
 const SuiteItem* FindItem(const std::vector<SuiteItem>& items, const std::string& capture) {
@@ -75,6 +102,21 @@ const SuiteItem* FindItem(const std::vector<SuiteItem>& items, const std::string
 }
 
 }  // namespace
+
+RgbImage DrawAttention(const DepthImage& depth, const Image<float>& attention) {
+  if (attention.width() != depth.width() || attention.height() != depth.height())
+    throw Error("DrawAttention: the depth and the attention have different sizes");
+  const Image<float> shades = ShadeDepth(depth);
+  RgbImage picture(depth.width(), depth.height());
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    const Rgb colour = DepthColour(1 - static_cast<double>(attention[i]));
+    const double shade = depth[i] > 0 ? shades[i] : kNoDepthShade;
+    picture[i] = {static_cast<std::uint8_t>(colour.r * shade),
+                  static_cast<std::uint8_t>(colour.g * shade),
+                  static_cast<std::uint8_t>(colour.b * shade)};
+  }
+  return picture;
+}
 
 void AddToCloud(const SensorView& view, const LabelImage& labels, const Structure& structure,
                 const Pose& structure_from_sensor, ErrorCloud* cloud) {
@@ -99,7 +141,7 @@ RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double p
   const double low = structure.FloorHeight() - kMargin;
   const int width = static_cast<int>(2 * (reach + kMargin) / kPixel);
   const int height = static_cast<int>((structure.Height() + 2 * kMargin) / kPixel);
-  // ColourDepth has near values red: what is far off is to be red.
+  // ColourDepth has near values yellow: what is far off is to be yellow.
   DepthImage values(width, height, 0.0F);
   Image<double> nearness(width, height, -std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
@@ -141,8 +183,7 @@ std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const 
     for (const std::string& name : figure.methods) {
       for (std::size_t i = 0; i < methods.size(); ++i) {
         if (methods.at(i).name != name || !methods.Applies(i, *item)) continue;
-        const std::vector<RgbImage> row =
-            DrawRow(figure, figure.stage, still, methods.Run(i, still, 2));
+        const std::vector<RgbImage> row = DrawRow(figure, still, methods, i);
         pictures.insert(pictures.end(), row.begin(), row.end());
         columns = std::max(columns, row.size());
       }

@@ -52,11 +52,13 @@ SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, 
   return result;
 }
 
-/// volalign's joint refinement from any initial poses, which say which pixels show which side.
-FramePoses RefineStatistically(const SuiteStill& still, const FramePoses& initial, int threads) {
-  FramePoses refined(initial.size());
+/// Adds volalign's joint refinement of the initial poses, which say which pixels show which side.
+void RefineStatistically(const SuiteStill& still, int threads, MethodResult* method) {
+  const FramePoses& initial = method->initial;
+  FramePoses& refined = method->statistical.emplace(initial.size());
+  method->corrections.resize(initial.size());
   const std::vector<std::size_t> placed = Placed(initial);
-  if (placed.empty()) return refined;
+  if (placed.empty()) return;
   RefineOptions options;
   options.threads = threads;
   std::vector<SensorPoints> points;
@@ -73,21 +75,16 @@ FramePoses RefineStatistically(const SuiteStill& still, const FramePoses& initia
     frames.push_back(frame);
   }
   const RefineResult result = Refine(still.still.structure, frames, options);
-  for (std::size_t k = 0; k < placed.size(); ++k)
+  for (std::size_t k = 0; k < placed.size(); ++k) {
     refined[placed[k]] = result.frames[k].structure_from_sensor;
-  return refined;
+    method->corrections[placed[k]] = {result.frames[k].depth_gain, result.frames[k].depth_offset};
+  }
 }
 
 /// Labels of the network, and the paper's poses.
 MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
   MethodResult result;
-  std::vector<SegmentationRequest> requests;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const SensorFrame& frame = still.still.frames[i];
-    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
-    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
-  }
-  std::vector<SegmentationResult> segmented = segmenter.Segment(requests);
+  std::vector<SegmentationResult> segmented = segmenter.Segment(RequestsOf(still));
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
   for (std::size_t i = 0; i < still.views.size(); ++i) {
@@ -124,11 +121,41 @@ MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int thre
     result.initial.push_back(sensor.structure_from_sensor ? std::optional<Pose>(sensor.initial)
                                                           : std::nullopt);
     result.statistical->push_back(sensor.structure_from_sensor);
+    result.corrections.push_back({sensor.depth_gain, sensor.depth_offset_m});
   }
   return result;
 }
 
 }  // namespace
+
+std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still) {
+  std::vector<SegmentationRequest> requests;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const SensorFrame& frame = still.still.frames[i];
+    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
+    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
+  }
+  return requests;
+}
+
+const FramePoses* PosesAt(PoseStage stage, const MethodResult& result) {
+  if (stage == PoseStage::kInitial) return &result.initial;
+  if (stage == PoseStage::kCorrected && result.corrections.empty()) return nullptr;
+  const std::optional<FramePoses>& poses =
+      stage == PoseStage::kGraph ? result.graph : result.statistical;
+  return poses ? &*poses : nullptr;
+}
+
+std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteStill& still,
+                                const MethodResult& result) {
+  if (stage != PoseStage::kCorrected) return still.views;
+  std::vector<SensorView> views;
+  for (std::size_t i = 0; i < still.views.size(); ++i) {
+    const DepthCorrection& correction = result.corrections.at(i);
+    views.push_back(Corrected(still.views[i], correction.gain, correction.offset_m));
+  }
+  return views;
+}
 
 MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads) {
@@ -136,7 +163,7 @@ MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segme
   MethodResult result =
       method.kind == MethodKind::kMarkers ? RunMarkers(still) : RunNetwork(still, *segmenter);
   result.graph = RefineByGraph(still, result.initial, suite.graph);
-  if (method.statistical) result.statistical = RefineStatistically(still, result.initial, threads);
+  if (method.statistical) RefineStatistically(still, threads, &result);
   return result;
 }
 

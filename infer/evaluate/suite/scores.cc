@@ -19,13 +19,13 @@ Pose TruePose(const EvaluationStill& still, std::size_t i) {
 }
 
 /// d1 and d2 of the views that have a pose.
-std::optional<SetDistances> Distances(const SuiteStill& still, const FramePoses& poses,
+std::optional<SetDistances> Distances(const std::vector<SensorView>& views, const FramePoses& poses,
                                       const std::vector<LabelImage>& labels,
                                       const SurfaceComparison& surface) {
   std::vector<Eigen::Vector3d> points;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!poses[i] || i >= labels.size()) continue;
-    const std::vector<Eigen::Vector3d> own = LabelledPoints(still.views[i], labels[i], *poses[i]);
+    const std::vector<Eigen::Vector3d> own = LabelledPoints(views[i], labels[i], *poses[i]);
     points.insert(points.end(), own.begin(), own.end());
   }
   return surface(points);
@@ -34,31 +34,30 @@ std::optional<SetDistances> Distances(const SuiteStill& still, const FramePoses&
 struct NamedStage {
   const char* name;
   const FramePoses* poses;
+  std::vector<SensorView> views;
 };
-std::vector<NamedStage> StagesOf(const MethodResult& result) {
+std::vector<NamedStage> StagesOf(const SuiteStill& still, const MethodResult& result) {
   std::vector<NamedStage> stages;
   for (const auto& [word, stage] : kPoseStageWords) {
-    if (stage == PoseStage::kInitial) stages.push_back({word, &result.initial});
-    if (stage == PoseStage::kGraph && result.graph) stages.push_back({word, &*result.graph});
-    if (stage == PoseStage::kStatistical && result.statistical)
-      stages.push_back({word, &*result.statistical});
+    if (const FramePoses* poses = PosesAt(stage, result))
+      stages.push_back({word, poses, ViewsAt(stage, still, result)});
   }
   return stages;
 }
 
-ViewScores ScoreView(const SuiteStill& still, const MethodResult& result, std::size_t i,
-                     int min_pixels) {
+ViewScores ScoreView(const SuiteStill& still, const MethodResult& result,
+                     const std::vector<NamedStage>& stages, std::size_t i, int min_pixels) {
   const Structure& structure = still.still.structure;
   const SensorView& view = still.views[i];
   const SensorFrame& frame = still.still.frames[i];
   const LabelImage* labels = result.labels.empty() ? nullptr : &result.labels[i];
   ViewScores scores;
   scores.name = frame.name;
-  for (const NamedStage& stage : StagesOf(result)) {
+  for (const NamedStage& stage : stages) {
     ViewPoseScore score;
     if (const std::optional<Pose>& pose = (*stage.poses)[i]) {
       score.placed = true;
-      if (labels) score.labels = ScorePose(view, *labels, structure, *pose, min_pixels);
+      if (labels) score.labels = ScorePose(stage.views[i], *labels, structure, *pose, min_pixels);
       if (frame.ground_truth) score.error = ComparePoses(*pose, TruePose(still.still, i));
     }
     scores.stages.push_back(score);
@@ -79,10 +78,11 @@ CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, 
   const bool known = !still.still.labels.empty();
   const std::vector<LabelImage>& on_structure = known ? still.still.labels : result.labels;
   CaptureScores scores;
-  for (const NamedStage& stage : StagesOf(result)) {
+  const std::vector<NamedStage> stages = StagesOf(still, result);
+  for (const NamedStage& stage : stages) {
     StageScores of;
     of.stage = stage.name;
-    if (const auto d = Distances(still, *stage.poses, on_structure, surface)) {
+    if (const auto d = Distances(stage.views, *stage.poses, on_structure, surface)) {
       of.d1_m = d->d1;
       of.d2_m = d->d2;
     }
@@ -90,12 +90,12 @@ CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, 
   }
   FramePoses truth;
   for (std::size_t i = 0; i < still.views.size(); ++i) {
-    scores.views.push_back(ScoreView(still, result, i, min_pixels));
+    scores.views.push_back(ScoreView(still, result, stages, i, min_pixels));
     truth.push_back(still.still.frames[i].ground_truth
                         ? std::optional<Pose>(TruePose(still.still, i))
                         : std::nullopt);
   }
-  if (const auto d = Distances(still, truth, on_structure, surface)) {
+  if (const auto d = Distances(still.views, truth, on_structure, surface)) {
     scores.d1_floor_m = d->d1;
     scores.d2_floor_m = d->d2;
   }

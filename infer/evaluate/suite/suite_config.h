@@ -19,13 +19,15 @@ inline constexpr std::array<std::pair<const char*, MethodKind>, 3> kMethodKindWo
      {"markers", MethodKind::kMarkers},
      {"volalign", MethodKind::kVolalign}}};
 
-/// Which poses of a method: its initial ones, those that the paper's refinement makes of them, or
-/// those that volalign's does.
-enum class PoseStage { kInitial, kGraph, kStatistical };
-inline constexpr std::array<std::pair<const char*, PoseStage>, 3> kPoseStageWords = {
+/// Which poses of a method: its initial ones, those that the paper's refinement makes of them,
+/// those that volalign's does, or these with each sensor's depth corrected by the gain and the
+/// offset that were estimated with its pose.
+enum class PoseStage { kInitial, kGraph, kStatistical, kCorrected };
+inline constexpr std::array<std::pair<const char*, PoseStage>, 4> kPoseStageWords = {
     {{"initial", PoseStage::kInitial},
      {"graph", PoseStage::kGraph},
-     {"statistical", PoseStage::kStatistical}}};
+     {"statistical", PoseStage::kStatistical},
+     {"corrected", PoseStage::kCorrected}}};
 
 /// Of a view but for the last two, which are of a capture (suite/metrics.h).
 enum class SuiteMetric { kMiouAuthors, kMiou, kMiouAuthorsAll, kRmse, kRmseVisible, kD1, kD2 };
@@ -114,7 +116,8 @@ struct SuiteRow {
     DescribeWord(
         ar, "stage", stage, kPoseStageWords,
         "initial: the initial poses; graph: refined as the paper does; statistical: refined by "
-        "volalign");
+        "volalign; corrected: the same, with each sensor's depth corrected as that refinement "
+        "found");
     ar("paper", paper,
        "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block; "
        "empty: "
@@ -139,11 +142,13 @@ struct SuiteTable {
   }
 };
 
-/// labels: predicted labels over depth, a column for each view; clouds: points coloured by their
-/// distance to the structure.
-enum class FigureKind { kLabels, kClouds };
-inline constexpr std::array<std::pair<const char*, FigureKind>, 2> kFigureKindWords = {
-    {{"labels", FigureKind::kLabels}, {"clouds", FigureKind::kClouds}}};
+/// labels: predicted labels over depth, a column for each view; attention: the network's attention
+/// over depth, likewise; clouds: points coloured by their distance to the structure.
+enum class FigureKind { kLabels, kAttention, kClouds };
+inline constexpr std::array<std::pair<const char*, FigureKind>, 3> kFigureKindWords = {
+    {{"labels", FigureKind::kLabels},
+     {"attention", FigureKind::kAttention},
+     {"clouds", FigureKind::kClouds}}};
 
 /// A picture with a row for each method.
 struct SuiteFigure {
@@ -157,8 +162,10 @@ struct SuiteFigure {
   void Describe(Archive& ar) {
     ar("name", name, "unique; names the file");
     DescribeWord(ar, "kind", kind, kFigureKindWords,
-                 "labels: predicted labels over depth, a column for each view; clouds: aligned "
-                 "points from two sides, blue on the structure's surface, red 5 cm off");
+                 "labels: predicted labels over depth, a column for each view; attention: the "
+                 "network's attention over depth, likewise, yellow 1 and violet 0, of the methods "
+                 "that have it; clouds: aligned "
+                 "points from two sides, violet on the structure's surface, yellow 5 cm off");
     ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
     ar("methods", methods, "a row for each");
     DescribeWord(ar, "stage", stage, kPoseStageWords, "of clouds: which poses");

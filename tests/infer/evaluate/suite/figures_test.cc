@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/error.h"
+#include "tests/core/expect_error.h"
 #include "tests/infer/synthetic.h"
 
 namespace volalign {
@@ -28,7 +30,7 @@ Counts Count(const RgbImage& picture, int first, int end) {
   return counts;
 }
 
-TEST(Figures, PointsAreBlueOnTheSurfaceAndRedFarOff) {
+TEST(Figures, PointsAreVioletOnTheSurfaceAndYellowFarOff) {
   const Structure structure = PaperStructure();
   ErrorCloud cloud;
   // Seen from +x, -z is on the right. The second point is hidden by the first.
@@ -45,6 +47,19 @@ TEST(Figures, PointsAreBlueOnTheSurfaceAndRedFarOff) {
   // From behind, the hidden one is in front.
   const RgbImage behind = DrawCloud(cloud, structure, 180);
   EXPECT_EQ(Count(behind, 0, behind.width()).blue, 0);
+}
+
+TEST(Figures, AttentionIsVioletAtZeroAndYellowAtOne) {
+  DepthImage depth(4, 3, 2.0F);
+  depth(3, 2) = 0;
+  Image<float> attention(4, 3, 0.0F);
+  attention(1, 1) = attention(3, 2) = 1;
+  const RgbImage picture = DrawAttention(depth, attention);
+  EXPECT_EQ(Count(picture, 0, 4).blue, 10);
+  EXPECT_EQ(Count(picture, 1, 2).red, 1);
+  EXPECT_EQ(Count(picture, 3, 4).red, 1);
+  EXPECT_LT(picture(3, 2).r, picture(1, 1).r);  // without depth, and dark
+  ExpectError<Error>([&] { DrawAttention(depth, Image<float>(3, 4)); }, {"sizes"});
 }
 
 TEST(Figures, CloudsHaveTheLabelledPixels) {

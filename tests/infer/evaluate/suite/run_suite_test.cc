@@ -68,6 +68,7 @@ TEST_F(ToySuite, RunsResumesAndWritesItsTables) {
     ASSERT_FALSE(capture.stages.empty());
     // Exact depth: every method is within a few millimetres of the truth, and of the surface.
     const std::size_t last = capture.stages.size() - 1;
+    EXPECT_EQ(capture.stages[last].stage, capture.method == "net" ? "graph" : "corrected");
     EXPECT_LT(capture.stages[last].d1_m.value(), 0.012);
     EXPECT_LT(capture.d1_floor_m.value(), 0.005);  // the surface is sampled at 5 mm
     EXPECT_GT(capture.stages[last].d2_m.value(), capture.stages[last].d1_m.value());

@@ -1,0 +1,40 @@
+#include "infer/evaluate/suite/methods.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/infer/synthetic.h"
+
+namespace volalign {
+namespace {
+
+TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
+  SuiteStill still;
+  DepthImage depth(4, 3, 2.0F);
+  depth(1, 1) = 0;
+  still.views = {MakeSensorView(depth, testing_infer::Kinect().Resized(4, 3))};
+  MethodResult result;
+  result.initial = {Pose::Identity()};
+  result.statistical = FramePoses{Pose(Eigen::Translation3d(1, 0, 0))};
+  result.corrections = {{1.01, -0.004}};
+  ASSERT_EQ(PosesAt(PoseStage::kCorrected, result), PosesAt(PoseStage::kStatistical, result));
+  const std::vector<SensorView> corrected = ViewsAt(PoseStage::kCorrected, still, result);
+  ASSERT_EQ(corrected.size(), 1u);
+  EXPECT_NEAR(corrected[0].depth(0, 0), 1.01 * 2 - 0.004, 1e-6);
+  EXPECT_EQ(corrected[0].depth(1, 1), 0);  // nothing was measured there
+  for (const PoseStage stage : {PoseStage::kInitial, PoseStage::kStatistical})
+    EXPECT_EQ(ViewsAt(stage, still, result)[0].depth, depth);
+}
+
+TEST(Stages, AreThoseThatTheMethodHas) {
+  MethodResult result;
+  result.initial = {std::nullopt};
+  EXPECT_EQ(PosesAt(PoseStage::kInitial, result), &result.initial);
+  for (const PoseStage stage : {PoseStage::kGraph, PoseStage::kStatistical, PoseStage::kCorrected})
+    EXPECT_EQ(PosesAt(stage, result), nullptr);
+  result.graph = result.initial;
+  EXPECT_EQ(PosesAt(PoseStage::kGraph, result), &*result.graph);
+  EXPECT_EQ(PosesAt(PoseStage::kCorrected, result), nullptr);
+}
+
+}  // namespace
+}  // namespace volalign
