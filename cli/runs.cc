@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "cli/command_line.h"
+#include "core/error.h"
 #include "core/file_util.h"
 #include "train/run_log.h"
 #include "train/run_plot.h"
@@ -39,6 +41,17 @@ void AddFormat(CLI::App* verb, Options* options) {
       ->default_str("text");
 }
 
+void WritePlot(const Options& options) {
+  if (std::filesystem::path(options.output).extension() != ".svg") {
+    throw ConfigError(fmt::format(
+        "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
+  }
+  WriteFileAtomically(options.output,
+                      PlotRuns(GroupRuns(ReadRuns(options.folders)), options.metrics));
+  SaveCommand(options.output);
+  fmt::print("written: {}\n", options.output);
+}
+
 }  // namespace
 
 Command AddRunsCommand(CLI::App& program) {
@@ -48,27 +61,24 @@ Command AddRunsCommand(CLI::App& program) {
   CLI::App* list = AddVerb(app, "list", "A row a run: how far it is, its last metrics, its speed",
                            options.get());
   AddFormat(list, options.get());
-  CLI::App* compare = AddVerb(app, "compare",
-                              "A row for each configuration: the keys that differ, mean and "
-                              "standard deviation of the metrics over its seeds",
-                              options.get());
-  AddFormat(compare, options.get());
+  AddFormat(AddVerb(app, "compare",
+                    "A row for each configuration: the keys that differ, mean and standard "
+                    "deviation of the metrics over its seeds",
+                    options.get()),
+            options.get());
   CLI::App* plot =
       AddVerb(app, "plot", "Curves as SVG: a line for each configuration, its seeds as a band",
               options.get());
   plot->add_option("-o,--output", options->output, "picture, e.g. runs.svg")->required();
   plot->add_option("--metrics", options->metrics, "a panel each")->capture_default_str();
-  return {app, [options, list, compare] {
-            const std::vector<LoggedRun> runs = ReadRuns(options->folders);
-            if (*list) {
-              fmt::print("{}", FormatTable(ListRuns(runs), options->format));
-            } else if (*compare) {
-              fmt::print("{}", FormatTable(CompareRuns(GroupRuns(runs)), options->format));
-            } else {
-              WriteFileAtomically(options->output, PlotRuns(GroupRuns(runs), options->metrics));
-              SaveCommand(options->output);
-              fmt::print("written: {}\n", options->output);
+  return {app, [options, list, plot] {
+            if (*plot) {
+              WritePlot(*options);
+              return 0;
             }
+            const std::vector<LoggedRun> runs = ReadRuns(options->folders);
+            const Table table = *list ? ListRuns(runs) : CompareRuns(GroupRuns(runs));
+            fmt::print("{}", FormatTable(table, options->format));
             return 0;
           }};
 }

@@ -25,6 +25,13 @@ volalign_find(PNG libpng-dev)
 volalign_find(OpenSSL libssl-dev COMPONENTS Crypto)
 volalign_find(CLI11 libcli11-dev)
 volalign_find(Threads libc6-dev)
+# LibTorch's loops run on several threads in our sources too where those that have such are compiled with its OpenMP, GCC's. Another
+# compiler's would be a second set of threads.
+set(VOLALIGN_OPENMP OFF)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  find_package(OpenMP QUIET COMPONENTS CXX)
+  set(VOLALIGN_OPENMP ${OpenMP_CXX_FOUND})
+endif()
 find_path(NANOFLANN_INCLUDE_DIR nanoflann.hpp)
 if(NOT NANOFLANN_INCLUDE_DIR)
   list(APPEND VOLALIGN_MISSING "nanoflann (Debian package libnanoflann-dev)")

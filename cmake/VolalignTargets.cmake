@@ -4,6 +4,10 @@ target_compile_options(volalign_options INTERFACE
   -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-unknown-pragmas
   # GCC 12 reports both inside Eigen's vectorised code, where they are wrong.
   -Wno-array-bounds $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_STANDARD GREATER_EQUAL 20)
+  # GCC 12 reports this inside std::string's own functions in C++20, where it is wrong (GCC's bug 105651).
+  target_compile_options(volalign_options INTERFACE -Wno-restrict)
+endif()
 if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
   # SSE4.2 and no AVX: with AVX, Eigen allocates 32-byte aligned blocks by a scheme of its own, and Debian's Ceres, which
   # shares Eigen's inline functions with us at run time, would free them with plain free().

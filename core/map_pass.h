@@ -1,12 +1,12 @@
 #pragma once
 
-#include <ATen/Parallel.h>
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
 #include <vector>
 
 #include "core/simd/map_kernels.h"
+#include "core/torch_threads.h"
 
 namespace volalign {
 
@@ -29,11 +29,9 @@ inline std::int64_t PartBegin(std::int64_t rows, std::int64_t part) {
 /// Calls f(sample, part, first row, end) in parallel.
 template <class F>
 void ForMapParts(std::int64_t samples, std::int64_t rows, const F& f) {
-  at::parallel_for(0, samples * kMapParts, 1, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      f(i / kMapParts, i % kMapParts, PartBegin(rows, i % kMapParts),
-        PartBegin(rows, i % kMapParts + 1));
-    }
+  ForEachOnTorchThreads(samples * kMapParts, [&](std::int64_t i) {
+    f(i / kMapParts, i % kMapParts, PartBegin(rows, i % kMapParts),
+      PartBegin(rows, i % kMapParts + 1));
   });
 }
 

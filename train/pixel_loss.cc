@@ -1,6 +1,5 @@
 #include "train/pixel_loss.h"
 
-#include <ATen/Parallel.h>
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/empty.h>
 #include <ATen/ops/empty_like.h>
@@ -10,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/simd/map_kernels.h"
+#include "core/torch_threads.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {
@@ -45,10 +45,9 @@ struct Pixels {
   /// Calls f(sample, part, first pixel, end) in parallel.
   template <class F>
   void ForParts(const F& f) const {
-    at::parallel_for(0, samples() * kParts, 1, [&](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t i = begin; i < end; ++i)
-        f(i / kParts, i % kParts, plane() * (i % kParts) / kParts,
-          plane() * (i % kParts + 1) / kParts);
+    ForEachOnTorchThreads(samples() * kParts, [&](std::int64_t i) {
+      f(i / kParts, i % kParts, plane() * (i % kParts) / kParts,
+        plane() * (i % kParts + 1) / kParts);
     });
   }
 };

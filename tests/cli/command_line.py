@@ -198,6 +198,9 @@ class CommandLine(unittest.TestCase):
         output = self.expect("calibrate --capture x -o y --modle z", 1, "volalign calibrate has no option --modle; did you mean --model?")
         self.assertEqual(output.count("\n"), 1, output)
 
+    def test_a_plot_is_svg(self):
+        self.expect("runs plot . -o runs.png", 1, "--output = runs.png", ".svg")
+
     def test_data_from_any_folder(self):
         self.expect("structure show configs/structure.yaml", 0, "4 boxes")
         self.expect("structure show configs/none.yaml", 1, "none.yaml")

@@ -1,6 +1,7 @@
 #include "core/normalized_map.h"
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 #include <gtest/gtest.h>
 #include <torch/csrc/autograd/autograd.h>
 
@@ -135,6 +136,29 @@ TEST(NormalizedMap, EqualsTheSingleOperations) {
       }
     }
   }
+}
+
+/// Sums do not depend on who computes them: a run has the same weights with any run.threads, as far
+/// as our own passes are concerned.
+TEST(NormalizedMap, IsTheSameOnOneThreadAndTwo) {
+  const int threads = at::get_num_threads();
+  const at::Tensor values = at::randn({3, 4 * 8, 6, 36}), g = at::randn({3, 16, 10, 70});
+  const at::Tensor skip = at::randn({3, 8, 10, 70});
+  std::vector<at::Tensor> results;
+  for (const int use : {1, 2}) {
+    at::set_num_threads(use);
+    const at::Tensor raw = values.contiguous(at::MemoryFormat::ChannelsLast).requires_grad_(true);
+    const at::Tensor scale = at::ones({8}).requires_grad_(true),
+                     bias = at::zeros({8}).requires_grad_(true);
+    const at::Tensor map = NormalizedMapAndSkip(
+        raw, {scale, bias, RunningLike(scale, 0), RunningLike(scale, 1)},
+        {Normalization::kBatch, /*relu=*/true, /*phases=*/true, at::kFloat}, skip);
+    (map * g).sum().backward();
+    results.push_back(at::cat({map.detach().flatten(), raw.grad().flatten(), scale.grad().flatten(),
+                               bias.grad().flatten()}));
+  }
+  at::set_num_threads(threads);
+  EXPECT_TRUE(results[0].equal(results[1]));
 }
 
 /// The four phases of a convolution on a small map are the convolution on the enlarged one.
