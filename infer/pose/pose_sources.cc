@@ -92,8 +92,16 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
   const PoseChoice choice = Decide(network, structure, options);
   const Pose& best =
       choice.found ? choice.best.structure_from_sensor : network.front().structure_from_sensor;
-  const bool agree = std::any_of(geometry.begin(), geometry.end(), [&](const auto& other) {
-    return SamePose(structure, other.structure_from_sensor, best);
+  // Between poses that the network cannot tell apart, the one that geometry happens to find is no
+  // better: the rig decides, or nothing does.
+  std::vector<Pose> known{best};
+  if (choice.ambiguous) {
+    for (const PoseEvidence& own : network) known.push_back(own.structure_from_sensor);
+  }
+  const bool agree = std::any_of(geometry.begin(), geometry.end(), [&](const PoseEvidence& found) {
+    return std::any_of(known.begin(), known.end(), [&](const Pose& pose) {
+      return SamePose(structure, found.structure_from_sensor, pose);
+    });
   });
   if (agree) return network;
   if (!HasShape(MeasureShape(PrepareSurface(view, structure), structure, best), structure,
@@ -113,6 +121,18 @@ std::vector<PoseEvidence> CombineProposals(const SensorView& view, const Structu
   DropMisfits(initial.geometry.rival_margin, &network);
   std::stable_sort(network.begin(), network.end(),
                    [](const auto& a, const auto& b) { return a.overlap > b.overlap; });
+  const PoseChoice together = Decide(network, structure, options);
+  if (choice.found && !choice.ambiguous && together.found &&
+      !SamePose(structure, together.best.structure_from_sensor, best)) {
+    // The network alone was sure of another pose, and that has the structure's shape: the view does
+    // not tell.
+    PoseEvidence other = together.best;
+    other.overlap = choice.best.overlap;
+    other.floor = choice.best.floor;
+    other.label_score = choice.best.label_score;
+    other.network_score = choice.best.network_score;
+    return {choice.best, other};
+  }
   return network;
 }
 
