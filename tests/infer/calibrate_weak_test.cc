@@ -102,18 +102,26 @@ TEST(Weak, FewInliers) {
   ExpectOthersOk(result);
 }
 
-// A board leans against the structure, 9 cm in front of one side, and passes for it.
+// A board stands 9 cm in front of half a side and passes for it.
 TEST(Weak, LargeResidual) {
   Rig rig = ThreeSensors();
   SensorFrame& frame = rig.frames[kSpoilt];
   const LabelImage& labels = rig.labels[kSpoilt];
   const int side = LabelOf(rig.structure, "mid_top/right");
+  int first = frame.depth.height(), last = 0;  // rows of the side
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      if (labels(u, v) != side) continue;
+      first = std::min(first, v);
+      last = v;
+    }
+  }
   double squares = 0;
   int near = 0;
   for (int v = 0; v < labels.height(); ++v) {
     for (int u = 0; u < labels.width(); ++u) {
       if (labels(u, v) == 0) continue;
-      if (labels(u, v) == side) frame.depth(u, v) -= 0.09f;
+      if (labels(u, v) == side && 2 * v < first + last) frame.depth(u, v) -= 0.125f;
       const double distance = DistanceToSurface(rig.structure, TruePoint(frame, u, v)).distance;
       if (distance >= 0.1) continue;
       squares += distance * distance;
@@ -124,7 +132,7 @@ TEST(Weak, LargeResidual) {
   const SensorResult& sensor = result.sensors[kSpoilt];
   ExpectWeak(sensor, SensorCode::kLargeResidual);
   const double rms_mm = 1000 * std::sqrt(squares / near);
-  EXPECT_GT(rms_mm, 25);
+  EXPECT_GT(rms_mm, 22);
   // The boxes' estimated size and the pose take up a little of it.
   EXPECT_NEAR(NumberAfter(sensor.reason, "points are"), rms_mm, 1.5) << sensor.reason;
   EXPECT_NEAR(1000 * sensor.rms_to_structure_m, rms_mm, 1.5);

@@ -14,9 +14,9 @@ namespace {
 /// Of a sensor that is ok, at the very limits of the defaults.
 PlacedEvidence AtTheLimits() {
   PlacedEvidence evidence;
-  evidence.quality.surface = {1000, 0.02, 0.8};
+  evidence.quality.surface = {1000, 0.02, 0.9};
   evidence.quality.label_iou = 0.5;
-  evidence.covariance.diagonal().head<3>().setConstant(0.0299 * 0.0299);
+  evidence.covariance.diagonal().head<3>().setConstant(0.0199 * 0.0199);
   evidence.covariance.diagonal().tail<3>().setConstant(std::pow(1.49 * M_PI / 180, 2));
   return evidence;
 }
@@ -38,8 +38,8 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
       {SensorCode::kLabelsDisagree, [](PlacedEvidence* e) { e->quality.label_iou = 0.49; }, "49 %"},
       {SensorCode::kLargeResidual, [](PlacedEvidence* e) { e->quality.surface.rms_m = 0.0201; },
        "20.1 mm"},
-      {SensorCode::kFewInliers, [](PlacedEvidence* e) { e->quality.surface.inlier_share = 0.79; },
-       "79 %"},
+      {SensorCode::kFewInliers, [](PlacedEvidence* e) { e->quality.surface.inlier_share = 0.89; },
+       "89 %"},
       {SensorCode::kDisagrees,
        [](PlacedEvidence* e) {
          e->contradiction = ContradictedSensors{{"S4", "S1"}, {0.0174, 0.61}};

@@ -494,7 +494,8 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
 // by sqrt(p (1 - p) / 120): 4 % for 68 %, 2 % for 95 %. Limits are two and a half of that.
 TEST(Refine, CovarianceCoversSmoothDepthErrors) {
   // The intervals are too wide here, by a third: the model allows edges of boxes that it does not
-  // estimate 12 mm, and these stand exactly where they should. Measured: 87 %, 99 %, 0.66.
+  // estimate 12 mm, and these stand exactly where they should. Measured, four times as many frames:
+  // 87 %, 99 %, 0.62.
   const Coverage coverage = CoverSmoothErrors(false);
   EXPECT_FALSE(!(coverage.share68 > 0.77 && coverage.share68 < 0.97)) << coverage.share68;
   EXPECT_FALSE(!(coverage.share95 > 0.94)) << coverage.share95;
@@ -502,11 +503,12 @@ TEST(Refine, CovarianceCoversSmoothDepthErrors) {
 }
 
 TEST(Refine, CovarianceCoversBuildAndDepthErrorsWithEstimates) {
+  // Errors here are always as large as the priors say, while the covariance allows for less: 64 %,
+  // 90 % and 1.31 of four times as many frames.
   const Coverage coverage = CoverSmoothErrors(true);
-  EXPECT_FALSE(!(coverage.share68 > 0.58 && coverage.share68 < 0.79)) << coverage.share68;
-  // Errors here are always as large as the priors say, while the covariance allows for less.
-  EXPECT_FALSE(!(coverage.share95 > 0.87 && coverage.share95 < 0.995)) << coverage.share95;
-  EXPECT_FALSE(!(coverage.misfit > 0.7 && coverage.misfit < 1.4)) << coverage.misfit;
+  EXPECT_FALSE(!(coverage.share68 > 0.54 && coverage.share68 < 0.79)) << coverage.share68;
+  EXPECT_FALSE(!(coverage.share95 > 0.85 && coverage.share95 < 0.995)) << coverage.share95;
+  EXPECT_FALSE(!(coverage.misfit > 0.7 && coverage.misfit < 1.6)) << coverage.misfit;
 }
 
 }  // namespace
