@@ -299,7 +299,10 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   Poses found = search.OnFloors();
   if (found.empty()) found = search.WithoutFloor();
   found = Compete(std::move(found), structure, options.rival_margin);
-  return Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
+  found = Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
+  // An alias that explains more, but not the view: neither does what it is an alias of.
+  if (!found.empty() && !HasShape(found.front().shape, structure, options)) found.clear();
+  return found;
 }
 
 }  // namespace volalign
