@@ -55,7 +55,8 @@ double Gain(const ShapeEvidence& shape) {
 constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
 /// Where less is measured than min_area_share, down to this part of it, because the picture's
 /// border cuts the structure off or something hides it: the least share that is explained, and of
-/// planes.
+/// planes. The same share where more than kLeastVisible leaves is hidden: what is hidden
+/// contradicts nothing.
 constexpr double kSmallPart = 0.6, kSmallExplained = 0.97, kSmallPlanes = 0.7;
 
 using Poses = std::vector<GeometricPose>;
@@ -284,6 +285,8 @@ bool HasShape(const ShapeEvidence& shape, const Structure& structure,
         shape.goes_on_share() <= options.max_goes_on_share)) {
     return false;
   }
+  if (shape.visible_share() < kLeastVisible && shape.explained_share() < kSmallExplained)
+    return false;
   const double planes =
       shape.planes / (CountPlanes(structure) * std::max(shape.visible_share(), kLeastVisible));
   if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
