@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <utility>
+#include <variant>
 
 #include "core/parallel_for.h"
 #include "core/pose.h"
@@ -13,7 +14,9 @@
 #include "infer/checks/lens_check.h"
 #include "infer/checks/neighbours.h"
 #include "infer/checks/placement.h"
+#include "infer/checks/verification.h"
 #include "infer/combine_stills.h"
+#include "infer/pose/shape_check.h"
 #include "infer/refine/find_lenses.h"
 #include "infer/stills.h"
 
@@ -104,10 +107,8 @@ JointSolution RefineWithItsLabels(const Structure& structure,
   return joint;
 }
 
-/// Places the sensors in every still. Returns where the stack stood in each.
-std::vector<Pose> PlaceInStills(const Structure& structure, const LensSet& all_lenses,
-                                const PlacementOptions& options, std::vector<StillStages>* stages) {
-  std::vector<PlacedStill> placed;
+void PlaceInStills(const Structure& structure, const LensSet& all_lenses,
+                   const PlacementOptions& options, std::vector<StillStages>* stages) {
   for (StillStages& still : *stages) {
     const LensSet lenses = still.Lenses(all_lenses);
     still.placements =
@@ -115,9 +116,39 @@ std::vector<Pose> PlaceInStills(const Structure& structure, const LensSet& all_l
                           PlaceSensors(still.seen, still.views, still.depths, still.labelled,
                                        still.assembly, lenses, structure, options),
                           lenses, structure, options);
-    placed.push_back({still.still->name, still.seen, still.labelled, &still.placements});
   }
+}
+
+/// Where the stack stood in each still.
+std::vector<Pose> Join(std::vector<StillStages>* stages) {
+  std::vector<PlacedStill> placed;
+  for (StillStages& still : *stages)
+    placed.push_back({still.still->name, still.seen, still.labelled, &still.placements});
   return JoinStills(placed);
+}
+
+/// A sensor that geometry alone has placed, and that the joint solution takes to where its view
+/// does not have the structure's shape, is placed no longer. Returns whether there is one.
+bool DropWithoutShape(const RefineResult& refined, const PlacementOptions& options,
+                      std::vector<StillStages>* stages) {
+  bool dropped = false;
+  std::size_t frame = 0;
+  for (std::size_t still = 0; still < stages->size(); ++still) {
+    StillStages& stage = (*stages)[still];
+    for (std::size_t i = 0; i < stage.placements.size(); ++i) {
+      const auto* placed = std::get_if<PlacedSensor>(&stage.placements[i]);
+      if (!placed) continue;
+      const Pose& pose = refined.frames[frame++].structure_from_sensor;
+      if (!placed->visible_by_geometry ||
+          VisibleWithShape(stage.views[i], refined.placements[still].built, pose,
+                           options.initial)) {
+        continue;
+      }
+      stage.placements[i] = ExplainMissingShape();
+      dropped = true;
+    }
+  }
+  return dropped;
 }
 
 /// The lenses as the refinement found them. Returns how far, px, a picture moved.
@@ -172,10 +203,15 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   JointSolution joint;
   for (int round = 1;; ++round) {
     begin("each sensor by itself");
-    const std::vector<Pose> placements = PlaceInStills(structure, lenses, placement, &stages);
+    PlaceInStills(structure, lenses, placement, &stages);
+    std::vector<Pose> stood = Join(&stages);
     clock.Lap("placement");
     begin("all sensors together");
-    joint = RefineWithItsLabels(structure, stages, lenses, placements, placement);
+    joint = RefineWithItsLabels(structure, stages, lenses, stood, placement);
+    if (DropWithoutShape(joint.refined, placement, &stages)) {
+      stood = Join(&stages);
+      joint = RefineWithItsLabels(structure, stages, lenses, stood, placement);
+    }
     clock.Lap("refinement");
     const double moved = TakeLenses(joint.refined, &lenses);
     if (moved > 0) SeeThrough(lenses, threads, &stages);
