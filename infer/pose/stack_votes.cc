@@ -149,11 +149,22 @@ VoteMap::VoteMap(const std::vector<OccupiedCell>& occupied, const StackOutline& 
 
 void VoteMap::Count(const std::vector<OccupiedCell>& occupied, const Votes& votes) {
   std::fill(map_.begin(), map_.end(), 0.0f);
-  for (const OccupiedCell& cell : occupied) {
-    float* const at = &map_[Index(cell.x, cell.z)];
-    for (const int way : {cell.way, kInside}) {
-      for (const Vote& vote : votes.Of(cell.slab, way))
-        at[-(static_cast<std::ptrdiff_t>(vote.dz) * width_ + vote.dx)] += cell.weight * vote.weight;
+  struct Place {
+    int offset;  // in the map, from the measured cell
+    float weight;
+  };
+  std::vector<Place> places;
+  for (std::size_t i = 0; i < occupied.size();) {
+    const int slab = occupied[i].slab, own_way = occupied[i].way;
+    places.clear();
+    for (const int way : {own_way, kInside}) {
+      for (const Vote& vote : votes.Of(slab, way))
+        places.push_back({-(vote.dz * width_ + vote.dx), vote.weight});
+    }
+    for (; i < occupied.size() && occupied[i].slab == slab && occupied[i].way == own_way; ++i) {
+      const float weight = occupied[i].weight;
+      float* const at = &map_[Index(occupied[i].x, occupied[i].z)];
+      for (const Place& place : places) at[place.offset] += weight * place.weight;
     }
   }
 }

@@ -43,8 +43,8 @@ struct OccupiedCell {
   float weight;
 };
 
-/// The cells above a foot, m, in which the structure's slabs may be. `room`: the turn from the
-/// sensor into a frame whose y is up.
+/// The cells above a foot, m, in which the structure's slabs may be, by slab and way. `room`: the
+/// turn from the sensor into a frame whose y is up.
 std::vector<OccupiedCell> FindOccupied(const std::vector<OrientedPoint>& points,
                                        const StackOutline& outline, double foot,
                                        const Eigen::Matrix3d& room);
