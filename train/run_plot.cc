@@ -171,7 +171,10 @@ void RequireMetrics(const std::vector<RunGroup>& groups, const std::vector<std::
 std::string PlotRuns(const std::vector<RunGroup>& groups, const std::vector<std::string>& metrics) {
   RequireMetrics(groups, metrics);
   const double legend = kPanel * static_cast<double>(metrics.size());
-  const double height = legend + kLegendLine * static_cast<double>(groups.size()) + 10;
+  const bool spread = std::any_of(groups.begin(), groups.end(),
+                                  [](const RunGroup& group) { return group.runs.size() > 1; });
+  const double height =
+      legend + kLegendLine * static_cast<double>(groups.size() + (spread ? 1 : 0)) + 10;
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:g} {1:g}\" width=\"{0:g}\" "
       "height=\"{1:g}\" font-family=\"sans-serif\" font-size=\"12\">\n"
@@ -185,10 +188,13 @@ std::string PlotRuns(const std::vector<RunGroup>& groups, const std::vector<std:
     svg += fmt::format("<path d=\"M{:g} {:.1f}h24\" stroke=\"{}\" stroke-width=\"3\"/>\n", kLeft, y,
                        kColours[i % kColours.size()]);
     const std::size_t runs = groups[i].runs.size();
-    svg += Text(
-        kLeft + 32, y + 4, "start",
-        runs == 1 ? fmt::format("{} ({})", groups[i].Label(), groups[i].runs[0].name)
-                  : fmt::format("{} ({} runs: mean, least and largest)", groups[i].Label(), runs));
+    svg += Text(kLeft + 32, y + 4, "start",
+                runs == 1 ? fmt::format("{} ({})", groups[i].Label(), groups[i].runs[0].name)
+                          : fmt::format("{} ({} runs)", groups[i].Label(), runs));
+  }
+  if (spread) {
+    svg += Text(kLeft, height - 0.5 * kLegendLine, "start",
+                "lines: mean of the runs; bands: from the least to the largest of them");
   }
   return svg + "</svg>\n";
 }
