@@ -53,10 +53,11 @@ double Gain(const ShapeEvidence& shape) {
 /// counts for less, down to this visible share: behind something near, too much would be taken for
 /// hidden.
 constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
-/// Where less is measured than min_area_share, down to this part of it, because the picture's
-/// border cuts the structure off or something hides it: the least share that is explained, and of
-/// planes. The same share where more than kLeastVisible leaves is hidden: what is hidden
-/// contradicts nothing.
+/// Where the picture's border cuts the structure off, or something hides it, less area than
+/// min_area_share may be measured: down to kSmallPart of it, if at least kSmallExplained of the
+/// area and kSmallPlanes of the planes are explained. At least kSmallExplained is also asked for
+/// where so much is hidden that less than kLeastVisible is left, since hidden parts cannot
+/// contradict a pose.
 constexpr double kSmallPart = 0.6, kSmallExplained = 0.97, kSmallPlanes = 0.7;
 
 using Poses = std::vector<GeometricPose>;
@@ -303,7 +304,7 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   if (found.empty()) found = search.WithoutFloor();
   found = Compete(std::move(found), structure, options.rival_margin);
   found = Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
-  // An alias that explains more, but not the view: neither does what it is an alias of.
+  // If even the best of a pose and its aliases does not have the view's shape, none of them has.
   if (!found.empty() && !HasShape(found.front().shape, structure, options)) found.clear();
   return found;
 }
