@@ -29,18 +29,32 @@ bool HasAmx() {
   return __get_cpuid_count(7, 0, &eax, &ebx, &ecx, &edx) != 0 && (edx >> 22 & 1U) != 0;
 }
 
+// Each GetWinograd is compiled for its instruction set and called only where the processor has it.
+const WinogradKernels* ForFloat() {
+  if (HasAvx512()) {
+    static const WinogradKernels kernels = avx512_winograd::GetWinograd();
+    return &kernels;
+  }
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    static const WinogradKernels kernels = avx2_winograd::GetWinograd();
+    return &kernels;
+  }
+  return nullptr;
+}
+
+const WinogradKernels* ForBf16() {
+  if (!HasAvx512() || !__builtin_cpu_supports("avx512bf16") || HasAmx()) return nullptr;
+  static const WinogradKernels kernels = avx512bf16_winograd::GetWinograd();
+  return &kernels;
+}
+
 }  // namespace
 
 const WinogradKernels* FindWinogradKernels(bool bf16) {
-  static const WinogradKernels of_avx2 = avx2_winograd::GetWinograd(),
-                               of_avx512 = avx512_winograd::GetWinograd(),
-                               of_bf16 = avx512bf16_winograd::GetWinograd();
-  if (bf16) {
-    const bool suits = HasAvx512() && __builtin_cpu_supports("avx512bf16") && !HasAmx();
-    return suits ? &of_bf16 : nullptr;
-  }
-  if (HasAvx512()) return &of_avx512;
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? &of_avx2 : nullptr;
+  // Asked once: in a virtual machine, cpuid takes as long as a small convolution.
+  static const WinogradKernels* const of_float = ForFloat();
+  static const WinogradKernels* const of_bf16 = ForBf16();
+  return bf16 ? of_bf16 : of_float;
 }
 #else
 const WinogradKernels* FindWinogradKernels(bool /*bf16*/) { return nullptr; }
