@@ -104,6 +104,16 @@ if(fmt_FOUND AND Torch_FOUND)
   endforeach()
 endif()
 
+# A LibTorch from PyPI finds its own libraries (NCCL, cuDNN) in packages beside it when the program starts. The linker would take older
+# ones of a CUDA toolkit for them.
+set(VOLALIGN_TORCH_FOLDER "")
+set(VOLALIGN_TORCH_LIBRARY_FOLDERS "")
+if(TARGET torch_cpu)
+  get_target_property(location torch_cpu LOCATION)
+  get_filename_component(VOLALIGN_TORCH_FOLDER "${location}" DIRECTORY)
+  file(GLOB VOLALIGN_TORCH_LIBRARY_FOLDERS "${VOLALIGN_TORCH_FOLDER}/../../nvidia/*/lib")
+endif()
+
 # Training in several processes needs a LibTorch with Gloo and Gloo's headers. LibTorch from PyPI leaves them out; Debian's (libgloo-dev) serve there
 # too, although Gloo itself is another version: LibTorch's header mentions Gloo's types behind pointers only. On CUDA devices NCCL is used where its
 # headers are found (PyPI's nvidia-nccl package has them), else Gloo.

@@ -20,6 +20,9 @@ if(UNIX AND NOT APPLE)
   # The C++ library before LibTorch: PyPI's libtorch.so exports parts of an older std::filesystem, which programs would use otherwise, and crash.
   target_link_options(volalign_options INTERFACE "LINKER:--push-state,--no-as-needed" -lstdc++ "LINKER:--pop-state")
 endif()
+foreach(folder ${VOLALIGN_TORCH_LIBRARY_FOLDERS})
+  target_link_options(volalign_options INTERFACE "LINKER:-rpath-link,${folder}")
+endforeach()
 if(VOLALIGN_ASAN)
   # Without -fno-sanitize-recover a test that meets undefined behaviour prints a line and passes.
   target_compile_options(volalign_options INTERFACE

@@ -11,6 +11,7 @@
 #include "core/convolution.h"
 #include "core/log_probabilities.h"
 #include "core/normalized_map.h"
+#include "core/winograd.h"
 
 namespace volalign {
 namespace {
@@ -22,6 +23,7 @@ class Units {
       : normalization_(normalization), type_(type) {}
 
   at::Tensor Raw(const ConvUnit& unit, const at::Tensor& x) const {
+    if (WinogradSuits(x, unit->weight, type_)) return WinogradConvolve(x, unit->weight, type_);
     return Convolve(x, unit->weight, type_, unit->weight.size(2) / 2);
   }
 

@@ -1,7 +1,6 @@
 #include "train/gradient_reducer.h"
 
 #include <torch/csrc/autograd/function_hook.h>
-#include <torch/csrc/autograd/variable.h>
 
 namespace volalign {
 namespace {
@@ -67,8 +66,7 @@ void GradientReducer::AddBuckets(std::int64_t bucket_values) {
 
 void GradientReducer::Hook() {
   for (std::size_t i = 0; i < bucket_of_.size(); ++i) {
-    const std::shared_ptr<torch::autograd::Node> node =
-        torch::autograd::impl::grad_accumulator(module_->tensors()[i]);
+    const NodePointer node = torch::autograd::impl::grad_accumulator(module_->tensors()[i]);
     const std::uintptr_t key = node->add_post_hook(
         std::make_unique<AfterGradient>([this, bucket = bucket_of_[i]] { Ready(bucket); }));
     hooks_.emplace_back(node, key);

@@ -2,6 +2,7 @@
 
 #include <ATen/core/Tensor.h>
 #include <torch/csrc/autograd/function.h>
+#include <torch/csrc/autograd/variable.h>
 
 #include <cstdint>
 #include <functional>
@@ -51,7 +52,10 @@ class GradientReducer {
   ProcessGroup* group_;
   std::vector<Bucket> buckets_;         ///< in the order of their exchange
   std::vector<std::size_t> bucket_of_;  ///< each parameter's
-  std::vector<std::pair<std::shared_ptr<torch::autograd::Node>, std::uintptr_t>> hooks_;
+  /// A shared_ptr or, since LibTorch 2.15, an intrusive_ptr.
+  using NodePointer =
+      decltype(torch::autograd::impl::grad_accumulator(std::declval<const at::Tensor&>()));
+  std::vector<std::pair<NodePointer, std::uintptr_t>> hooks_;
   bool armed_ = false;
   std::vector<std::function<void()>> launched_;  ///< that wait for the first buckets
 };

@@ -4,7 +4,7 @@
     tests/cli/install.py CMAKE BUILD_FOLDER SOURCE_FOLDER
 
 Installs what the build folder has to a new prefix, and runs it in an empty folder. Where the system lets an ordinary user make a
-mount namespace, an empty folder is mounted over the source tree meanwhile.
+mount namespace, an empty folder is mounted over the source tree meanwhile, of which only the LibTorch of tests/compat/libtorch.sh stays.
 """
 
 import json
@@ -15,6 +15,16 @@ import sys
 import tempfile
 import unittest
 
+# Arguments: the source tree, the folder in it that stays if it is there, a folder to keep it in, and the command.
+HIDE = """
+source=$1 stays=$2 kept=$3
+shift 3
+if [ -d "$stays" ]; then mount --bind "$stays" "$kept"; fi
+mount -t tmpfs none "$source" || exit
+if mountpoint -q "$kept"; then mkdir -p "$stays" && mount --bind "$kept" "$stays"; fi
+exec "$@"
+"""
+
 CMAKE, BUILD, SOURCE = sys.argv[1:4] if len(sys.argv) > 3 else ("", "", "")
 del sys.argv[1:4]
 
@@ -23,10 +33,11 @@ class Install(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="volalign_install_")
         self.addCleanup(shutil.rmtree, self.folder)
-        self.prefix, self.work = (os.path.join(self.folder, name) for name in ("prefix", "work"))
+        self.prefix, self.work, kept = (os.path.join(self.folder, name) for name in ("prefix", "work", "kept"))
         os.makedirs(self.work)
+        os.makedirs(kept)
         subprocess.run([CMAKE, "--install", BUILD, "--prefix", self.prefix], stdout=subprocess.DEVNULL, check=True)
-        hide = ["unshare", "--map-root-user", "--mount", "bash", "-c", f'mount -t tmpfs none "{SOURCE}" && exec "$@"', "bash"]
+        hide = ["unshare", "--map-root-user", "--mount", "bash", "-c", HIDE, "bash", SOURCE, os.path.join(SOURCE, "build", "libtorch"), kept]
         inside = self.folder.startswith(os.path.join(SOURCE, ""))
         can_hide = not inside and shutil.which("unshare") and subprocess.run(hide + ["true"], stderr=subprocess.DEVNULL, check=False).returncode == 0
         self.hide = hide if can_hide else []

@@ -231,14 +231,14 @@ TEST(TrainingForward, EqualsTheSingleOperations) {
   std::int64_t draws = 0;
   for (const char* normalization : {"none", "batch", "group"}) {
     StructureNetOptions options;
-    options.base_channels = 4;
+    options.base_channels = 8;  // all but the smallest maps by Winograd's algorithm
     options.num_classes = 6;
     options.residual_blocks = 1;
     options.normalization = ParseNormalization(normalization);
     options.input = InputEncoding::kDepthMask;
     const at::Tensor input =
-        EncodeDepth(at::rand({2, 1, 32, 38}) * 2 + 1, options.input);  // 38: 19, 9, 4
-    const at::Tensor labels = at::randint(0, 6, {2, 32, 38}, at::kLong);
+        EncodeDepth(at::rand({4, 1, 64, 70}) * 2 + 1, options.input);  // 70: 35, 17, 8
+    const at::Tensor labels = at::randint(0, 6, {4, 64, 70}, at::kLong);
     const auto gradient = [&](at::ScalarType type, bool channels_last, at::Tensor* log_probs,
                               double rounding = 0) {
       at::manual_seed(3);

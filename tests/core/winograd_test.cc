@@ -1,0 +1,199 @@
+#include "core/winograd.h"
+
+#include <ATen/ATen.h>
+#include <ATen/Parallel.h>
+#include <gtest/gtest.h>
+#include <torch/csrc/autograd/autograd.h>
+
+#include <string>
+#include <vector>
+
+#include "core/simd/winograd_kernels.h"
+
+namespace volalign {
+
+#if defined(__x86_64__)
+namespace simd::avx2_winograd {
+WinogradKernels GetWinograd();
+}
+namespace simd::avx512_winograd {
+WinogradKernels GetWinograd();
+}
+#endif
+
+namespace {
+
+struct Case {
+  std::int64_t samples, height, width, in, out;
+};
+
+/// Odd sizes, a single pixel, channels in blocks of 32 and of 64, and more tiles than are worked on
+/// at a time.
+const std::vector<Case> kCases = {{2, 9, 7, 32, 64},
+                                  {1, 1, 1, 32, 32},
+                                  {3, 2, 33, 96, 32},
+                                  {1, 45, 80, 64, 96},
+                                  {2, 4, 6, 128, 128}};
+
+std::string Name(const Case& c) {
+  return std::to_string(c.samples) + "x" + std::to_string(c.height) + "x" +
+         std::to_string(c.width) + ", " + std::to_string(c.in) + " to " + std::to_string(c.out);
+}
+
+struct Inputs {
+  at::Tensor x, weight, of_y;
+};
+
+/// Values that are exact in bfloat16, so that an input's rounding is nobody's error.
+Inputs MakeInputs(const Case& c) {
+  at::manual_seed(1);
+  const auto values = [](at::IntArrayRef size) {
+    return at::randn(size).to(at::kBFloat16).to(at::kFloat);
+  };
+  return {values({c.samples, c.in, c.height, c.width}).contiguous(at::MemoryFormat::ChannelsLast),
+          values({c.out, c.in, 3, 3}), values({c.samples, c.out, c.height, c.width})};
+}
+
+/// y and the gradients of x and weight.
+using Results = std::vector<at::Tensor>;
+
+template <class Convolution>
+Results Differentiate(const Inputs& in, at::ScalarType type, const Convolution& convolve) {
+  const at::Tensor x = in.x.detach().to(type).requires_grad_(true),
+                   weight = in.weight.detach().clone().to(type).requires_grad_(true);
+  const at::Tensor y = convolve(x, weight);
+  Results results = {y};
+  for (const at::Tensor& g : torch::autograd::grad({y}, {x, weight}, {in.of_y.to(y.scalar_type())}))
+    results.push_back(g);
+  return results;
+}
+
+Results Direct(const Inputs& in, at::ScalarType type) {
+  return Differentiate(in, type, [](const at::Tensor& x, const at::Tensor& weight) {
+    return at::conv2d(x, weight, {}, 1, 1);
+  });
+}
+
+Results ByWinograd(const Inputs& in, at::ScalarType type) {
+  return Differentiate(in, at::kFloat, [type](const at::Tensor& x, const at::Tensor& weight) {
+    return WinogradConvolve(x, weight, type);
+  });
+}
+
+double RelativeError(const at::Tensor& ours, const at::Tensor& expected) {
+  return (ours.to(at::kDouble) - expected).norm().item<double>() / expected.norm().item<double>();
+}
+
+constexpr const char* kWhat[] = {"values", "gradient of x", "gradient of the weight"};
+
+TEST(WinogradConvolve, IsTheConvolutionWithItsGradients) {
+  const int threads = at::get_num_threads();
+  for (const Case& c : kCases) {
+    const Inputs in = MakeInputs(c);
+    const Results expected = Direct(in, at::kDouble), bf16 = Direct(in, at::kBFloat16);
+    for (const at::ScalarType type : {at::kFloat, at::kBFloat16}) {
+      if (simd::FindWinogradKernels(type == at::kBFloat16) == nullptr) continue;
+      for (const int use : {1, 2}) {
+        at::set_num_threads(use);
+        const Results ours = ByWinograd(in, type);
+        ASSERT_EQ(ours[0].scalar_type(), type);
+        for (std::size_t i = 0; i < ours.size(); ++i) {
+          const std::string what = Name(c) + ", " + kWhat[i];
+          ASSERT_EQ(ours[i].sizes(), expected[i].sizes()) << what;
+          const double error = RelativeError(ours[i], expected[i]),
+                       allowed =
+                           type == at::kFloat ? 1e-6 : 3 * RelativeError(bf16[i], expected[i]);
+          EXPECT_LT(error, allowed) << what;
+        }
+      }
+    }
+  }
+  at::set_num_threads(threads);
+}
+
+TEST(WinogradConvolve, GivesTheSameTwice) {
+  const Inputs in = MakeInputs({2, 20, 20, 64, 64});
+  const at::ScalarType type =
+      simd::FindWinogradKernels(true) != nullptr ? at::kBFloat16 : at::kFloat;
+  if (!WinogradSuits(in.x, in.weight, type)) GTEST_SKIP() << "no kernels for this processor";
+  const Results first = ByWinograd(in, type), second = ByWinograd(in, type);
+  for (std::size_t i = 0; i < first.size(); ++i)
+    EXPECT_TRUE(at::equal(first[i], second[i])) << kWhat[i];
+}
+
+/// Slices of larger tensors, as the network's joined passes give.
+TEST(WinogradConvolve, TakesGradientsAndWeightsInAnyOrder) {
+  const Inputs in = MakeInputs({2, 8, 12, 32, 32});
+  if (!WinogradSuits(in.x, in.weight, at::kFloat)) GTEST_SKIP() << "no kernels for this processor";
+  Inputs other = in;
+  other.weight = in.weight.contiguous(at::MemoryFormat::ChannelsLast);
+  other.of_y =
+      at::cat({in.of_y, in.of_y}, 1).contiguous(at::MemoryFormat::ChannelsLast).narrow(1, 32, 32);
+  const Results expected = ByWinograd(in, at::kFloat), ours = ByWinograd(other, at::kFloat);
+  for (std::size_t i = 0; i < ours.size(); ++i)
+    EXPECT_TRUE(at::equal(ours[i], expected[i])) << kWhat[i];
+}
+
+TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
+  const at::Tensor x = at::zeros({2, 32, 8, 8}).contiguous(at::MemoryFormat::ChannelsLast);
+  const auto weight = [](std::int64_t out, std::int64_t in, std::int64_t kernel) {
+    return at::zeros({out, in, kernel, kernel});
+  };
+  const bool has_kernels = simd::FindWinogradKernels(false) != nullptr;
+  EXPECT_EQ(WinogradSuits(x, weight(32, 32, 3), at::kFloat), has_kernels);
+  EXPECT_FALSE(WinogradSuits(x.contiguous(), weight(32, 32, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x, weight(32, 32, 5), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x, weight(16, 32, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x.narrow(1, 0, 16).contiguous(at::MemoryFormat::ChannelsLast),
+                             weight(32, 16, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x.narrow(0, 0, 1).narrow(2, 0, 7), weight(32, 32, 3), at::kFloat));
+}
+
+#if defined(__x86_64__)
+/// The kernels of float32 that this processor has but FindWinogradKernels does not choose, too.
+TEST(WinogradKernels, OfEachInstructionSet) {
+  std::vector<simd::WinogradKernels> all;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    all.push_back(simd::avx2_winograd::GetWinograd());
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    all.push_back(simd::avx512_winograd::GetWinograd());
+  if (all.empty()) GTEST_SKIP() << "no kernels for this processor";
+  for (const Case& c : kCases) {
+    const Inputs in = MakeInputs(c);
+    const Results expected = Direct(in, at::kDouble);
+    for (const simd::WinogradKernels& kernels : all) {
+      const at::Tensor transformed = at::empty({16, c.in, c.out}),
+                       y = at::empty({c.samples, c.height, c.width, c.out}),
+                       scratch = at::empty({kernels.scratch_bytes(c.in, c.out)}, at::kByte);
+      kernels.transform_weight(in.weight.data_ptr<float>(), false, c.in, c.out, 0, c.in,
+                               transformed.data_ptr());
+      simd::WinogradMaps maps;
+      maps.samples = c.samples;
+      maps.height = c.height;
+      maps.width = c.width;
+      maps.in = c.in;
+      maps.out = c.out;
+      maps.x = in.x.data_ptr();
+      maps.weight = transformed.data_ptr();
+      maps.y = y.data_ptr();
+      kernels.convolve(maps, 0, maps.tiles(), scratch.data_ptr());
+      EXPECT_LT(RelativeError(y.permute({0, 3, 1, 2}), expected[0]), 1e-6) << Name(c);
+
+      const at::Tensor of_y = in.of_y.permute({0, 2, 3, 1}).contiguous(),
+                       sums = at::empty({16, c.in, c.out}),
+                       gradient = at::empty({c.out, c.in, 3, 3}),
+                       more = at::empty({kernels.gradient_scratch_bytes(c.in, c.out)}, at::kByte);
+      maps.y = of_y.data_ptr();
+      kernels.weight_gradient_sums(maps, 0, kernels.tile_pairs(maps), more.data_ptr(),
+                                   sums.data_ptr<float>());
+      kernels.weight_gradient(sums.data_ptr<float>(), c.in, c.out, 0, c.in,
+                              gradient.data_ptr<float>());
+      EXPECT_LT(RelativeError(gradient, expected[2]), 1e-6) << Name(c);
+    }
+  }
+}
+#endif
+
+}  // namespace
+}  // namespace volalign
