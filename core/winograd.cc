@@ -26,12 +26,7 @@ const simd::WinogradKernels& KernelsFor(const at::Tensor& x) {
 }
 
 simd::WinogradMaps MapsOf(const at::Tensor& x, std::int64_t out) {
-  simd::WinogradMaps maps;
-  maps.samples = x.size(0);
-  maps.height = x.size(2);
-  maps.width = x.size(3);
-  maps.in = x.size(1);
-  maps.out = out;
+  simd::WinogradMaps maps{x.size(0), x.size(2), x.size(3), x.size(1), out};
   maps.x = x.data_ptr();
   return maps;
 }

@@ -13,13 +13,14 @@
 #include <sys/auxv.h>
 #endif
 
+#include "core/simd/processor.h"
 #include "core/torch_device.h"
 
 namespace volalign {
 
 bool ProcessorHasBf16() {
 #if defined(__x86_64__)
-  return __builtin_cpu_supports("avx512bf16") != 0;
+  return simd::ThisProcessor().avx512_bf16;
 #elif defined(__aarch64__) && defined(HWCAP2_BF16)
   return (getauxval(AT_HWCAP2) & HWCAP2_BF16) != 0;
 #else

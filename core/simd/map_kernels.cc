@@ -1,5 +1,7 @@
 #include "core/simd/map_kernels.h"
 
+#include "core/simd/processor.h"
+
 namespace volalign::simd {
 
 namespace baseline {
@@ -18,11 +20,8 @@ namespace {
 
 MapKernels Choose() {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
-    return avx512::Get();
-  }
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return avx2::Get();
+  if (ThisProcessor().avx512) return avx512::Get();
+  if (ThisProcessor().avx2) return avx2::Get();
 #endif
   return baseline::Get();
 }

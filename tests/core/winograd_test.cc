@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/simd/processor.h"
 #include "core/simd/winograd_kernels.h"
 
 namespace volalign {
@@ -153,11 +154,8 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
 /// The kernels of float32 that this processor has but FindWinogradKernels does not choose, too.
 TEST(WinogradKernels, OfEachInstructionSet) {
   std::vector<simd::WinogradKernels> all;
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-    all.push_back(simd::avx2_winograd::GetWinograd());
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-    all.push_back(simd::avx512_winograd::GetWinograd());
+  if (simd::ThisProcessor().avx2) all.push_back(simd::avx2_winograd::GetWinograd());
+  if (simd::ThisProcessor().avx512) all.push_back(simd::avx512_winograd::GetWinograd());
   if (all.empty()) GTEST_SKIP() << "no kernels for this processor";
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
@@ -168,12 +166,7 @@ TEST(WinogradKernels, OfEachInstructionSet) {
                        scratch = at::empty({kernels.scratch_bytes(c.in, c.out)}, at::kByte);
       kernels.transform_weight(in.weight.data_ptr<float>(), false, c.in, c.out, 0, c.in,
                                transformed.data_ptr());
-      simd::WinogradMaps maps;
-      maps.samples = c.samples;
-      maps.height = c.height;
-      maps.width = c.width;
-      maps.in = c.in;
-      maps.out = c.out;
+      simd::WinogradMaps maps{c.samples, c.height, c.width, c.in, c.out};
       maps.x = in.x.data_ptr();
       maps.weight = transformed.data_ptr();
       maps.y = y.data_ptr();
