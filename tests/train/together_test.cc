@@ -210,7 +210,9 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
     // ReLU then tells apart: gradients jump, also between batches in parts in one process.
     const bool jumps = config.model.normalization == "group";
     ExpectSameRows(folder / "one", run, jumps);
-    if (!jumps) EXPECT_LT(Difference(run / kLast, folder / "one" / kLast), 2e-4);
+    if (!jumps) {
+      EXPECT_LT(Difference(run / kLast, folder / "one" / kLast), 2e-4);
+    }
     // Cameras that other processes have seen are in the checkpoint.
     EXPECT_EQ(LoadCheckpoint(run / "model.pt").meta.focal_px,
               LoadCheckpoint(folder / "one" / "model.pt").meta.focal_px);
