@@ -44,10 +44,10 @@ class WithoutShape : public testing::Test {
 
   const Structure structure_ = PaperStructure();
   const Pose truth_ = RingPose(40);
-  const InitialPoseOptions initial_;
-  const RefineOptions refine_;
-  const VerdictOptions verdict_;
-  const AssemblyOptions assembly_;
+  const InitialPoseOptions initial_{};
+  const RefineOptions refine_{};
+  const VerdictOptions verdict_{};
+  const AssemblyOptions assembly_{};
   const PlacementOptions options_{initial_, refine_, verdict_, assembly_};
   std::vector<StillStages> stages_;
   RefineResult refined_;
