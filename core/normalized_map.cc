@@ -171,21 +171,4 @@ PooledMap NormalizedAndPooledMap(const at::Tensor& raw, const MapParameters& par
   return {result[0], result[1]};
 }
 
-at::Tensor PhaseWeight(const at::Tensor& weight) {
-  const std::int64_t out = weight.size(0), in = weight.size(1);
-  // Which of the two taps a tap of the 3x3 kernel falls on, for the first and the second pixel of a
-  // pair.
-  constexpr int kTap[2][3] = {{0, 1, 1}, {0, 0, 1}};
-  const at::Tensor fold = at::zeros({9, 16}, at::kFloat);
-  auto entry = fold.accessor<float, 2>();
-  for (int i = 0; i < 2; ++i) {
-    for (int j = 0; j < 2; ++j) {
-      for (int k = 0; k < 9; ++k)
-        entry[k][(i * 2 + j) * 4 + kTap[i][k / 3] * 2 + kTap[j][k % 3]] = 1;
-    }
-  }
-  const at::Tensor folded = weight.reshape({out * in, 9}).matmul(fold).view({out, in, 4, 4});
-  return folded.permute({2, 0, 1, 3}).reshape({4 * out, in, 2, 2});
-}
-
 }  // namespace volalign

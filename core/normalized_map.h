@@ -16,7 +16,7 @@ struct MapRecipe {
   Normalization normalization = Normalization::kNone;
   bool relu = true;
   /// The map is twice as large as the convolution's output, which holds the four phases of its
-  /// pixels (PhaseWeight).
+  /// pixels (core/phase_weight.h).
   bool phases = false;
   at::ScalarType type = at::kFloat;  ///< of the result: kFloat or kBFloat16
 };
@@ -43,10 +43,5 @@ struct PooledMap {
 };
 PooledMap NormalizedAndPooledMap(const at::Tensor& raw, const MapParameters& parameters,
                                  const MapRecipe& recipe);
-
-/// The weight [4C,I,2,2] with which a convolution with padding 1 gives the four phases of what the
-/// 3x3 convolution `weight` [C,I,3,3] gives after its input is enlarged twofold by repetition: 16
-/// multiplications instead of 36. Differentiable.
-at::Tensor PhaseWeight(const at::Tensor& weight);
 
 }  // namespace volalign

@@ -11,6 +11,7 @@
 #include "core/convolution.h"
 #include "core/log_probabilities.h"
 #include "core/normalized_map.h"
+#include "core/phase_weight.h"
 #include "core/winograd.h"
 
 namespace volalign {
@@ -22,10 +23,7 @@ class Units {
   Units(Normalization normalization, at::ScalarType type)
       : normalization_(normalization), type_(type) {}
 
-  at::Tensor Raw(const ConvUnit& unit, const at::Tensor& x) const {
-    if (WinogradSuits(x, unit->weight, type_)) return WinogradConvolve(x, unit->weight, type_);
-    return Convolve(x, unit->weight, type_, unit->weight.size(2) / 2);
-  }
+  at::Tensor Raw(const ConvUnit& unit, const at::Tensor& x) const { return Raw(unit->weight, x); }
 
   MapParameters Parameters(const ConvUnit& unit) const {
     if (normalization_ == Normalization::kNone) return {{}, unit->bias, {}, {}};
@@ -50,14 +48,19 @@ class Units {
     MapRecipe recipe = Recipe();
     if (skip.size(2) == 2 * x.size(2) && skip.size(3) == 2 * x.size(3)) {
       recipe.phases = true;
-      return NormalizedMapAndSkip(Convolve(x, PhaseWeight(unit->weight), type_, 1),
-                                  Parameters(unit), recipe, skip);
+      return NormalizedMapAndSkip(Raw(PhaseWeight(unit->weight), x), Parameters(unit), recipe,
+                                  skip);
     }
     const at::Tensor large = at::upsample_nearest2d(x, {skip.size(2), skip.size(3)});
     return NormalizedMapAndSkip(Raw(unit, large), Parameters(unit), recipe, skip);
   }
 
  private:
+  at::Tensor Raw(const at::Tensor& weight, const at::Tensor& x) const {
+    if (WinogradSuits(x, weight, type_)) return WinogradConvolve(x, weight, type_);
+    return Convolve(x, weight, type_, weight.size(2) / 2);
+  }
+
   Normalization normalization_;
   at::ScalarType type_;
 };

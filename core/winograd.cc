@@ -14,19 +14,27 @@
 namespace volalign {
 namespace {
 
+/// Of the convolution forward.
+constexpr std::int64_t kPadding = 1;
+
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-constexpr std::int64_t kChannels = 32;
-/// Input channels of a weight that are transformed at a time.
-constexpr std::int64_t kRows = 16;
+/// Numbers of channels have to divide by it, and as many input channels of a weight are transformed
+/// at a time.
+constexpr std::int64_t kChannels = 16;
+/// Tiles that the kernels do without a rest.
+constexpr std::int64_t kTiles = 24;
+/// So many input channels a thread are worth transforming all of y's gradient for them alone.
+constexpr std::int64_t kChannelsOfThread = 128;
 
 const simd::WinogradKernels& KernelsFor(const at::Tensor& x) {
   return *simd::FindWinogradKernels(IsBf16(x));
 }
 
-simd::WinogradMaps MapsOf(const at::Tensor& x, std::int64_t out) {
-  simd::WinogradMaps maps{x.size(0), x.size(2), x.size(3), x.size(1), out};
+simd::WinogradMaps MapsOf(const at::Tensor& x, std::int64_t out, std::int64_t kernel,
+                          std::int64_t padding) {
+  simd::WinogradMaps maps{kernel, padding, x.size(0), x.size(2), x.size(3), x.size(1), out};
   maps.x = x.data_ptr();
   return maps;
 }
@@ -37,41 +45,52 @@ at::Tensor Bytes(std::int64_t count) { return at::empty({count}, at::kByte); }
 /// output's gradient is x.
 at::Tensor Compute(const at::Tensor& x, const at::Tensor& weight, bool backward) {
   const simd::WinogradKernels& kernels = KernelsFor(x);
-  simd::WinogradMaps maps = MapsOf(x, weight.size(backward ? 1 : 0));
-  const at::Tensor transformed = at::empty({16, maps.in, maps.out}, x.options());
-  ForEachOnTorchThreads(maps.in / kRows, [&](std::int64_t i) {
-    kernels.transform_weight(weight.data_ptr<float>(), backward, maps.in, maps.out, i * kRows,
-                             (i + 1) * kRows, transformed.data_ptr());
+  const std::int64_t kernel = weight.size(2);
+  simd::WinogradMaps maps =
+      MapsOf(x, weight.size(backward ? 1 : 0), kernel, backward ? kernel - 1 - kPadding : kPadding);
+  const at::Tensor transformed = at::empty({maps.positions(), maps.position_stride()}, x.options());
+  ForEachOnTorchThreads(maps.in / kChannels, [&](std::int64_t i) {
+    kernels.transform_weight(maps, weight.data_ptr<float>(), backward, i * kChannels,
+                             (i + 1) * kChannels, transformed.data_ptr());
   });
-  const at::Tensor y =
-      EmptyMap({maps.samples, maps.out, maps.height, maps.width}, maps.out, x.scalar_type());
+  const at::Tensor y = EmptyMap({maps.samples, maps.out, maps.y_height(), maps.y_width()}, maps.out,
+                                x.scalar_type());
   maps.weight = transformed.data_ptr();
   maps.y = y.data_ptr();
-  const std::int64_t step = 4 * kernels.block_tiles(maps.in, maps.out);
-  ForEachOnTorchThreads((maps.tiles() + step - 1) / step, [&](std::int64_t i) {
-    const at::Tensor scratch = Bytes(kernels.scratch_bytes(maps.in, maps.out));
-    kernels.convolve(maps, i * step, std::min((i + 1) * step, maps.tiles()), scratch.data_ptr());
+  const std::int64_t units = (maps.tiles() + kTiles - 1) / kTiles,
+                     parts = std::min<std::int64_t>(at::get_num_threads(), units);
+  ForEachOnTorchThreads(parts, [&](std::int64_t i) {
+    const at::Tensor scratch = Bytes(kernels.scratch_bytes(maps));
+    kernels.convolve(maps, units * i / parts * kTiles,
+                     std::min(units * (i + 1) / parts * kTiles, maps.tiles()), scratch.data_ptr());
   });
   return y;
 }
 
-/// The gradient [O,I,3,3] of the weight, summed up in as many parts as there are threads.
-at::Tensor WeightGradient(const at::Tensor& x, const at::Tensor& of_y) {
+/// The gradient [O,I,k,k] of the weight. The work is cut into ranges of input channels and, where
+/// there are few, into parts of the maps, whose sums are added.
+at::Tensor WeightGradient(const at::Tensor& x, const at::Tensor& of_y, std::int64_t kernel) {
   const simd::WinogradKernels& kernels = KernelsFor(x);
-  simd::WinogradMaps maps = MapsOf(x, of_y.size(1));
+  simd::WinogradMaps maps = MapsOf(x, of_y.size(1), kernel, kPadding);
   maps.y = of_y.data_ptr();
-  const std::int64_t pairs = kernels.tile_pairs(maps),
-                     parts = std::min<std::int64_t>(at::get_num_threads(), pairs);
-  at::Tensor sums = at::empty({parts, 16, maps.in, maps.out}, at::kFloat);
-  ForEachOnTorchThreads(parts, [&](std::int64_t i) {
-    const at::Tensor scratch = Bytes(kernels.gradient_scratch_bytes(maps.in, maps.out));
-    kernels.weight_gradient_sums(maps, pairs * i / parts, pairs * (i + 1) / parts,
-                                 scratch.data_ptr(), sums.data_ptr<float>() + i * sums.stride(0));
+  const std::int64_t threads = at::get_num_threads(), pairs = maps.pairs(),
+                     units = maps.in / kChannels,
+                     ranges = std::clamp<std::int64_t>(maps.in / kChannelsOfThread, 1, threads),
+                     parts = std::min(threads / ranges, pairs);
+  at::Tensor sums = at::empty({parts, maps.positions(), maps.position_stride()}, at::kFloat);
+  ForEachOnTorchThreads(ranges * parts, [&](std::int64_t i) {
+    const std::int64_t range = i % ranges, part = i / ranges,
+                       first = units * range / ranges * kChannels,
+                       last = units * (range + 1) / ranges * kChannels;
+    const at::Tensor scratch = Bytes(kernels.gradient_scratch_bytes(maps, last - first));
+    kernels.weight_gradient_sums(maps, pairs * part / parts, pairs * (part + 1) / parts, first,
+                                 last, scratch.data_ptr(),
+                                 sums.data_ptr<float>() + part * sums.stride(0));
   });
   sums = parts == 1 ? sums[0] : sums.sum(0);
-  const at::Tensor gradient = at::empty({maps.out, maps.in, 3, 3}, at::kFloat);
-  ForEachOnTorchThreads(maps.in / kRows, [&](std::int64_t i) {
-    kernels.weight_gradient(sums.data_ptr<float>(), maps.in, maps.out, i * kRows, (i + 1) * kRows,
+  const at::Tensor gradient = at::empty({maps.out, maps.in, kernel, kernel}, at::kFloat);
+  ForEachOnTorchThreads(units, [&](std::int64_t i) {
+    kernels.weight_gradient(maps, sums.data_ptr<float>(), i * kChannels, (i + 1) * kChannels,
                             gradient.data_ptr<float>());
   });
   return gradient;
@@ -89,17 +108,19 @@ class WinogradFunction : public torch::autograd::Function<WinogradFunction> {
   static variable_list backward(AutogradContext* context, variable_list gradients) {
     const auto saved = context->get_saved_variables();
     const at::Tensor of_y = EvenlySpaced(gradients[0].to(saved[0].scalar_type()), /*dense=*/true);
-    return {Compute(of_y, saved[1], /*backward=*/true), WeightGradient(saved[0], of_y)};
+    return {Compute(of_y, saved[1], /*backward=*/true),
+            WeightGradient(saved[0], of_y, saved[1].size(2))};
   }
 };
 
 }  // namespace
 
 bool WinogradSuits(const at::Tensor& x, const at::Tensor& weight, at::ScalarType type) {
-  const std::int64_t pixels = x.size(0) * x.size(2) * x.size(3);
-  return x.is_cpu() && x.is_contiguous(at::MemoryFormat::ChannelsLast) && weight.size(2) == 3 &&
-         weight.size(3) == 3 && weight.size(0) % kChannels == 0 &&
-         weight.size(1) % kChannels == 0 && pixels >= 2 * weight.size(1) &&
+  const std::int64_t pixels = x.size(0) * x.size(2) * x.size(3), kernel = weight.size(2);
+  return x.is_cpu() && x.is_contiguous(at::MemoryFormat::ChannelsLast) &&
+         (kernel == 2 || kernel == 3) && weight.size(3) == kernel &&
+         weight.size(0) % kChannels == 0 && weight.size(1) % kChannels == 0 &&
+         4 * pixels >= std::max(weight.size(0), weight.size(1)) &&
          simd::FindWinogradKernels(type == at::kBFloat16) != nullptr;
 }
 

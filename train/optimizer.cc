@@ -4,12 +4,18 @@
 #include <ATen/ops/zeros_like.h>
 #include <c10/core/GradMode.h>
 
+#include <algorithm>
 #include <cmath>
+
+#include "core/torch_threads.h"
 
 namespace volalign {
 namespace {
 
 constexpr double kAdamEpsilon = 1e-8;
+/// Values for which all operations of a step are done one after another: what they work on stays in
+/// the second-level cache.
+constexpr std::int64_t kPiece = 32768;
 
 std::vector<std::string> MomentNames(OptimizerKind kind) {
   if (kind == OptimizerKind::kSgd) return {"momentum"};
@@ -29,43 +35,46 @@ at::Tensor Optimizer::GradientNorm() const { return module_->gradients().norm();
 
 void Optimizer::Step(double lr, const at::Tensor& gradient_norm) {
   c10::NoGradGuard no_grad;
-  at::Tensor& g = module_->gradients();
-  if (config_.clip_norm > 0) g.mul_((config_.clip_norm / (gradient_norm + 1e-6)).clamp_max(1.0));
   ++steps_;
+  at::Tensor clip;
+  if (config_.clip_norm > 0) clip = (config_.clip_norm / (gradient_norm + 1e-6)).clamp_max(1.0);
+  const std::int64_t all = module_->parameters().numel(), weights = module_->num_weights();
+  const std::int64_t piece = module_->parameters().is_cpu() ? kPiece : all;
+  const auto step = [&](std::int64_t begin, std::int64_t end, bool decay) {
+    const std::int64_t pieces = (end - begin + piece - 1) / piece;
+    ForEachOnTorchThreads(pieces, [&](std::int64_t i) {
+      c10::NoGradGuard no_grad_here;
+      const std::int64_t first = begin + i * piece;
+      StepPiece(first, std::min(piece, end - first), lr, clip, decay);
+    });
+  };
+  step(0, weights, config_.weight_decay > 0);
+  step(weights, all, false);
+}
+
+void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, const at::Tensor& clip,
+                          bool decay) {
+  at::Tensor p = module_->parameters().narrow(0, begin, count),
+             g = module_->gradients().narrow(0, begin, count);
+  std::vector<at::Tensor> moments;
+  for (const auto& [name, all] : moments_) moments.push_back(all.narrow(0, begin, count));
+  if (clip.defined()) g.mul_(clip);
   if (config_.optimizer == OptimizerKind::kSgd) {
-    StepSgd(lr);
+    if (decay) g.add_(p, config_.weight_decay);
+    at::Tensor& momentum = moments[0];
+    momentum.mul_(config_.momentum).add_(g);
+    p.add_(config_.nesterov ? g.add_(momentum, config_.momentum) : momentum, -lr);
   } else {
-    StepAdam(lr);
+    at::Tensor &mean = moments[0], &square = moments[1];
+    mean.lerp_(g, 1 - config_.beta1);
+    square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
+    const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
+    const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
+    if (decay) p.mul_(1 - lr * config_.weight_decay);
+    const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
+    p.addcdiv_(mean, denominator, -lr / correction1);
   }
   g.zero_();
-}
-
-void Optimizer::StepAdam(double lr) {
-  at::Tensor& p = module_->parameters();
-  const at::Tensor& g = module_->gradients();
-  at::Tensor& mean = moments_[0].second;
-  at::Tensor& square = moments_[1].second;
-  mean.lerp_(g, 1 - config_.beta1);
-  square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
-  const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
-  const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
-  if (config_.weight_decay > 0) {
-    p.narrow(0, 0, module_->num_weights()).mul_(1 - lr * config_.weight_decay);
-  }
-  const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
-  p.addcdiv_(mean, denominator, -lr / correction1);
-}
-
-void Optimizer::StepSgd(double lr) {
-  at::Tensor& p = module_->parameters();
-  at::Tensor& g = module_->gradients();
-  at::Tensor& momentum = moments_[0].second;
-  if (config_.weight_decay > 0) {
-    const std::int64_t n = module_->num_weights();
-    g.narrow(0, 0, n).add_(p.narrow(0, 0, n), config_.weight_decay);
-  }
-  momentum.mul_(config_.momentum).add_(g);
-  p.add_(config_.nesterov ? g.add_(momentum, config_.momentum) : momentum, -lr);
 }
 
 }  // namespace volalign

@@ -30,8 +30,9 @@ class Optimizer {
   const std::vector<std::pair<std::string, at::Tensor>>& moments() const { return moments_; }
 
  private:
-  void StepAdam(double lr);
-  void StepSgd(double lr);
+  /// Clips by the factor `clip`, if that is defined, and steps `count` values from `begin`.
+  void StepPiece(std::int64_t begin, std::int64_t count, double lr, const at::Tensor& clip,
+                 bool decay);
 
   OptimConfig config_;
   FlatModule* module_;

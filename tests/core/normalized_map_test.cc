@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/log_probabilities.h"
+#include "core/phase_weight.h"
 
 namespace volalign {
 namespace {
@@ -225,7 +226,7 @@ TEST(NormalizedMap, KeepsNaN) {
 }
 
 /// The network in training gives the same losses and gradients in both layouts, and in bfloat16 it
-/// is no farther from float32.
+/// is hardly farther from float32: Winograd's algorithm rounds more than a sum of products.
 TEST(TrainingForward, EqualsTheSingleOperations) {
   constexpr double kRounding = 1.2e-7;  // of float32
   std::int64_t draws = 0;
@@ -271,9 +272,9 @@ TEST(TrainingForward, EqualsTheSingleOperations) {
     const double plain =
         (gradient(at::kBFloat16, false, &plain_out) - expected).norm().item<double>();
     const double joined = (gradient(at::kBFloat16, true, &out) - expected).norm().item<double>();
-    EXPECT_LT(joined, 1.3 * plain) << normalization;
+    EXPECT_LT(joined, 1.5 * plain) << normalization;
     EXPECT_LT((out - expected_out).norm().item<double>(),
-              1.3 * (plain_out - expected_out).norm().item<double>())
+              1.5 * (plain_out - expected_out).norm().item<double>())
         << normalization;
   }
 }

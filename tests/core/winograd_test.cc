@@ -25,19 +25,19 @@ WinogradKernels GetWinograd();
 namespace {
 
 struct Case {
-  std::int64_t samples, height, width, in, out;
+  std::int64_t kernel, samples, height, width, in, out;
 };
 
-/// Odd sizes, a single pixel, channels in blocks of 32 and of 64, and more tiles than are worked on
-/// at a time.
-const std::vector<Case> kCases = {{2, 9, 7, 32, 64},
-                                  {1, 1, 1, 32, 32},
-                                  {3, 2, 33, 96, 32},
-                                  {1, 45, 80, 64, 96},
-                                  {2, 4, 6, 128, 128}};
+/// Odd sizes, a single pixel, channels in blocks of 16, of 32 and of 64, more tiles than are worked
+/// on at a time, and so many channels that two threads divide them.
+const std::vector<Case> kCases = {
+    {3, 2, 9, 7, 32, 64},   {3, 1, 1, 1, 32, 32},  {3, 3, 2, 33, 96, 32},  {3, 1, 45, 80, 64, 96},
+    {3, 2, 4, 6, 128, 128}, {3, 1, 5, 9, 16, 48},  {3, 1, 6, 4, 272, 16},  {2, 2, 9, 7, 32, 64},
+    {2, 1, 1, 1, 32, 32},   {2, 3, 2, 33, 48, 32}, {2, 1, 45, 80, 64, 16}, {2, 2, 6, 8, 272, 128}};
 
 std::string Name(const Case& c) {
-  return std::to_string(c.samples) + "x" + std::to_string(c.height) + "x" +
+  return std::to_string(c.kernel) + "x" + std::to_string(c.kernel) + ", " +
+         std::to_string(c.samples) + "x" + std::to_string(c.height) + "x" +
          std::to_string(c.width) + ", " + std::to_string(c.in) + " to " + std::to_string(c.out);
 }
 
@@ -52,7 +52,8 @@ Inputs MakeInputs(const Case& c) {
     return at::randn(size).to(at::kBFloat16).to(at::kFloat);
   };
   return {values({c.samples, c.in, c.height, c.width}).contiguous(at::MemoryFormat::ChannelsLast),
-          values({c.out, c.in, 3, 3}), values({c.samples, c.out, c.height, c.width})};
+          values({c.out, c.in, c.kernel, c.kernel}),
+          values({c.samples, c.out, c.height + 3 - c.kernel, c.width + 3 - c.kernel})};
 }
 
 /// y and the gradients of x and weight.
@@ -113,7 +114,7 @@ TEST(WinogradConvolve, IsTheConvolutionWithItsGradients) {
 }
 
 TEST(WinogradConvolve, GivesTheSameTwice) {
-  const Inputs in = MakeInputs({2, 20, 20, 64, 64});
+  const Inputs in = MakeInputs({3, 2, 20, 20, 64, 64});
   const at::ScalarType type =
       simd::FindWinogradKernels(true) != nullptr ? at::kBFloat16 : at::kFloat;
   if (!WinogradSuits(in.x, in.weight, type)) GTEST_SKIP() << "no kernels for this processor";
@@ -124,7 +125,7 @@ TEST(WinogradConvolve, GivesTheSameTwice) {
 
 /// Slices of larger tensors, as the network's joined passes give.
 TEST(WinogradConvolve, TakesGradientsAndWeightsInAnyOrder) {
-  const Inputs in = MakeInputs({2, 8, 12, 32, 32});
+  const Inputs in = MakeInputs({3, 2, 8, 12, 32, 32});
   if (!WinogradSuits(in.x, in.weight, at::kFloat)) GTEST_SKIP() << "no kernels for this processor";
   Inputs other = in;
   other.weight = in.weight.contiguous(at::MemoryFormat::ChannelsLast);
@@ -142,12 +143,13 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
   };
   const bool has_kernels = simd::FindWinogradKernels(false) != nullptr;
   EXPECT_EQ(WinogradSuits(x, weight(32, 32, 3), at::kFloat), has_kernels);
+  EXPECT_EQ(WinogradSuits(x, weight(16, 32, 2), at::kFloat), has_kernels);
   EXPECT_FALSE(WinogradSuits(x.contiguous(), weight(32, 32, 3), at::kFloat));
   EXPECT_FALSE(WinogradSuits(x, weight(32, 32, 5), at::kFloat));
-  EXPECT_FALSE(WinogradSuits(x, weight(16, 32, 3), at::kFloat));
-  EXPECT_FALSE(WinogradSuits(x.narrow(1, 0, 16).contiguous(at::MemoryFormat::ChannelsLast),
-                             weight(32, 16, 3), at::kFloat));
-  EXPECT_FALSE(WinogradSuits(x.narrow(0, 0, 1).narrow(2, 0, 7), weight(32, 32, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x, weight(8, 32, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x.narrow(1, 0, 8).contiguous(at::MemoryFormat::ChannelsLast),
+                             weight(32, 8, 3), at::kFloat));
+  EXPECT_FALSE(WinogradSuits(x.narrow(0, 0, 1).narrow(2, 0, 1), weight(48, 32, 3), at::kFloat));
 }
 
 #if defined(__x86_64__)
@@ -161,12 +163,12 @@ TEST(WinogradKernels, OfEachInstructionSet) {
     const Inputs in = MakeInputs(c);
     const Results expected = Direct(in, at::kDouble);
     for (const simd::WinogradKernels& kernels : all) {
-      const at::Tensor transformed = at::empty({16, c.in, c.out}),
-                       y = at::empty({c.samples, c.height, c.width, c.out}),
-                       scratch = at::empty({kernels.scratch_bytes(c.in, c.out)}, at::kByte);
-      kernels.transform_weight(in.weight.data_ptr<float>(), false, c.in, c.out, 0, c.in,
+      simd::WinogradMaps maps{c.kernel, 1, c.samples, c.height, c.width, c.in, c.out};
+      const at::Tensor transformed = at::empty({maps.positions(), maps.position_stride()}),
+                       y = at::empty({c.samples, maps.y_height(), maps.y_width(), c.out}),
+                       scratch = at::empty({kernels.scratch_bytes(maps)}, at::kByte);
+      kernels.transform_weight(maps, in.weight.data_ptr<float>(), false, 0, c.in,
                                transformed.data_ptr());
-      simd::WinogradMaps maps{c.samples, c.height, c.width, c.in, c.out};
       maps.x = in.x.data_ptr();
       maps.weight = transformed.data_ptr();
       maps.y = y.data_ptr();
@@ -174,14 +176,13 @@ TEST(WinogradKernels, OfEachInstructionSet) {
       EXPECT_LT(RelativeError(y.permute({0, 3, 1, 2}), expected[0]), 1e-6) << Name(c);
 
       const at::Tensor of_y = in.of_y.permute({0, 2, 3, 1}).contiguous(),
-                       sums = at::empty({16, c.in, c.out}),
-                       gradient = at::empty({c.out, c.in, 3, 3}),
-                       more = at::empty({kernels.gradient_scratch_bytes(c.in, c.out)}, at::kByte);
+                       sums = at::empty({maps.positions(), maps.position_stride()}),
+                       gradient = at::empty({c.out, c.in, c.kernel, c.kernel}),
+                       more = at::empty({kernels.gradient_scratch_bytes(maps, c.in)}, at::kByte);
       maps.y = of_y.data_ptr();
-      kernels.weight_gradient_sums(maps, 0, kernels.tile_pairs(maps), more.data_ptr(),
+      kernels.weight_gradient_sums(maps, 0, maps.pairs(), 0, c.in, more.data_ptr(),
                                    sums.data_ptr<float>());
-      kernels.weight_gradient(sums.data_ptr<float>(), c.in, c.out, 0, c.in,
-                              gradient.data_ptr<float>());
+      kernels.weight_gradient(maps, sums.data_ptr<float>(), 0, c.in, gradient.data_ptr<float>());
       EXPECT_LT(RelativeError(gradient, expected[2]), 1e-6) << Name(c);
     }
   }

@@ -6,12 +6,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "tests/train/tiny_net.h"
 
 namespace volalign {
 namespace {
+
+/// Values on both sides of where the decay ends and of where a step's pieces meet.
+std::vector<std::int64_t> Watched(FlatModule& flat) {
+  const std::int64_t piece = 32768, weights = flat.num_weights(), n = flat.parameters().numel();
+  EXPECT_GT(weights, piece);
+  return {0, piece - 1, piece, weights - 1, weights, n - 1};
+}
 
 TEST(Adam, AgreesWithTheScalarAlgorithm) {
   for (const bool decay : {false, true}) {
@@ -24,9 +32,8 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
       config.clip_norm = clip;
       Optimizer adam(config, &flat);
       const std::int64_t n = flat.parameters().numel();
-      const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
-                                                 n - 1};
-      std::vector<double> p, m(4, 0.0), v(4, 0.0);
+      const std::vector<std::int64_t> watched = Watched(flat);
+      std::vector<double> p, m(watched.size(), 0.0), v(watched.size(), 0.0);
       for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
       for (int step = 1; step <= 5; ++step) {
         const at::Tensor g = at::rand({n}) - 0.5;
@@ -36,7 +43,7 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
         adam.Step(lr, adam.GradientNorm());
         EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
         const double scale = clip > 0 ? std::min(1.0, clip / norm) : 1.0;
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t i = 0; i < watched.size(); ++i) {
           // Kingma and Ba 2015, algorithm 1; Loshchilov and Hutter 2019, algorithm 2.
           const double gi = scale * g[watched[i]].item<double>();
           m[i] = 0.9 * m[i] + 0.1 * gi;
@@ -64,16 +71,15 @@ TEST(Sgd, AgreesWithTheScalarAlgorithm) {
       config.weight_decay = decay;
       Optimizer sgd(config, &flat);
       const std::int64_t n = flat.parameters().numel();
-      const std::vector<std::int64_t> watched = {0, flat.num_weights() - 1, flat.num_weights(),
-                                                 n - 1};
-      std::vector<double> p, buffer(4, 0.0);
+      const std::vector<std::int64_t> watched = Watched(flat);
+      std::vector<double> p, buffer(watched.size(), 0.0);
       for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
       for (int step = 1; step <= 4; ++step) {
         const at::Tensor g = at::rand({n}) - 0.5;
         flat.gradients().copy_(g);
         sgd.Step(0.1 / step, sgd.GradientNorm());
         EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t i = 0; i < watched.size(); ++i) {
           double gi = g[watched[i]].item<double>();
           if (watched[i] < flat.num_weights()) gi += decay * p[i];
           buffer[i] = 0.8 * buffer[i] + gi;
