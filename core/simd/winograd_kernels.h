@@ -4,9 +4,14 @@
 
 namespace volalign::simd {
 
+/// Values between what lies in memory for one position of a tile and for the next, so that the
+/// positions do not fall on the same lines of the cache.
+inline constexpr std::int64_t kPositionGap = 64;
+
 /// Maps of a convolution at stride 1 in channels-last order: x [samples,height,width,in], with
 /// `padding` pixels of zeros around it, and y [samples,y_height,y_width,out]. `in` and `out` are
-/// multiples of 16.
+/// multiples of 16. Its functions are always inline: the linker would keep one copy of each, which
+/// could be one with instructions that the processor lacks.
 struct WinogradMaps {
   std::int64_t kernel = 3;  ///< its height and width: 2 or 3
   std::int64_t padding = 1;
@@ -15,19 +20,23 @@ struct WinogradMaps {
   const void* weight = nullptr;  ///< of transform_weight
   void* y = nullptr;             ///< or its gradient
 
-  std::int64_t y_height() const { return height + 2 * padding - kernel + 1; }
-  std::int64_t y_width() const { return width + 2 * padding - kernel + 1; }
+  [[gnu::always_inline]] std::int64_t y_height() const { return height + 2 * padding - kernel + 1; }
+  [[gnu::always_inline]] std::int64_t y_width() const { return width + 2 * padding - kernel + 1; }
   /// Values of a tile, for each of which there is a product of matrices.
-  std::int64_t positions() const { return (kernel + 1) * (kernel + 1); }
+  [[gnu::always_inline]] std::int64_t positions() const { return (kernel + 1) * (kernel + 1); }
   /// Values from one position of the transformed weight or of the sums for its gradient to the
   /// next: with a gap, so that the positions do not fall on the same lines of the cache.
-  std::int64_t position_stride() const { return in * out + 64; }
+  [[gnu::always_inline]] std::int64_t position_stride() const { return in * out + kPositionGap; }
   /// Outputs are computed in tiles of 2x2 pixels, in row-major order, sample by sample.
-  std::int64_t tile_rows() const { return (y_height() + 1) / 2; }
-  std::int64_t tile_columns() const { return (y_width() + 1) / 2; }
-  std::int64_t tiles() const { return samples * tile_rows() * tile_columns(); }
+  [[gnu::always_inline]] std::int64_t tile_rows() const { return (y_height() + 1) / 2; }
+  [[gnu::always_inline]] std::int64_t tile_columns() const { return (y_width() + 1) / 2; }
+  [[gnu::always_inline]] std::int64_t tiles() const {
+    return samples * tile_rows() * tile_columns();
+  }
   /// The gradient of the weight is summed up over pairs of tiles: their number.
-  std::int64_t pairs() const { return samples * tile_rows() * ((tile_columns() + 1) / 2); }
+  [[gnu::always_inline]] std::int64_t pairs() const {
+    return samples * tile_rows() * ((tile_columns() + 1) / 2);
+  }
 };
 
 /// The algorithms F(2x2, 3x3) and F(2x2, 2x2) of Lavin and Gray, Fast Algorithms for Convolutional
