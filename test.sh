@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs packages, builds everything and runs every test. Arguments go to ctest, for example: ./test.sh -R infer/pose
+# Installs packages, builds everything and runs every test. Arguments go to ctest, for example: ./test.sh -R infer/initial
 set -euo pipefail
 cd "$(dirname "$0")"
 source cmake/packages.sh

@@ -5,7 +5,8 @@
 
 #include <algorithm>
 
-#include "core/config.h"
+#include "core/base/text.h"
+#include "core/config/config.h"
 
 namespace volalign {
 
@@ -19,13 +20,6 @@ CLI::App* Find(CLI::App* app, const std::string& name) {
   return apps.empty() ? nullptr : apps.front();
 }
 
-void Visit(CLI::App* app, const std::string& path,
-           const std::function<void(CLI::App*, const std::string&)>& use) {
-  use(app, path);
-  for (CLI::App* sub : app->get_subcommands([](CLI::App*) { return true; }))
-    Visit(sub, path.empty() ? sub->get_name() : path + " " + sub->get_name(), use);
-}
-
 std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string nearest = NearestKey(word, known);
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
@@ -33,8 +27,11 @@ std::string Suggestion(const std::string& word, const std::vector<std::string>& 
 
 }  // namespace
 
-void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use) {
-  Visit(app, "", use);
+void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use,
+                const std::string& path) {
+  use(app, path);
+  for (CLI::App* sub : app->get_subcommands([](CLI::App*) { return true; }))
+    ForEachApp(sub, use, path.empty() ? sub->get_name() : path + " " + sub->get_name());
 }
 
 std::vector<std::string> CommandNames(const CLI::App* app) {
@@ -55,18 +52,8 @@ std::vector<std::string> OptionNames(const CLI::App* app) {
 std::vector<std::string> Choices(const CLI::Option* option) {
   const std::string type = option->get_type_name();
   const std::size_t begin = type.find('{'), end = type.find('}');
-  std::vector<std::string> words;
-  if (begin == std::string::npos || end == std::string::npos) return words;
-  std::string word;
-  for (std::size_t i = begin + 1; i <= end; ++i) {
-    if (type[i] != ',' && i != end) {
-      word += type[i];
-    } else if (!word.empty()) {
-      words.push_back(std::move(word));
-      word.clear();
-    }
-  }
-  return words;
+  if (begin == std::string::npos || end == std::string::npos) return {};
+  return Split(type.substr(begin + 1, end - begin - 1), ',');
 }
 
 std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments) {

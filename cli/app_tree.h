@@ -11,7 +11,8 @@ namespace volalign {
 // between: "structure build"; "" is the program.
 
 /// Calls `use` for the app and everything below it, parents first.
-void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use);
+void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use,
+                const std::string& path = "");
 
 /// The names of the sub-commands below an app.
 std::vector<std::string> CommandNames(const CLI::App* app);

@@ -4,7 +4,7 @@
 
 #include "cli/calibration.h"
 #include "cli/commands.h"
-#include "infer/io/report.h"
+#include "infer/report/report.h"
 
 namespace volalign {
 

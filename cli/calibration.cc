@@ -11,24 +11,22 @@
 #include "cli/command_line.h"
 #include "cli/options.h"
 #include "cli/stage_progress.h"
-#include "core/config.h"
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/structure_gltf.h"
-#include "core/torch_threads.h"
-#include "infer/calibrate.h"
-#include "infer/io/capture.h"
-#include "infer/io/export.h"
-#include "infer/view/segmenter.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/config/config.h"
+#include "core/formats/structure_gltf.h"
+#include "core/nn/cpu/torch_threads.h"
+#include "infer/calib/calibrate.h"
+#include "infer/capture/capture.h"
+#include "infer/report/export.h"
+#include "infer/segment/load.h"
 
 namespace volalign {
 
 namespace {
 
 CalibrateOptions Resolve(const CalibrationRequest& request) {
-  ConfigSource source =
-      request.config.empty() ? ConfigSource() : ConfigSource::FromFile(request.config);
-  for (const std::string& assignment : request.assignments) source.Set(assignment);
+  ConfigSource source = ReadSource(request.config, request.assignments);
   if (!request.initial.empty()) source.Set("initial.method=" + request.initial);
   if (!request.estimate.empty()) source.Set("refine.estimate=" + request.estimate);
   return ReadConfig<CalibrateOptions>(source);

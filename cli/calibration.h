@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "core/structure.h"
-#include "infer/io/extrinsics.h"
-#include "infer/result.h"
+#include "core/geometry/structure.h"
+#include "infer/calib/result.h"
+#include "infer/report/extrinsics.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {

@@ -6,9 +6,9 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/error.h"
-#include "core/file_util.h"
-#include "infer/io/capture_draft.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "infer/capture/capture_draft.h"
 
 namespace volalign {
 

@@ -8,8 +8,8 @@
 #include "cli/calibration.h"
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "infer/io/extrinsics.h"
-#include "infer/io/rig_check.h"
+#include "infer/report/extrinsics.h"
+#include "infer/rigcheck/rig_check.h"
 
 namespace volalign {
 

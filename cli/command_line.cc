@@ -5,7 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/file_util.h"
+#include "core/base/file_util.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -53,28 +54,15 @@ std::string OptionLine(const CLI::Option* option) {
   return fmt::format("  {}: {}\n", name, values.back());
 }
 
-std::string Indented(const std::string& yaml) {
-  std::string text;
-  for (std::size_t begin = 0; begin < yaml.size();) {
-    const std::size_t end = std::min(yaml.find('\n', begin), yaml.size());
-    if (end > begin) text += "  " + yaml.substr(begin, end - begin);
-    text += "\n";
-    begin = end + 1;
-  }
-  return text;
-}
-
 }  // namespace
 
-void KeepCommandLine(int argc, const char* const* argv) {
+void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + Quoted(argv[i]);
-  TheKept().line = line;
+  TheKept() = {line, program};
 }
 
 std::string CommandLine() { return TheKept().line; }
-
-void KeepCommand(const CLI::App* program) { TheKept().program = program; }
 
 void SaveCommand(const std::filesystem::path& result,
                  const std::vector<std::pair<std::string, std::string>>& configs) {
@@ -83,7 +71,7 @@ void SaveCommand(const std::filesystem::path& result,
   const CLI::App* app = Called(TheKept().program);
   for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
     text += OptionLine(option);
-  for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml);
+  for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
   std::filesystem::path file = result / "command.yaml";
   if (!std::filesystem::is_directory(result)) {
     file = result;

@@ -8,15 +8,12 @@
 
 namespace volalign {
 
-/// Keeps the program's arguments for CommandLine; called once, by main.
-void KeepCommandLine(int argc, const char* const* argv);
-
 /// How the program was called, as a shell reads it.
 std::string CommandLine();
 
-/// Keeps what the parser made of them for SaveCommand; called once, by main, before a sub-command
-/// runs.
-void KeepCommand(const CLI::App* program);
+/// Keeps the program's arguments for CommandLine, and what the parser made of them for SaveCommand;
+/// called once, by main, before a sub-command runs.
+void KeepCommand(const CLI::App* program, int argc, const char* const* argv);
 
 /// Writes how a result came about: RESULT/command.yaml where the result is a folder, else
 /// RESULT.command.yaml beside it. It has the program's version, the command line, every option of

@@ -2,17 +2,11 @@
 #include <fmt/ranges.h>
 
 #include "cli/app_tree.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
 namespace {
-
-/// A table's cell.
-std::string Cell(std::string text) {
-  for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2)
-    text.insert(at, "\\");
-  return text;
-}
 
 std::string OptionRow(const CLI::Option* option) {
   const std::string name = option->get_positional()
@@ -24,7 +18,7 @@ std::string OptionRow(const CLI::Option* option) {
   if (option->get_required()) meaning += "; required";
   if (!option->get_default_str().empty())
     meaning += fmt::format("; default {}", option->get_default_str());
-  return fmt::format("| `{}` | {} |\n", name, Cell(meaning));
+  return fmt::format("| `{}` | {} |\n", name, MarkdownCell(meaning));
 }
 
 std::string Section(const CLI::App* app, const std::string& path) {
@@ -38,17 +32,9 @@ std::string Section(const CLI::App* app, const std::string& path) {
     if (option->check_lname("help") || option->check_lname("data-dir")) continue;
     text += OptionRow(option);
   }
-  std::string footer = app->get_footer();
-  const std::string title = "Example:\n";
-  if (const std::size_t at = footer.find(title); at != std::string::npos) {
-    text += "\n";
-    footer = footer.substr(at + title.size());
-    for (std::size_t begin = 0; begin < footer.size();) {
-      const std::size_t end = std::min(footer.find('\n', begin), footer.size());
-      if (end > begin) text += "  " + footer.substr(begin, end - begin) + "\n";
-      begin = end + 1;
-    }
-  }
+  const std::string footer = app->get_footer(), title = "Example:\n";
+  if (const std::size_t at = footer.find(title); at != std::string::npos)
+    text += "\n" + Indented(footer.substr(at + title.size()), "  ");
   return text;
 }
 

@@ -7,12 +7,13 @@
 
 #include "cli/app_tree.h"
 #include "cli/commands.h"
-#include "core/config.h"
-#include "core/error.h"
-#include "core/rig.h"
+#include "cli/options.h"
+#include "core/base/error.h"
+#include "core/config/config.h"
+#include "core/geometry/rig.h"
 #include "train/train_config.h"
 #ifdef VOLALIGN_HAS_INFER
-#include "infer/calibrate.h"
+#include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/suite_config.h"
 #endif
 
@@ -114,8 +115,7 @@ Command AddConfigCommand(CLI::App& program) {
               fmt::print("{}", CommandReference(&program));
               return 0;
             }
-            ConfigSource source = ConfigSource::FromFile(options->file);
-            for (const std::string& assignment : options->assignments) source.Set(assignment);
+            const ConfigSource source = ReadSource(options->file, options->assignments);
             fmt::print("{}", KindOf(source, options->as).resolve(source));
             return 0;
           }};

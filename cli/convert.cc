@@ -7,9 +7,9 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/error.h"
-#include "infer/io/formats/kinect_calibration.h"
-#include "infer/io/poses/pose_format.h"
+#include "core/base/error.h"
+#include "infer/formats/kinect_calibration.h"
+#include "infer/report/pose_format.h"
 
 namespace volalign {
 

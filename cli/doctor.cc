@@ -16,13 +16,13 @@
 #include <string>
 
 #include "cli/commands.h"
-#include "core/checkpoint.h"
-#include "core/error.h"
-#include "core/input_file.h"
-#include "core/structure_gltf.h"
-#include "render/egl_context.h"
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "core/formats/structure_gltf.h"
+#include "core/nn/checkpoint.h"
+#include "render/egl/egl_context.h"
 #ifdef VOLALIGN_HAS_INFER
-#include "infer/ceres_version.h"
+#include "infer/refine/ceres_version.h"
 #endif
 
 namespace volalign {

@@ -12,18 +12,18 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/torch_threads.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "infer/evaluate/suite/figures.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/evaluate/suite/write_suite.h"
 #include "infer/evaluate/tables.h"
-#include "infer/view/segmenter.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "infer/segment/load.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 
 namespace volalign {
 
@@ -150,9 +150,7 @@ int RunEvaluate(const Options& options) {
   if (options.rigs.files.empty() && options.captures.empty()) {
     throw ConfigError("evaluate wants --rig RIG.yaml ..., --capture capture.json ..., or both");
   }
-  ConfigSource source =
-      options.config.empty() ? ConfigSource() : ConfigSource::FromFile(options.config);
-  for (const std::string& assignment : options.assignments) source.Set(assignment);
+  const ConfigSource source = ReadSource(options.config, options.assignments);
   const std::vector<EvaluationVariant> variants = ReadVariants(source, options.compare);
   RigSeries series = options.rigs;
   const std::vector<NamedRig> rigs = ReadRigs(series);
@@ -167,7 +165,7 @@ int RunEvaluate(const Options& options) {
     models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
   }
   std::optional<EglContext> egl;
-  std::optional<DepthRenderer> renderer;
+  std::optional<GlDepthRenderer> renderer;
   std::vector<EvaluationItem> items;
   if (!rigs.empty()) {
     EglContextOptions context_options;

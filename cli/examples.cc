@@ -2,11 +2,10 @@
 // its last line needs, the lines before it make, or the data folder has. tests/cli/command_line.py
 // runs them all.
 
-#include <fmt/format.h>
-
 #include <map>
 
 #include "cli/app_tree.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -70,12 +69,7 @@ void AddExamples(CLI::App* program) {
   ForEachApp(program, [](CLI::App* app, const std::string& path) {
     const auto found = Examples().find(path);
     if (found == Examples().end()) return;
-    std::string text = "Example:\n";
-    for (std::size_t at = 0; at < found->second.size();) {
-      const std::size_t end = found->second.find('\n', at);
-      text += "  " + found->second.substr(at, end - at) + "\n";
-      at = end + 1;
-    }
+    std::string text = "Example:\n" + Indented(found->second, "  ");
     text.pop_back();
     app->footer(text);
   });

@@ -5,7 +5,7 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/export_torchscript.h"
+#include "core/nn/export_torchscript.h"
 
 namespace volalign {
 

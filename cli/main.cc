@@ -9,9 +9,9 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/data_folder.h"
-#include "core/error.h"
-#include "core/input_file.h"
-#include "render/egl_context.h"
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "render/egl/egl_context.h"
 
 namespace volalign {
 
@@ -65,7 +65,7 @@ int Run(int argc, char** argv) {
   if (!Parse(&program, argc, argv, &status)) return status;
   try {
     SetDataFolder(FindDataFolder(data_dir));
-    KeepCommand(&program);
+    KeepCommand(&program, argc, argv);
     for (const Command& command : commands) {
       if (*command.app) return command.run();
     }
@@ -84,6 +84,5 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
-  volalign::KeepCommandLine(argc, argv);
   return volalign::Run(argc, argv);
 }

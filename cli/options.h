@@ -6,7 +6,17 @@
 #include <string>
 #include <vector>
 
+#include "core/config/config.h"
+
 namespace volalign {
+
+/// The file, or no file where the name is empty, with KEY=VALUE over it. Throws as ConfigSource.
+inline ConfigSource ReadSource(const std::string& file,
+                               const std::vector<std::string>& assignments) {
+  ConfigSource source = file.empty() ? ConfigSource() : ConfigSource::FromFile(file);
+  for (const std::string& assignment : assignments) source.Set(assignment);
+  return source;
+}
 
 /// Options that are the same in every sub-command and stand for a key of its configuration. Add
 /// them after --set, which would otherwise replace what they assign.

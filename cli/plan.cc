@@ -7,11 +7,12 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/config.h"
-#include "core/file_util.h"
-#include "core/rig.h"
-#include "infer/io/plan_picture.h"
-#include "infer/io/plan_report.h"
+#include "cli/options.h"
+#include "core/base/file_util.h"
+#include "core/config/config.h"
+#include "core/geometry/rig.h"
+#include "infer/plan/plan_picture.h"
+#include "infer/plan/plan_report.h"
 
 namespace volalign {
 
@@ -25,9 +26,7 @@ struct Options {
 };
 
 int RunPlan(const Options& options) {
-  ConfigSource source = ConfigSource::FromFile(options.rig);
-  for (const std::string& assignment : options.assignments) source.Set(assignment);
-  const std::vector<Rig> turns = Turns(ReadRig(source));
+  const std::vector<Rig> turns = Turns(ReadRig(ReadSource(options.rig, options.assignments)));
   if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
   CalibrateOptions calibration;
   calibration.threads = options.threads;

@@ -11,12 +11,13 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/error.h"
-#include "core/file_util.h"
+#include "cli/options.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/preview.h"
 #include "render/rig.h"
 #include "render/sample.h"
@@ -109,7 +110,7 @@ void WriteStills(const std::string& output, const std::vector<RigCapture>& still
 
 /// Each turn of the structure in a folder of its own, where there are several.
 void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const std::vector<Rig> turns = Turns(ReadRig(source));
   for (std::size_t k = 0; k < turns.size(); ++k) {
     const std::string output =
@@ -122,13 +123,10 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
 
 void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
   constexpr std::uint64_t kMostSamples = 10000;
-  DepthRenderer renderer;
-  PreviewOptions preview;
-  preview.seed = seed;
-  preview.first_index = options.index;
-  preview.count = static_cast<int>(std::min(options.count, kMostSamples));
-  preview.real_frames = options.real_frames;
-  preview.real_depth_scale = options.real_depth_scale;
+  GlDepthRenderer renderer;
+  const PreviewOptions preview{seed, options.index,
+                               static_cast<int>(std::min(options.count, kMostSamples)),
+                               options.real_frames, options.real_depth_scale};
   WriteFileAtomically(std::filesystem::path(options.output) / "config.yaml", WriteConfig(recipe));
   fmt::print("\n{}written: {}/preview.png, config.yaml\n",
              WritePreview(options.output, recipe.data, preview, renderer), options.output);
@@ -142,7 +140,7 @@ void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std:
   dataset.num_threads = options.threads > 0
                             ? options.threads
                             : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  dataset.device = options.egl_device;
+  dataset.make_renderer = GlRenderers({options.egl_device});
   dataset.progress = true;
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(recipe.data, recipe.run.batch_size));
@@ -158,11 +156,9 @@ int RunRender(const RenderOptions& options) {
     throw ConfigError(
         "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
   }
-  ConfigSource source = ConfigSource::FromFile(options.rig.empty() ? options.config : options.rig);
-  for (const std::string& assignment : options.assignments) source.Set(assignment);
-  EglContextOptions context_options;
-  context_options.device = options.egl_device;
-  const EglContext egl(context_options);
+  const ConfigSource source =
+      ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
+  const EglContext egl({options.egl_device});
   fmt::print("renderer: {}\n", egl.Describe());
   if (!options.rig.empty()) {
     RenderRigTurns(options, source);

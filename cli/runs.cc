@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "cli/command_line.h"
-#include "core/error.h"
-#include "core/file_util.h"
-#include "train/run_log.h"
-#include "train/run_plot.h"
-#include "train/run_table.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "train/log/run_log.h"
+#include "train/log/run_plot.h"
+#include "train/log/run_table.h"
 
 namespace volalign {
 
@@ -58,8 +58,8 @@ Command AddRunsCommand(CLI::App& program) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("runs", "List, compare and plot training runs");
   app->require_subcommand(1);
-  CLI::App* list = AddVerb(app, "list", "A row a run: how far it is, its last metrics, its speed",
-                           options.get());
+  CLI::App* list = AddVerb(
+      app, "list", "One row per run: how far it is, its last metrics, its speed", options.get());
   AddFormat(list, options.get());
   AddFormat(AddVerb(app, "compare",
                     "A row for each configuration: the keys that differ, mean and standard "

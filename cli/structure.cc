@@ -5,10 +5,10 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "core/file_util.h"
-#include "core/structure_gltf.h"
+#include "core/base/file_util.h"
+#include "core/formats/structure_gltf.h"
 #ifdef VOLALIGN_HAS_INFER
-#include "infer/io/target_report.h"
+#include "infer/plan/target_report.h"
 #endif
 
 namespace volalign {

@@ -9,13 +9,13 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/torch_threads.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
-#include "train/launch.h"
-#include "train/run_log.h"
-#include "train/run_table.h"
+#include "train/distributed/launch.h"
+#include "train/log/run_log.h"
+#include "train/log/run_table.h"
 #include "train/sweep.h"
 #include "train/together.h"
 #include "train/train_config.h"
@@ -33,13 +33,11 @@ struct Options {
 };
 
 int TrainOne(const Options& options) {
-  ConfigSource source = ConfigSource::FromFile(options.config);
-  for (const std::string& assignment : options.assignments) source.Set(assignment);
   TrainOptions train_options;
   train_options.world = ReadWorld();
   train_options.run_dir = options.run_dir;
   train_options.resume = options.resume;
-  const TrainConfig config = ReadTrainConfig(source);
+  const TrainConfig config = ReadTrainConfig(ReadSource(options.config, options.assignments));
   if (options.processes > 1) {
     if (train_options.world.size > 1) {
       throw ConfigError(

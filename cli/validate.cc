@@ -9,9 +9,9 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
-#include "core/checkpoint.h"
-#include "core/file_util.h"
-#include "core/torch_threads.h"
+#include "core/base/file_util.h"
+#include "core/nn/checkpoint.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "train/checkpoint_validation.h"
 
 namespace volalign {

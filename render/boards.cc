@@ -2,11 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <vector>
 
-#include "core/visibility.h"
+#include "core/base/statistics.h"
+#include "core/geometry/visibility.h"
 
 namespace volalign {
 
@@ -25,7 +24,7 @@ struct Window {
 
 Window FindWindow(const Structure& structure, const RayTable& rays,
                   const Pose& structure_from_sensor) {
-  const StructureView seen = CastView(structure, rays, structure_from_sensor);
+  const ExpectedView seen = CastView(structure, rays, structure_from_sensor);
   const Eigen::Vector3d& origin = structure_from_sensor.translation();
   Window window;
   window.foot = {origin.x(), structure.FloorHeight(), origin.z()};
@@ -54,12 +53,6 @@ Window FindWindow(const Structure& structure, const RayTable& rays,
   return window;
 }
 
-/// The value below which a share of the sorted values lies.
-double Quantile(const std::vector<double>& sorted, double share) {
-  const double last = static_cast<double>(sorted.size()) - 1;
-  return sorted[static_cast<std::size_t>(std::lround(std::clamp(share, 0.0, 1.0) * last))];
-}
-
 }  // namespace
 
 void AppendBoard(const Structure& structure, const RayTable& rays,
@@ -68,9 +61,9 @@ void AppendBoard(const Structure& structure, const RayTable& rays,
   if (window.sides.empty()) return;
   double left = window.sides.front() - kMargin, right = window.sides.back() + kMargin;
   double top = window.heights.back() + kMargin;
-  if (edge == BoardEdge::kLeft) right = Quantile(window.sides, share);
-  if (edge == BoardEdge::kRight) left = Quantile(window.sides, 1 - share);
-  if (edge == BoardEdge::kBelow) top = Quantile(window.heights, share);
+  if (edge == BoardEdge::kLeft) right = NearestQuantile(window.sides, share);
+  if (edge == BoardEdge::kRight) left = NearestQuantile(window.sides, 1 - share);
+  if (edge == BoardEdge::kBelow) top = NearestQuantile(window.heights, share);
   if (!(top > 0)) return;
   Pose pose = Pose::Identity();
   pose.linear().col(0) = window.right;

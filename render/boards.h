@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/camera.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "render/scene_mesh.h"
 
 namespace volalign {

@@ -4,14 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <vector>
 
-#include "core/file_util.h"
-#include "core/image_io.h"
-#include "core/picture.h"
-#include "core/picture_text.h"
-#include "core/structure_gltf.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "core/formats/structure_gltf.h"
+#include "core/json/json_archive.h"
+#include "core/plot/picture.h"
+#include "core/plot/picture_text.h"
 
 namespace volalign {
 namespace {
@@ -22,16 +22,7 @@ constexpr double kDepthScale = 0.001;  // m a step
 constexpr double kPictureNear = 0.5;   // m, contact sheets
 constexpr double kPictureFar = 6.0;
 
-void WriteJson(const std::filesystem::path& path, const Json& json) {
-  WriteFileAtomically(path, json.dump(2) + "\n");
-}
-
 }  // namespace
-
-nlohmann::ordered_json ToJson(const Intrinsics& k) {
-  return {{"width", k.width}, {"height", k.height},        {"fx", k.fx}, {"fy", k.fy}, {"cx", k.cx},
-          {"cy", k.cy},       {"distortion", k.distortion}};
-}
 
 void AppendPictures(const std::string& name, const DepthImage& clean, const DepthImage& depth,
                     const LabelImage& labels, const Pose& structure_from_sensor,
@@ -80,10 +71,11 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
     const std::string depth_name = sensor.name + "_Depth.png";
     WritePng(dir / depth_name, FromMetres(sensor.depth, kDepthScale));
     WritePng(dir / (sensor.name + "_labels.png"), sensor.labels);
-    json["sensors"].push_back({{"name", sensor.name},
-                               {"sensor", sensor.sensor},
-                               {"depth", depth_name},
-                               {"intrinsics", ToJson(sensor.stated_intrinsics)}});
+    json["sensors"].push_back(
+        {{"name", sensor.name},
+         {"sensor", sensor.sensor},
+         {"depth", depth_name},
+         {"intrinsics", DescribedJson(sensor.stated_intrinsics, sensor.name)}});
     ground_truth[sensor.name] = ToRows(sensor.structure_from_sensor);
     AppendPictures(sensor.name, sensor.depth_clean, sensor.depth, sensor.labels,
                    sensor.structure_from_sensor, &pictures);
@@ -91,7 +83,7 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
   if (capture.structure_present) json["ground_truth"] = ground_truth;
   WriteStructureGlb(dir / "structure.glb", capture.structure);
   WriteContactSheet(dir / "contact_sheet.png", pictures);
-  WriteJson(dir / "capture.json", json);
+  WriteFileAtomically(dir / "capture.json", json.dump(2) + "\n");
 }
 
 }  // namespace volalign

@@ -1,12 +1,11 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
 #include "render/rig.h"
 
 namespace volalign {
@@ -30,8 +29,5 @@ RgbImage ColourSheetDepth(const DepthImage& depth);
 /// there are few. Throws IoError.
 void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures,
                        int columns = 0);
-
-/// {width, height, fx, fy, cx, cy, distortion}, as all of volalign's JSON files have it.
-nlohmann::ordered_json ToJson(const Intrinsics& intrinsics);
 
 }  // namespace volalign

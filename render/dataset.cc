@@ -11,25 +11,22 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <string_view>
 #include <utility>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/image_io.h"
-#include "core/picture.h"
-#include "core/strict_json.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "core/json/json_archive.h"
+#include "core/plot/picture.h"
 #include "render/capture_writer.h"
-#include "render/image_writers.h"
 #include "render/sample_stream.h"
 
 namespace volalign {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
 constexpr char kFormat[] = "volalign.samples/2";
@@ -42,7 +39,8 @@ std::string PoolHash(const std::vector<IntrinsicsPoolEntry>& pool) {
   std::string text;
   for (const IntrinsicsPoolEntry& entry : pool) {
     text += entry.sensor + ":";
-    for (const Intrinsics& k : entry.intrinsics) text += ToJson(k).dump() + ";";
+    for (const Intrinsics& k : entry.intrinsics)
+      text += DescribedJson(k, entry.sensor).dump() + ";";
   }
   return Sha256(text);
 }
@@ -63,61 +61,60 @@ DatasetHeader MakeHeader(const SampleContext& context, const DatasetOptions& opt
   return header;
 }
 
-void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
-  const Json json{
-      {"format", kFormat},
-      {"complete", h.complete},
-      {"count", h.count},
-      {"seed", h.seed},
-      {"first_index", h.first_index},
-      {"batch_size", h.batch_size},
-      {"samples_per_folder", h.samples_per_folder},
-      {"folders", "index / samples_per_folder, six digits, each with a samples.jsonl"},
-      {"depth_scale", kDepthScale},
-      {"convention",
-       "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y "
-       "up"},
-      {"structure",
-       {{"name", h.structure_name}, {"sha256", h.structure_hash}, {"num_classes", h.num_classes}}},
-      {"intrinsics_sha256", h.intrinsics_hash},
-      {"image_sizes", h.image_sizes},
-      {"data", h.data_yaml}};
-  WriteFileAtomically(dir / "index.json", json.dump(2) + "\n");
+}  // namespace
+
+/// The part of the header that is about the structure.
+struct DatasetStructure {
+  DatasetHeader& header;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", header.structure_name);
+    ar("sha256", header.structure_hash);
+    ar("num_classes", header.num_classes);
+  }
+};
+
+template <class Archive>
+void Describe(Archive& ar, DatasetHeader& h) {
+  ar.Constant("format", kFormat);
+  ar("complete", h.complete);
+  ar("count", h.count);
+  ar("seed", h.seed);
+  ar("first_index", h.first_index);
+  ar("batch_size", h.batch_size);
+  ar("samples_per_folder", h.samples_per_folder);
+  std::string folders = "index / samples_per_folder, six digits, each with a samples.jsonl";
+  ar.Derived("folders", folders);
+  double depth_scale = kDepthScale;
+  ar.Derived("depth_scale", depth_scale);
+  std::string convention =
+      "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y up";
+  ar.Derived("convention", convention);
+  DatasetStructure structure{h};
+  ar("structure", structure);
+  ar("intrinsics_sha256", h.intrinsics_hash);
+  ar("image_sizes", h.image_sizes);
+  ar("data", h.data_yaml);
 }
 
-std::uint64_t Unsigned(const JsonObject& object, const std::string& key) {
-  const nlohmann::json& value = object.Get(key);
-  if (value.is_number_unsigned()) return value.get<std::uint64_t>();
-  throw DataError(fmt::format("{}: {} = {} is not a whole number from 0 on", object.where(), key,
-                              value.dump()));
+namespace {
+
+void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
+  WriteFileAtomically(dir / "index.json", WriteDescribed(h, "index.json", 2));
 }
 
 DatasetHeader ReadHeader(const fs::path& dir) {
   const fs::path path = dir / "index.json";
-  const nlohmann::json json =
-      nlohmann::json::parse(ReadFile(path), nullptr, /*allow_exceptions=*/false);
-  const std::string format = json.is_object() ? json.value("format", std::string()) : "";
-  if (format != kFormat) {
+  const nlohmann::json json = ParseStrictJson(ReadFile(path), path.string());
+  const JsonObject index(json, path.string());
+  if (index.Text("format") != kFormat) {
     throw DataError(fmt::format(
         "{}: format '{}' is not {}: write the samples again with `volalign render --config`, to an "
         "empty folder",
-        path.string(), format, kFormat));
+        path.string(), index.Text("format"), kFormat));
   }
-  const JsonObject index(json, path.string());
-  DatasetHeader h;
-  h.complete = index.Bool("complete");
-  h.count = Unsigned(index, "count");
-  h.seed = Unsigned(index, "seed");
-  h.first_index = Unsigned(index, "first_index");
-  h.batch_size = index.Int("batch_size");
-  h.samples_per_folder = index.Int("samples_per_folder");
-  const JsonObject structure = index.Child("structure");
-  h.structure_name = structure.Text("name");
-  h.structure_hash = structure.Text("sha256");
-  h.num_classes = structure.Int("num_classes");
-  h.intrinsics_hash = index.Text("intrinsics_sha256");
-  h.image_sizes = index.Texts("image_sizes");
-  h.data_yaml = index.Text("data");
+  const auto h = ReadDescribed<DatasetHeader>(index);
   if (h.count < 1 || h.batch_size < 1 || h.samples_per_folder < 1) {
     throw DataError(fmt::format(
         "{}: count = {}, batch_size = {} and samples_per_folder = {} have to be positive",
@@ -136,20 +133,23 @@ std::uint64_t NextFolder(const DatasetHeader& header, std::uint64_t index) {
   return (index / size + 1) * size;
 }
 
-std::string RowText(const Sample& sample, const std::string& depth, const std::string& labels) {
-  Json offsets = Json::array();
-  for (const Pose& offset : sample.box_offsets) offsets.push_back(ToRows(offset));
-  return Json{{"index", sample.index},
-              {"depth", depth},
-              {"labels", labels},
-              {"sensor", sample.sensor},
-              {"intrinsics", ToJson(sample.intrinsics)},
-              {"structure_from_sensor", ToRows(sample.structure_from_sensor)},
-              {"box_offsets", offsets},
-              {"size_scale", sample.size_scale}}
-             .dump() +
-         "\n";
-}
+/// A row of samples.jsonl: a sample but for its images, whose files it names.
+struct SampleRow {
+  Sample sample;
+  std::string depth, labels;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("index", sample.index);
+    ar("depth", depth);
+    ar("labels", labels);
+    ar("sensor", sample.sensor);
+    ar("intrinsics", sample.intrinsics);
+    ar("structure_from_sensor", sample.structure_from_sensor);
+    ar("box_offsets", sample.box_offsets);
+    ar("size_scale", sample.size_scale);
+  }
+};
 
 /// The complete lines of a samples.jsonl.
 std::vector<std::string_view> Lines(const std::string& text) {
@@ -323,7 +323,7 @@ class DatasetWriter {
   void RemoveLeftovers() const {
     for (std::uint64_t index = next_; index < End(); index = NextFolder(header_, index)) {
       const fs::path folder = dir_ / FolderName(header_, index);
-      if (!fs::exists(folder)) return;
+      if (!fs::exists(folder)) continue;
       for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
         if (entry.path().filename().string().find(".tmp-") != std::string::npos) {
           fs::remove(entry.path());
@@ -341,13 +341,15 @@ class DatasetWriter {
     stream_options.seed = header_.seed;
     stream_options.first_index = start / batch * batch;
     stream_options.num_threads = options_.num_threads;
-    stream_options.device = options_.device;
+    stream_options.make_renderer = options_.make_renderer;
+    stream_options.drawn = [this, first = next_](const Sample& sample) {
+      if (sample.index >= first && sample.index < End()) WriteImages(sample);
+    };
     const std::uint64_t batches = (End() - 1) / batch + 1 - start / batch;
     const std::uint64_t ahead =
         std::max<std::uint64_t>(4, 2 * static_cast<std::uint64_t>(options_.num_threads) / batch);
     stream_options.prefetch = static_cast<int>(std::min(batches, ahead));
     SampleStream stream(context_, stream_options);
-    ImageWriters writers(options_.num_threads);
     Progress progress(options_.progress, next_ - header_.first_index, header_.count);
     auto committed_at = Clock::now();
     std::vector<RgbImage> pictures;
@@ -363,10 +365,13 @@ class DatasetWriter {
           }
         }
         if (sample.index < next_) continue;
-        Write(std::move(sample), &writers);
+        const ImageNames names = NamesOf(sample);
+        next_ = sample.index + 1;
+        rows_ +=
+            WriteDescribed(SampleRow{std::move(sample), names.depth, names.labels}, kRowsName, -1);
         if (next_ == NextFolder(header_, next_ - 1) || next_ == End() ||
             Clock::now() - committed_at > kCommitInterval) {
-          Commit(&writers);
+          Commit();
           committed_at = Clock::now();
         }
         progress.Show(next_ - header_.first_index);
@@ -374,19 +379,26 @@ class DatasetWriter {
     }
   }
 
-  void Write(Sample sample, ImageWriters* writers) {
-    const fs::path folder = dir_ / FolderName(header_, sample.index);
-    const std::string depth = fmt::format("{:08}_depth.png", sample.index);
-    const std::string labels = fmt::format("{:08}_labels.png", sample.index);
-    rows_ += RowText(sample, depth, labels);
-    next_ = sample.index + 1;
-    writers->Submit({folder / depth, folder / labels, std::move(sample.depth),
-                     std::move(sample.labels), kDepthScale});
+  struct ImageNames {
+    std::string depth, labels;
+  };
+  static ImageNames NamesOf(const Sample& sample) {
+    return {fmt::format("{:08}_depth.png", sample.index),
+            fmt::format("{:08}_labels.png", sample.index)};
   }
 
-  /// Images first, then the rows that name them.
-  void Commit(ImageWriters* writers) {
-    writers->Finish();
+  void WriteImages(const Sample& sample) const {
+    const fs::path folder = dir_ / FolderName(header_, sample.index);
+    const ImageNames names = NamesOf(sample);
+    const auto write = [&](const std::string& name, const auto& image) {
+      WriteFileAtomically(folder / name, EncodePng(image, PngEffort::kFast), /*sync=*/false);
+    };
+    write(names.depth, FromMetres(sample.depth, kDepthScale));
+    write(names.labels, sample.labels);
+  }
+
+  /// The rows; the images that they name are written by now.
+  void Commit() {
     lock_.Sync();
     WriteFileAtomically(dir_ / FolderName(header_, next_ - 1) / kRowsName, rows_);
     if (next_ == NextFolder(header_, next_ - 1)) rows_.clear();
@@ -411,34 +423,13 @@ DepthImage DepthFromSteps(const Image16& steps) {
   return depth;
 }
 
-std::vector<Pose> PosesOf(const JsonObject& row, const std::string& key) {
-  const std::string where = row.where() + ": " + key;
-  std::vector<Pose> poses;
-  try {
-    for (const nlohmann::json& matrix : row.Get(key)) {
-      poses.push_back(PoseFromRows(matrix.get<std::vector<std::vector<double>>>(), where));
-    }
-  } catch (const nlohmann::json::exception&) {
-    throw DataError(where + " is not a list of 4x4 matrices");
-  }
-  return poses;
-}
-
 /// `line` is row `number` (from 1) of the samples.jsonl `path`.
 Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path) {
   const std::string where = fmt::format("{}:{}", path.string(), number);
-  const nlohmann::json json = ParseStrictJson(std::string(line), where);
-  const JsonObject row(json, where);
-  Sample sample;
-  sample.index = Unsigned(row, "index");
-  sample.sensor = row.Text("sensor");
-  sample.intrinsics = ParseIntrinsics(row.Child("intrinsics"));
-  sample.structure_from_sensor =
-      PoseFromRows(row.Matrix("structure_from_sensor"), where + ": structure_from_sensor");
-  sample.box_offsets = PosesOf(row, "box_offsets");
-  sample.size_scale = row.Number("size_scale");
-  const fs::path depth_path = path.parent_path() / row.Text("depth");
-  const fs::path labels_path = path.parent_path() / row.Text("labels");
+  auto row = ReadDescribed<SampleRow>(std::string(line), where);
+  Sample& sample = row.sample;
+  const fs::path depth_path = path.parent_path() / row.depth;
+  const fs::path labels_path = path.parent_path() / row.labels;
   const Image16 steps = ReadDepthFile(depth_path);
   sample.labels = ReadPng8(labels_path);
   const auto require_size = [&](const fs::path& image, int width, int height) {
@@ -450,7 +441,7 @@ Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path
   require_size(depth_path, steps.width(), steps.height());
   require_size(labels_path, sample.labels.width(), sample.labels.height());
   sample.depth = DepthFromSteps(steps);
-  return sample;
+  return std::move(sample);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "render/depth_renderer.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -35,8 +36,8 @@ struct DatasetOptions {
   std::uint64_t seed = 0;
   std::uint64_t first_index = 0;
   std::uint64_t count = 0;
-  int num_threads = 1;  ///< that render, and as many that compress and write
-  int device = -1;      ///< EglContextOptions::device
+  int num_threads = 1;                      ///< that render, and as many that compress and write
+  RendererFactory make_renderer = nullptr;  ///< called by each thread that renders; must be given
   int samples_per_folder = 1000;
   bool progress = false;  ///< on stderr
 };

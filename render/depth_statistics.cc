@@ -10,9 +10,9 @@
 #include <optional>
 #include <utility>
 
-#include "core/error.h"
-#include "core/lens.h"
-#include "core/statistics.h"
+#include "core/base/error.h"
+#include "core/base/statistics.h"
+#include "core/geometry/lens.h"
 
 namespace volalign {
 namespace {

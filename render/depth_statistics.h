@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
 
 namespace volalign {
 

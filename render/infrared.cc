@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/random.h"
-#include "core/statistics.h"
+#include "core/base/random.h"
+#include "core/base/statistics.h"
 
 namespace volalign {
 

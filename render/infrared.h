@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/config.h"
-#include "core/image.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/config/config.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "render/depth_renderer.h"
 #include "render/scene_mesh.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/lens.h"
+#include "core/geometry/lens.h"
 #include "render/depth_renderer.h"
 
 namespace volalign {

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/geometry/camera.h"
 
 namespace volalign {
 

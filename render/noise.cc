@@ -2,21 +2,21 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
-#include <optional>
+#include <map>
+#include <utility>
+#include <variant>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/base/error.h"
+#include "core/base/random.h"
 #include "render/noise_models.h"
 
 namespace volalign {
 namespace {
 
 constexpr double kRealSenseWidth = 1280;  // px, of the depth image at full resolution
-
-bool StartsWith(const std::string& text, const std::string& prefix) {
-  return text.compare(0, prefix.size(), prefix) == 0;
-}
 
 /// A D400 camera whose focal length is that of its intrinsics. The noise in disparity is the
 /// D415's, the only one that was measured.
@@ -27,30 +27,66 @@ StereoModel RealSense(double baseline_m, const Intrinsics& intrinsics) {
   return model;
 }
 
-/// Of a stereo or structured-light sensor; none for others. Baselines: Intel, RealSense product
-/// family D400 series datasheet (337029), table of the depth modules.
-std::optional<StereoModel> StereoModelOf(const std::string& sensor, const Intrinsics& intrinsics) {
-  if (StartsWith(sensor, "realsense_d415")) return StereoModel();  // 55 mm, f = 943.6 px
-  if (StartsWith(sensor, "realsense_d435")) return RealSense(0.050, intrinsics);
-  if (StartsWith(sensor, "realsense_d455")) return RealSense(0.095, intrinsics);
-  if (StartsWith(sensor, "kinect_v1")) {
+using SensorModel = std::variant<TofModel, StereoModel>;
+
+/// A kind of sensor: those whose pool name begins with the prefix.
+struct ModelledKind {
+  const char* prefix;
+  SensorModel (*model)(const Intrinsics& intrinsics);
+};
+/// Baselines: Intel, RealSense product family D400 series datasheet (337029), table of the depth
+/// modules.
+constexpr std::array<ModelledKind, 6> kKinds = {{
+    {"azure_kinect", [](const Intrinsics&) -> SensorModel { return TofModel{/*hexagon=*/true}; }},
+    {"kinect_v2", [](const Intrinsics&) -> SensorModel { return TofModel{/*hexagon=*/false}; }},
+    // 55 mm, f = 943.6 px.
+    {"realsense_d415", [](const Intrinsics&) -> SensorModel { return StereoModel(); }},
+    {"realsense_d435", [](const Intrinsics& k) -> SensorModel { return RealSense(0.050, k); }},
+    {"realsense_d455", [](const Intrinsics& k) -> SensorModel { return RealSense(0.095, k); }},
     // B = 75 mm, f = 580 px at 640x480; Nguyen et al. 2012 give sigma_z = 6 mm at 2 m, 0.07 px.
-    return StereoModel{640, 43.5, {0.05, 0.09}, {0.03, 0.12}, 90};
-  }
-  return std::nullopt;
+    {"kinect_v1",
+     [](const Intrinsics&) -> SensorModel {
+       return StereoModel{640, 43.5, {0.05, 0.09}, {0.03, 0.12}, 90};
+     }},
+}};
+
+/// None for a sensor without a model.
+const ModelledKind* KindOf(const std::string& sensor) {
+  const auto found = std::find_if(kKinds.begin(), kKinds.end(), [&](const ModelledKind& kind) {
+    return sensor.rfind(kind.prefix, 0) == 0;
+  });
+  return found == kKinds.end() ? nullptr : &*found;
 }
 
-/// Of a time-of-flight sensor; none for others.
-std::optional<TofModel> TofModelOf(const std::string& sensor) {
-  if (StartsWith(sensor, "azure_kinect")) return TofModel{/*hexagon=*/true};
-  if (StartsWith(sensor, "kinect_v2")) return TofModel{/*hexagon=*/false};
-  return std::nullopt;
+std::map<std::string, NoiseModel>& Registered() {
+  static std::map<std::string, NoiseModel> registered;
+  return registered;
 }
+
+constexpr std::array<const char*, 3> kBuiltIn{"none", "paper", "sensor"};
 
 }  // namespace
 
-bool HasSensorModel(const std::string& sensor) {
-  return TofModelOf(sensor).has_value() || StereoModelOf(sensor, Intrinsics{1, 1, 1, 1, 0, 0, {}});
+std::vector<std::string> NoiseModelNames() {
+  std::vector<std::string> names(kBuiltIn.begin(), kBuiltIn.end());
+  for (const auto& [name, model] : Registered()) names.push_back(name);
+  return names;
+}
+
+void RegisterNoiseModel(const std::string& name, NoiseModel model) {
+  if (std::count(kBuiltIn.begin(), kBuiltIn.end(), name) > 0 ||
+      !Registered().emplace(name, std::move(model)).second) {
+    throw Error(fmt::format("there is a noise model '{}' already", name));
+  }
+}
+
+bool HasSensorModel(const std::string& sensor) { return KindOf(sensor) != nullptr; }
+
+std::string SensorModelNames() {
+  std::string names;
+  for (const ModelledKind& kind : kKinds)
+    names += fmt::format("{}{}*", names.empty() ? "" : ", ", kind.prefix);
+  return names;
 }
 
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
@@ -71,15 +107,19 @@ NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::ui
   if (!device) device = &drawn;
   if (config.model == "none") return {input.view.depth, input.view.labels};
   if (config.model == "paper") return PaperNoise(config, input, random);
-  if (const auto model = TofModelOf(input.sensor)) {
-    return TofNoise(*model, input, random, &device->tof);
+  if (const auto own = Registered().find(config.model); own != Registered().end()) {
+    return own->second(input, random);
   }
-  if (const auto model = StereoModelOf(input.sensor, input.intrinsics)) {
-    return StereoNoise(*model, input, random, &device->stereo);
+  const ModelledKind* kind = KindOf(input.sensor);
+  if (kind == nullptr) {
+    throw ConfigError(
+        fmt::format("noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
+                    input.sensor, SensorModelNames()));
   }
-  throw ConfigError(
-      fmt::format("noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
-                  input.sensor, kSensorModels));
+  const SensorModel model = kind->model(input.intrinsics);
+  if (const auto* tof = std::get_if<TofModel>(&model))
+    return TofNoise(*tof, input, random, &device->tof);
+  return StereoNoise(std::get<StereoModel>(model), input, random, &device->stereo);
 }
 
 }  // namespace volalign

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
-#include "core/camera.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/random.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "render/depth_renderer.h"
 #include "render/sample_config.h"
 #include "render/scene_mesh.h"
@@ -51,12 +53,18 @@ struct DeviceErrors {
   std::optional<StereoDevice> stereo;
 };
 
-/// Pool names that have a sensor model: time of flight the first two, disparity the others.
-inline constexpr char kSensorModels[] =
-    "azure_kinect*, kinect_v2*, realsense_d415*, realsense_d435*, realsense_d455* and kinect_v1*";
-
 /// Whether a sensor model exists for a pool name.
 bool HasSensorModel(const std::string& sensor);
+/// The beginnings of such names, for messages: "azure_kinect*, kinect_v2*, ...".
+std::string SensorModelNames();
+
+/// Depth and labels as a sensor measures them. A pure function of the input and the numbers it
+/// draws, called by several threads at once: a training sample depends on nothing else.
+using NoiseModel = std::function<NoisyView(const NoiseInput&, RandomStream&)>;
+
+/// Makes `name` a value of noise.model. To be called at the start of a program, before other
+/// threads run. Throws Error where there is such a model.
+void RegisterNoiseModel(const std::string& name, NoiseModel model);
 
 /// Random stage "noise". `device`: where it has errors, they take the place of those that the frame
 /// would draw; where it is empty, it receives the ones that the frame has drawn. Throws ConfigError

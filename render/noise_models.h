@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "core/random.h"
+#include "core/base/random.h"
 #include "render/noise.h"
 
 namespace volalign {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/noise_fields.h"
+#include "core/base/noise_fields.h"
 
 namespace volalign {
 

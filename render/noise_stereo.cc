@@ -2,7 +2,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/noise_fields.h"
+#include "core/base/noise_fields.h"
 #include "render/noise_models.h"
 
 namespace volalign {

@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/noise_fields.h"
+#include "core/base/noise_fields.h"
 #include "render/noise_models.h"
 
 namespace volalign {

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/portable_math.h"
+#include "core/base/error.h"
+#include "core/base/portable_math.h"
 
 namespace volalign {
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/pose.h"
-#include "core/random.h"
+#include "core/base/random.h"
+#include "core/geometry/pose.h"
 #include "render/sample_config.h"
 
 namespace volalign {

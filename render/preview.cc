@@ -3,16 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "core/image_io.h"
-#include "core/image_size.h"
-#include "core/picture.h"
-#include "core/picture_text.h"
+#include "core/base/error.h"
+#include "core/base/text.h"
+#include "core/formats/image_io.h"
+#include "core/geometry/image_size.h"
+#include "core/plot/picture.h"
+#include "core/plot/picture_text.h"
 #include "render/capture_writer.h"
 #include "render/depth_renderer.h"
 #include "render/depth_statistics.h"
@@ -33,11 +33,6 @@ struct RealFrame {
 
 bool IsStereo(const std::string& sensor) {
   return sensor.rfind("realsense", 0) == 0 || sensor.rfind("kinect_v1", 0) == 0;
-}
-
-std::string Lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
 }
 
 /// Frames of each configured sensor.

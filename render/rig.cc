@@ -4,16 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "core/image_size.h"
-#include "core/input_file.h"
-#include "core/lens.h"
-#include "core/random.h"
-#include "core/structure_gltf.h"
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "core/base/random.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/image_size.h"
+#include "core/geometry/lens.h"
 #include "render/boards.h"
 #include "render/depth_renderer.h"
 #include "render/noise.h"
@@ -186,7 +185,7 @@ void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
                                          const InfraredRequest* infrared) {
   if (!rig.turns_deg.empty()) {
-    throw std::invalid_argument("RenderPlacements: a rig with turns_deg has several captures");
+    throw Error("RenderPlacements: a rig with turns_deg has several captures");
   }
   RequireInputFile("structure", rig.structure);
   RequireInputFile("intrinsics", rig.intrinsics);
@@ -199,13 +198,12 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   AppendBoards(rig, placements[0].built.structure, devices, &scene);
   std::vector<RigCapture> stills;
   for (const BuiltPlacement& placement : placements) {
-    RigCapture still;
-    still.structure = nominal;
-    still.structure_present = rig.structure_present;
-    still.first_from_placement = placement.first_from_placement;
-    still.box_offsets = placement.built.box_offsets;
-    still.size_scale = placement.built.size_scale;
-    stills.push_back(std::move(still));
+    stills.push_back({nominal,
+                      rig.structure_present,
+                      placement.first_from_placement,
+                      placement.built.box_offsets,
+                      placement.built.size_scale,
+                      {}});
   }
 
   NoiseConfig noise;
@@ -277,13 +275,6 @@ std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radiu
     placements.push_back(placement);
   }
   return placements;
-}
-
-RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer) {
-  if (!rig.placements.empty()) {
-    throw std::invalid_argument("RenderRig: a rig with placements has several stills");
-  }
-  return std::move(RenderPlacements(rig, renderer).front());
 }
 
 }  // namespace volalign

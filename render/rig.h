@@ -3,11 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/pose.h"
-#include "core/rig.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/rig.h"
+#include "core/geometry/structure.h"
 #include "render/infrared.h"
 
 namespace volalign {
@@ -51,7 +51,7 @@ struct RigCapture {
 /// their devices (Rig::device_errors), and the same room; pixel noise, gaps and holes are drawn
 /// anew. All sensors see the same structure; each has noise of its own. `infrared`, where given,
 /// asks for infrared pictures too, and changes nothing else. A pure function of the rig. Throws
-/// std::invalid_argument for a rig with turns_deg (core/rig.h, Turns), ConfigError (a sensor that
+/// Error for a rig with turns_deg (core/geometry/rig.h, Turns), ConfigError (a sensor that
 /// the pool lacks, an image size of another aspect ratio, a placement in a tripod), IoError or
 /// DataError.
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
@@ -61,9 +61,5 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
 /// orientation, none in a sensor's tripod. The first ones do not depend on `count`. Throws
 /// ConfigError where there is no such place, and what reading the structure throws.
 std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m);
-
-/// RenderPlacements of a rig without placements: its one still. Throws std::invalid_argument for a
-/// rig that has placements, else as RenderPlacements.
-RigCapture RenderRig(const Rig& rig, DepthRenderer& renderer);
 
 }  // namespace volalign

@@ -6,11 +6,11 @@
 #include <array>
 #include <cmath>
 
-#include "core/error.h"
-#include "core/image_size.h"
-#include "core/input_file.h"
-#include "core/random.h"
-#include "core/structure_gltf.h"
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "core/base/random.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/image_size.h"
 #include "render/depth_renderer.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
@@ -125,7 +125,7 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
       if (!HasSensorModel(entry.sensor)) {
         throw ConfigError(fmt::format(
             "data.noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
-            entry.sensor, kSensorModels));
+            entry.sensor, SensorModelNames()));
       }
     }
   }

@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "render/sample_config.h"
 
 namespace volalign {
@@ -48,7 +48,7 @@ struct SampleContext {
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size);
 
 /// A pure function of its arguments: same bytes whatever was drawn before and on
-/// whichever thread. The renderer's GL context must be current on the calling thread.
+/// whichever thread. A renderer of OpenGL needs its context current on the calling thread.
 Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
                   std::uint64_t index);
 

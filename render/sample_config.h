@@ -4,10 +4,14 @@
 #include <string>
 #include <vector>
 
-#include "core/config.h"
-#include "core/scene_config.h"
+#include "core/config/config.h"
+#include "core/geometry/scene_config.h"
 
 namespace volalign {
+
+/// Values of noise.model: "none", "paper", "sensor", then those of RegisterNoiseModel
+/// (render/noise.h).
+std::vector<std::string> NoiseModelNames();
 
 /// How sensor poses are drawn; the defaults are the paper's (Results, "Implementation details").
 struct PoseConfig {
@@ -65,9 +69,9 @@ struct NoiseConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("model", model,
-       "none, paper (zeroed borders and holes, paper's Results) or sensor (models of the drawn "
-       "sensor)",
-       OneOf({"none", "paper", "sensor"}));
+       "none, paper (zeroed borders and holes, paper's Results), sensor (models of the drawn "
+       "sensor), or one that the program registers (render/noise.h)",
+       OneOf(NoiseModelNames()));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0));
     ar("paper_hole_count", paper_hole_count, "mean number of holes in a sample", AtLeast(0));

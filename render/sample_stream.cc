@@ -2,24 +2,14 @@
 
 #include <fmt/format.h>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "render/depth_renderer.h"
-#include "render/egl_context.h"
 
 namespace volalign {
-namespace {
-
-/// A thread's GL, the renderer's objects destroyed first.
-struct ThreadRenderer {
-  explicit ThreadRenderer(const EglContextOptions& options) : egl(options) {}
-  EglContext egl;
-  DepthRenderer renderer;
-};
-
-}  // namespace
 
 SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const Options& options) {
   if (context == nullptr) throw Error("SampleStream: no context");
+  if (!options.make_renderer) throw Error("SampleStream: no renderer");
   if (options.num_threads < 1 || options.prefetch < 1) {
     throw Error(
         fmt::format("SampleStream: num_threads = {} and prefetch = {} violate num_threads >= 1, "
@@ -40,14 +30,14 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
   // Positions count this stream's samples, of which each batch has `count`.
   const auto count = static_cast<std::uint64_t>(count_);
   const auto make_renderer = [context = std::move(context), options, slice, batch_size, count] {
-    EglContextOptions egl_options;
-    egl_options.device = options.device;
-    return [context, seed = options.seed, begun = options.begun,
-            gl = std::make_shared<ThreadRenderer>(egl_options), batch_size, count,
+    return [context, seed = options.seed, begun = options.begun, drawn = options.drawn,
+            renderer = std::shared_ptr<DepthRenderer>(options.make_renderer()), batch_size, count,
             first = static_cast<std::uint64_t>(slice.first)](std::uint64_t position) {
       if (begun) ++*begun;
       const std::uint64_t index = position / count * batch_size + first + position % count;
-      return Synthesize(*context, gl->renderer, seed, index);
+      Sample sample = Synthesize(*context, *renderer, seed, index);
+      if (drawn) drawn(sample);
+      return sample;
     };
   };
   samples_ = std::make_unique<OrderedPrefetch<Sample>>(

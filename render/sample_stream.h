@@ -2,16 +2,18 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
-#include "core/ordered_prefetch.h"
-#include "render/batch_slice.h"
+#include "core/base/batch_slice.h"
+#include "core/base/ordered_prefetch.h"
+#include "render/depth_renderer.h"
 #include "render/sample.h"
 
 namespace volalign {
 
-/// Draws batches of consecutive samples on worker threads, each with a GL context of its own.
+/// Draws batches of consecutive samples on worker threads, each with a renderer of its own.
 /// Batches come out in order whatever the number of threads; at most `prefetch` finished batches
 /// wait in memory.
 class SampleStream {
@@ -22,10 +24,11 @@ class SampleStream {
     std::uint64_t first_index = 0;
     int num_threads = 1;
     int prefetch = 4;
-    int device = -1;  ///< EglContextOptions::device
+    RendererFactory make_renderer = nullptr;  ///< called by each worker thread; must be given
     BatchSlice slice = {};
     /// Counted up when a sample is begun, where there is one.
     std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
+    std::function<void(const Sample&)> drawn = nullptr;  ///< called by the worker, for each sample
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/random.h"
+#include "core/base/random.h"
 
 namespace volalign {
 namespace {

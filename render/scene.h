@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "render/sample_config.h"
 #include "render/scene_mesh.h"
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 
 namespace volalign {
 

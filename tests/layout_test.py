@@ -14,25 +14,77 @@ import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
-FOLDERS = ("cli", "cmake", "configs", "core", "docs", "infer", "models", "render", "tests", "train")
+FOLDERS = ("cli", "cmake", "configs", "core", "docs", "examples", "infer", "models", "render", "tests", "train")
 CODE_FOLDERS = ("cli", "core", "infer", "render", "train")
+CODE = (".h", ".cc", ".inc")
 
-# A room may include itself, the rooms before it, and core. "infer" is the room of the files that stand in no other: calibrate.cc,
-# the order of the stages, and its result.
-ROOMS = ("infer/view", "infer/pose", "infer/refine", "infer/checks", "infer", "infer/io", "infer/evaluate")
+# The folders of rooms, and those whose rooms theirs may depend on besides; cli may include everything.
+MAY_DEPEND = {"core": (), "render": ("core",), "train": ("core", "render"), "infer": ("core",), "infer/evaluate": ("core", "infer", "render")}
 
-# What a folder outside infer may include beside itself; cli may include everything.
-MAY_INCLUDE = {"core": (), "render": ("core",), "train": ("core", "render")}
-
-# First folder of a library's headers, and the folders of ours that may use the library.
-LIBRARIES = {
-    "ceres": ("infer", "tests/infer"),
-    "opencv2": ("infer/evaluate", "tests/infer"),
-    "epoxy": ("render", "tests/render"),
-    "EGL": ("render", "tests/render"),
-    "GL": ("render", "tests/render"),
+# First folder of a library's headers, and the library's target in CMake.
+HEADERS = {
+    "ATen": "torch",
+    "CLI": "CLI11::CLI11",
+    "EGL": "PkgConfig::EGL",
+    "Eigen": "Eigen3::Eigen",
+    "GL": "PkgConfig::EPOXY",
+    "OpenEXR": "OpenEXR::OpenEXR",
+    "c10": "torch",
+    "caffe2": "torch",
+    "ceres": "Ceres::ceres",
+    "ebml": "Matroska::matroska",
+    "epoxy": "PkgConfig::EPOXY",
+    "fmt": "fmt::fmt",
+    "matroska": "Matroska::matroska",
+    "nlohmann": "nlohmann_json::nlohmann_json",
+    "opencv2": "opencv_core",
+    "openssl": "OpenSSL::Crypto",
+    "torch": "torch",
+    "yaml-cpp": "yaml-cpp",
 }
-TORCH = ("torch", "ATen", "c10")
+TORCH = ("torch", "ATen", "c10", "caffe2")
+
+# The rooms that alone may name a library. Others build and are installed without it.
+HOMES = {
+    "BZip2::BZip2": ("infer/formats",),
+    "Ceres::ceres": ("infer/refine",),
+    "Matroska::matroska": ("infer/formats",),
+    "OpenEXR::OpenEXR": ("infer/formats",),
+    "PkgConfig::EGL": ("render/egl",),
+    "PkgConfig::EPOXY": ("render/egl",),
+    "PkgConfig::LZ4": ("infer/formats",),
+    "SQLite::SQLite3": ("infer/formats",),
+    "TIFF::TIFF": ("infer/formats",),
+    "opencv_core": ("infer/evaluate",),
+    "torch": ("core/nn", "core/nn/cpu", "train", "train/distributed"),
+}
+
+# Sources of these rooms have a test of their room that includes their header, or that is called as they are, or stand here with the
+# test that reaches them in another way.
+TESTED_FOLDERS = ("infer", "render", "train")
+DEPTH_FILE = "declared in depth_file.h, tested by tests/infer/formats/depth_file_test.cc"
+NOISE_MODEL = "one of the models of noise.h, tested by tests/render/noise_test.cc"
+POSE_FORMAT = "one of the formats that tests/infer/report/pose_format_test.cc writes and reads back"
+RECORDING = "declared in recording.h, tested by tests/infer/formats/recording_test.cc"
+REASONS = {
+    "infer/evaluate/suite/table_format.cc": "declared in table_data.h, tested by tests/infer/evaluate/suite/table_data_test.cc",
+    "infer/formats/bag_recording.cc": RECORDING,
+    "infer/formats/depth_exr.cc": DEPTH_FILE,
+    "infer/formats/depth_npy.cc": DEPTH_FILE,
+    "infer/formats/depth_tiff.cc": DEPTH_FILE,
+    "infer/formats/mkv_recording.cc": RECORDING,
+    "infer/formats/poses/colmap_codec.cc": POSE_FORMAT,
+    "infer/formats/poses/json_codecs.cc": POSE_FORMAT,
+    "infer/formats/poses/livescan_codec.cc": POSE_FORMAT,
+    "infer/formats/poses/text_codecs.cc": POSE_FORMAT,
+    "infer/formats/poses/yaml_codecs.cc": POSE_FORMAT,
+    "infer/formats/ros2_recording.cc": RECORDING,
+    "infer/plan/target_picture.cc": "declared in target_report.h, tested by tests/infer/plan/target_report_test.cc",
+    "render/noise_paper.cc": NOISE_MODEL,
+    "render/noise_stereo.cc": NOISE_MODEL,
+    "render/noise_tof.cc": NOISE_MODEL,
+    "train/run.cc": "what Train() of trainer.h does, tested by tests/train/trainer_test.cc",
+}
 
 CITATIONS = (r"\.\./shared", r"design section", r"\bfacts/", r"design\.md", r"house-style", r"review\.md")
 
@@ -63,42 +115,191 @@ def library_includes(text):
     return re.findall(r"^\s*#\s*include\s+<([^/>]+)/[^>]*>", text, re.MULTILINE)
 
 
-def room_of(path):
-    """infer/view/x.h -> infer/view; infer/calibrate.h -> infer; core/x.h -> core."""
-    parts = path.split("/")
-    return "/".join(parts[:2]) if parts[0] == "infer" and len(parts) > 2 else parts[0]
+def cmake_calls(text, command):
+    """The words of each call of a command, without comments."""
+    text = "\n".join(line.split("#")[0] for line in text.splitlines())
+    return [words.split() for words in re.findall(r"\b" + command + r"\(([^()]*)\)", text)]
 
 
-def check_arrows(root):
-    """An include goes only to the file's own folder or room and to those below it."""
+def section(words, name):
+    """The words of a call after the keyword, up to the next one."""
+    found = []
+    for word in words[words.index(name) + 1 :] if name in words else []:
+        if re.fullmatch("[A-Z_]{4,}", word):
+            break
+        found.append(word)
+    return found
+
+
+class Room:
+    """A library: what it names in DEPENDS and in PRIVATE_DEPENDS, rooms by their folders; and its PUBLIC_HEADERS, by their paths."""
+
+    def __init__(self, folder, public, private, headers):
+        self.folder, self.public, self.private, self.headers = folder, public, private, headers
+
+
+def rooms_of(root):
+    """All rooms, by their folders."""
+    rooms = {}
+    for path in files_of(root, ("CMakeLists.txt",), CODE_FOLDERS):
+        for words in cmake_calls(text_of(root, path), "volalign_library"):
+            folder = os.path.dirname(path)
+            headers = [f"{folder}/{name}" for name in section(words, "PUBLIC_HEADERS")]
+            rooms[words[0]] = Room(folder, section(words, "DEPENDS"), section(words, "PRIVATE_DEPENDS"), headers)
+    folders = {"volalign::" + name.replace("/", "_"): name for name in rooms}
+    for room in rooms.values():
+        room.public = [folders.get(target, target) for target in room.public]
+        room.private = [folders.get(target, target) for target in room.private]
+    return rooms
+
+
+def reach(rooms, targets):
+    """These rooms and libraries, and those that come with them in headers."""
+    found = set()
+    waiting = list(targets)
+    while waiting:
+        target = waiting.pop()
+        if target not in found:
+            found.add(target)
+            waiting += rooms[target].public if target in rooms else []
+    return found
+
+
+def room_of(path, rooms):
+    """The room in whose folder, or in a folder of whose folder, the file is; infer/evaluate/suite/x.h -> infer/evaluate. None outside."""
+    folder = os.path.dirname(path)
+    while folder and folder not in rooms:
+        folder = os.path.dirname(folder)
+    return folder or None
+
+
+def check_rooms(root):
+    """A room has the name of its folder, depends only on what its top folder may, and names the rooms that it includes and no others."""
     violations = []
-    for path in files_of(root, (".h", ".cc"), CODE_FOLDERS):
-        room = room_of(path)
-        if room == "cli":
-            continue
-        if room in MAY_INCLUDE:
-            allowed = (room,) + MAY_INCLUDE[room]
-        elif room in ROOMS:
-            allowed = ("core",) + ROOMS[: ROOMS.index(room) + 1]
-            if room == "infer/evaluate":
-                allowed += ("render",)
-        else:
-            violations.append(f"{path} is in none of the rooms {', '.join(ROOMS)}")
-            continue
-        for include in own_includes(text_of(root, path)):
-            if room_of(include) not in allowed:
-                violations.append(f"{path} includes {include}; {room} may include only {', '.join(allowed)}")
+    rooms = rooms_of(root)
+    for name, room in sorted(rooms.items()):
+        listing = f"{room.folder}/CMakeLists.txt"
+        if name != room.folder:
+            violations.append(f"{listing} makes {name}, which is not its folder")
+        top = name if name in MAY_DEPEND else name.split("/")[0]
+        for target in room.public + room.private:
+            if target in rooms:
+                if target.split("/")[0] not in (name.split("/")[0],) + MAY_DEPEND[top]:
+                    violations.append(f"{listing} names {target}; {top} may depend on {', '.join(MAY_DEPEND[top]) or 'nothing else'}")
+                used = any(
+                    room_of(include, rooms) == target
+                    for path in files_of(root, CODE, (name,))
+                    if room_of(path, rooms) == name
+                    for include in own_includes(text_of(root, path))
+                )
+                if not used:
+                    violations.append(f"{listing} names {target}, of which {name} includes nothing")
+            elif name not in HOMES.get(target, (name,)):
+                violations.append(f"{listing} names {target}, which only {' and '.join(HOMES[target])} may")
     return violations
 
 
-def check_libraries(root):
-    """Ceres is used in infer alone, OpenGL and EGL in render alone, OpenCV in the evaluation and infer's tests."""
+def check_page(root):
+    """The table of rooms in docs/architecture.md names all rooms, and of each what its CMakeLists.txt does."""
     violations = []
-    for path in files_of(root, (".h", ".cc"), CODE_FOLDERS + ("tests",)):
-        for library in library_includes(text_of(root, path)):
-            homes = LIBRARIES.get(library)
-            if homes and not path.startswith(tuple(home + "/" for home in homes)):
-                violations.append(f"{path} uses {library}, which only {' and '.join(homes)} may")
+    rooms = rooms_of(root)
+    page = "docs/architecture.md"
+    rows = [row.split(" | ") for row in text_of(root, page).splitlines() if row.startswith("| `")]
+    table = {row[0].strip("| `"): re.findall("`([^`]+)`", row[2]) for row in rows if len(row) == 4}
+    for name, room in sorted(rooms.items()):
+        named = sorted(target for target in room.public + room.private if target in rooms)
+        if name not in table:
+            violations.append(f"{page} has no row of {name}")
+        elif sorted(table[name]) != named:
+            violations.append(f"{page} says that {name} names {table[name]}, but it names {named}")
+    return violations + [f"{page} has a row of {name}, which is no room" for name in sorted(set(table) - set(rooms))]
+
+
+def includes_violations(root, rooms, path, may, own):
+    """Of what the file includes, what is neither of the room itself nor within reach."""
+    violations = []
+    text = text_of(root, path)
+    for include in own_includes(text):
+        room = room_of(include, rooms)
+        if include.startswith("tests/") and path.startswith("tests/"):
+            continue
+        if room is None or (room != own and room not in may):
+            violations.append(f"{path} includes {include}, but {own or 'the test'} does not name {room or 'its room'}")
+    for library in library_includes(text):
+        if library in HEADERS and HEADERS[library] not in may:
+            violations.append(f"{path} includes <{library}/...>, but {own or 'the test'} does not name {HEADERS[library]}")
+    return violations
+
+
+def check_includes(root):
+    """A header includes its own room and what DEPENDS reaches, a source also what PRIVATE_DEPENDS does."""
+    violations = []
+    rooms = rooms_of(root)
+    for path in files_of(root, CODE, CODE_FOLDERS):
+        name = room_of(path, rooms)
+        if path.startswith("cli/"):
+            continue
+        if name is None:
+            violations.append(f"{path} is in no room")
+            continue
+        room = rooms[name]
+        may = reach(rooms, room.public + room.private)
+        if path.endswith(".h"):
+            # Libraries are private too where only headers within the project include theirs.
+            may = reach(rooms, room.public) | {target for target in room.private if target not in rooms}
+        violations += includes_violations(root, rooms, path, may, name)
+    return violations
+
+
+def check_public(root):
+    """A header that is installed includes none that is not, nor do the examples; its libraries come with its room."""
+    violations = []
+    rooms = rooms_of(root)
+    public = {header for room in rooms.values() for header in room.headers}
+    for path in sorted(public) + files_of(root, CODE, ("examples",)):
+        if not os.path.exists(os.path.join(root, path)):
+            violations.append(f"{path} is a public header that does not exist")
+            continue
+        text = text_of(root, path)
+        violations += [f"{path} includes {include}, which is no public header" for include in own_includes(text) if include not in public]
+        if path in public:
+            may = reach(rooms, rooms[room_of(path, rooms)].public)
+            for library in library_includes(text):
+                if library in HEADERS and HEADERS[library] not in may:
+                    violations.append(f"{path} is public and includes <{library}/...>, but DEPENDS do not name {HEADERS[library]}")
+    return violations
+
+
+def test_files(root, path):
+    """The test and the headers of tests that it includes, itself or through them."""
+    found = []
+    waiting = [path]
+    while waiting:
+        path = waiting.pop()
+        if path not in found and os.path.exists(os.path.join(root, path)):
+            found.append(path)
+            waiting += [include for include in own_includes(text_of(root, path)) if include.startswith("tests/")]
+    return found
+
+
+def check_tests(root):
+    """A test includes what its DEPENDS reach, and names no room of which it includes nothing."""
+    violations = []
+    rooms = rooms_of(root)
+    folders = {"volalign::" + name.replace("/", "_"): name for name in rooms}
+    for listing in files_of(root, ("CMakeLists.txt",), ("tests",)):
+        for words in cmake_calls(text_of(root, listing), "volalign_test"):
+            path = f"tests/{words[0]}_test.cc"
+            named = [folders.get(target, target) for target in section(words, "DEPENDS")]
+            files = test_files(root, path)
+            for file in files:
+                violations += includes_violations(root, rooms, file, reach(rooms, named) | {"CLI11::CLI11"}, None)
+            included = {room_of(include, rooms) for file in files for include in own_includes(text_of(root, file))}
+            for target in named:
+                if target in rooms and target not in included:
+                    violations.append(f"{path} names {target} in {listing}, of which it includes nothing")
+                elif target.startswith("volalign::"):
+                    violations.append(f"{path} names {target} in {listing}, which is no room")
     return violations
 
 
@@ -127,7 +328,7 @@ def check_ceres_and_torch(root):
 def check_listed(root):
     """Every .cc stands in the nearest CMakeLists.txt: as a source, or, NAME_test.cc, as the test NAME."""
     violations = []
-    for path in files_of(root, (".cc",), CODE_FOLDERS + ("tests",)):
+    for path in files_of(root, (".cc",), CODE_FOLDERS + ("examples", "tests")):
         folder = os.path.dirname(path)
         while folder and not os.path.exists(os.path.join(root, folder, "CMakeLists.txt")):
             folder = os.path.dirname(folder)
@@ -142,6 +343,44 @@ def check_listed(root):
             names |= {os.path.relpath(test, "tests"), os.path.relpath(test, folder or ".")}
         if not names & words:
             violations.append(f"{path} is not in {listing}")
+    return violations
+
+
+def tests_of_room(root, path, rooms):
+    """The tests in the folder under tests/ that mirrors the file's, and in those above it up to its room's."""
+    folder, room = os.path.dirname(path), room_of(path, rooms)
+    names = []
+    while True:
+        where = os.path.join(root, "tests", folder)
+        if os.path.isdir(where):
+            names += [f"tests/{folder}/{name}" for name in os.listdir(where) if name.endswith(("_test.cc", "_test.py"))]
+        if folder == room or not folder:
+            return names
+        folder = os.path.dirname(folder)
+
+
+def check_tested(root, reasons):
+    """Every .cc of TESTED_FOLDERS is named by a test of its room: by NAME_test.cc or NAME_test.py, or by a _test.cc that includes its
+    header NAME.h. Or the reasons say which test reaches it; they name no other sources."""
+    violations = []
+    rooms = rooms_of(root)
+    sources = files_of(root, (".cc",), TESTED_FOLDERS)
+    for path in sources:
+        name = path[: -len(".cc")]
+        tests = tests_of_room(root, path, rooms)
+        called = {os.path.basename(test).rsplit("_test.", 1)[0] for test in tests}
+        included = {include for test in tests if test.endswith(".cc") for include in own_includes(text_of(root, test))}
+        tested = os.path.basename(name) in called or name + ".h" in included
+        if not tested and path not in reasons:
+            violations.append(f"{path} has no test in tests/{os.path.dirname(path)} of its name or that includes its header")
+        elif tested and path in reasons:
+            violations.append(f"{path} has a test, and a reason for having none")
+    for path, reason in sorted(reasons.items()):
+        if path not in sources:
+            violations.append(f"{path} has a reason for having no test, and does not exist")
+        tests = re.findall(r"tests/[\w./]*_test\.(?:cc|py)", reason)
+        if not tests or not all(os.path.exists(os.path.join(root, test)) for test in tests):
+            violations.append(f"{path} has a reason that names no test that exists: {reason}")
     return violations
 
 
@@ -193,17 +432,31 @@ class Repository(unittest.TestCase):
         self.assertGreater(len(files_of(ROOT, (".cc",), CODE_FOLDERS)), 60)
         self.assertGreater(len(files_of(ROOT, (".md",))), 8)
 
-    def test_arrows(self):
-        self.expect_none(check_arrows(ROOT))
+        self.assertGreater(len(rooms_of(ROOT)), 20)
 
-    def test_libraries(self):
-        self.expect_none(check_libraries(ROOT))
+    def test_rooms(self):
+        self.expect_none(check_rooms(ROOT))
+
+    def test_page(self):
+        self.expect_none(check_page(ROOT))
+
+    def test_includes(self):
+        self.expect_none(check_includes(ROOT))
+
+    def test_public(self):
+        self.expect_none(check_public(ROOT))
+
+    def test_tests(self):
+        self.expect_none(check_tests(ROOT))
 
     def test_ceres_and_torch(self):
         self.expect_none(check_ceres_and_torch(ROOT))
 
     def test_listed(self):
         self.expect_none(check_listed(ROOT))
+
+    def test_tested(self):
+        self.expect_none(check_tested(ROOT, REASONS))
 
     def test_citations(self):
         self.expect_none(check_citations(ROOT))
@@ -228,53 +481,135 @@ class Rules(unittest.TestCase):
         reported = [re.match(r"[^\s:]+", violation)[0] for violation in self.violations(check, files)]
         self.assertEqual(reported, expected, files)
 
-    def test_arrows(self):
-        def include(path, *headers):
-            return {path: "".join(f'#include "{header}"\n' for header in headers)}
+    ROOMS = {
+        "core/base/CMakeLists.txt": "volalign_library(core/base SOURCES a.cc DEPENDS fmt::fmt PRIVATE_DEPENDS OpenSSL::Crypto)\n",
+        "core/base/a.cc": "#include <fmt/format.h>\n",
+        "core/nn/CMakeLists.txt": "volalign_library(core/nn SOURCES a.cc\n  DEPENDS volalign::core_base torch)  # x)\n",
+        "core/nn/a.cc": '#include "core/base/a.h"\n',
+        "render/CMakeLists.txt": "volalign_library(render SOURCES a.cc DEPENDS volalign::core_base)\n",
+        "render/a.cc": '#include "core/base/a.h"\n',
+        "infer/view/CMakeLists.txt": "volalign_library(infer/view SOURCES a.cc DEPENDS volalign::core_base)\n",
+        "infer/view/a.cc": '#include "core/base/a.h"\n',
+        "infer/refine/CMakeLists.txt": "volalign_library(infer/refine SOURCES a.cc DEPENDS volalign::infer_view PRIVATE_DEPENDS Ceres::ceres)\n",
+        "infer/refine/costs/a.cc": '#include "infer/view/a.h"\n',
+        "infer/segment/CMakeLists.txt": "volalign_library(infer/segment SOURCES a.cc DEPENDS volalign::infer_view PRIVATE_DEPENDS volalign::core_nn)\n",
+        "infer/segment/a.cc": '#include "core/nn/a.h"\n#include "infer/view/a.h"\n',
+    }
 
-        allowed = [
-            ("core/a.cc", "core/a.h"),
-            ("render/a.cc", "core/a.h", "render/a.h"),
-            ("train/a.cc", "core/a.h", "render/a.h", "train/a.h"),
-            ("infer/view/a.cc", "core/a.h", "infer/view/a.h"),
-            ("infer/pose/a.cc", "infer/view/a.h", "infer/pose/a.h"),
-            ("infer/refine/a.cc", "infer/view/a.h", "infer/pose/a.h"),
-            ("infer/checks/a.cc", "infer/refine/a.h"),
-            ("infer/calibrate.cc", "infer/calibrate.h", "infer/view/a.h", "infer/pose/a.h", "infer/refine/a.h", "infer/checks/a.h"),
-            ("infer/io/a.cc", "infer/calibrate.h", "infer/view/a.h"),
-            ("infer/evaluate/a.cc", "infer/io/a.h", "infer/calibrate.h", "render/a.h"),
-            ("cli/a.cc", "train/a.h", "infer/evaluate/a.h"),
-        ]
-        for case in allowed:
-            self.expect(check_arrows, include(*case), [])
-        forbidden = [
-            ("core/a.h", "render/a.h"),
-            ("core/a.h", "infer/view/a.h"),
-            ("core/a.h", "tests/a.h"),
-            ("render/a.cc", "train/a.h"),
-            ("render/a.cc", "infer/view/a.h"),
-            ("train/a.cc", "infer/view/a.h"),
-            ("infer/view/a.cc", "infer/pose/a.h"),
-            ("infer/view/a.cc", "render/a.h"),
-            ("infer/pose/a.cc", "infer/refine/a.h"),
-            ("infer/refine/a.cc", "infer/checks/a.h"),
-            ("infer/checks/a.cc", "infer/calibrate.h"),
-            ("infer/calibrate.cc", "infer/io/a.h"),
-            ("infer/calibrate.cc", "render/a.h"),
-            ("infer/io/a.cc", "infer/evaluate/a.h"),
-            ("infer/io/a.cc", "render/a.h"),
-            ("infer/evaluate/a.cc", "train/a.h"),
-            ("infer/evaluate/a.cc", "cli/a.h"),
-        ]
-        for case in forbidden:
-            self.expect(check_arrows, include(*case), [case[0]])
-        self.expect(check_arrows, {"infer/lobby/a.cc": ""}, ["infer/lobby/a.cc"])
+    def expect_in_rooms(self, check, path, text, expected):
+        self.expect(check, {**self.ROOMS, path: text}, [path] if expected is True else expected)
 
-    def test_libraries(self):
-        self.expect(check_libraries, {"infer/refine/a.cc": "#include <ceres/ceres.h>\n", "render/a.cc": "#include <epoxy/gl.h>\n"}, [])
-        self.expect(check_libraries, {"core/a.cc": "#include <ceres/ceres.h>\n"}, ["core/a.cc"])
-        self.expect(check_libraries, {"render/a.cc": "#include <opencv2/core.hpp>\n"}, ["render/a.cc"])
-        self.expect(check_libraries, {"infer/view/a.cc": "#include <epoxy/gl.h>\n"}, ["infer/view/a.cc"])
+    def test_rooms(self):
+        def library(room, rest):
+            return f"volalign_library({room} SOURCES a.cc {rest})\n"
+
+        self.expect(check_rooms, self.ROOMS, [])
+        for path, text in {
+            "core/base/CMakeLists.txt": library("core/bass", "DEPENDS fmt::fmt"),
+            "infer/segment/CMakeLists.txt": library("infer/segment", "DEPENDS volalign::infer_view volalign::core_nn volalign::core_base"),
+            "infer/view/CMakeLists.txt": library("infer/view", "PRIVATE_DEPENDS Ceres::ceres"),
+            "render/CMakeLists.txt": library("render", "DEPENDS volalign::core_base torch"),
+        }.items():
+            self.assertIn(path, [violation.split()[0] for violation in self.violations(check_rooms, {**self.ROOMS, path: text})])
+        for path, depends, include in (
+            ("render", "volalign::infer_view", "infer/view/a.h"),
+            ("infer/view", "volalign::render", "render/a.h"),
+            ("core/base", "volalign::render", "render/a.h"),
+        ):
+            files = {**self.ROOMS, path + "/CMakeLists.txt": library(path, "DEPENDS " + depends), path + "/a.cc": f'#include "{include}"\n'}
+            self.expect(check_rooms, files, [path + "/CMakeLists.txt"])
+        evaluate = library("infer/evaluate", "DEPENDS volalign::render")
+        self.expect(check_rooms, {**self.ROOMS, "infer/evaluate/CMakeLists.txt": evaluate, "infer/evaluate/a.h": '#include "render/a.h"\n'}, [])
+
+    def test_page(self):
+        rows = {
+            "core/base": "| `core/base` | files | - | fmt |\n",
+            "core/nn": "| `core/nn` | the network | `core/base` | LibTorch |\n",
+            "render": "| `render` | scenes | `core/base` | - |\n",
+            "infer/view": "| `infer/view` | frames | `core/base` | - |\n",
+            "infer/refine": "| `infer/refine` | poses | `infer/view` | Ceres |\n",
+            "infer/segment": "| `infer/segment` | labels | `infer/view`, `core/nn` | - |\n",
+        }
+
+        def violations(changed):
+            page = "| room | what | names | and |\n" + "".join({**rows, **changed}.values())
+            return self.violations(check_page, {**self.ROOMS, "docs/architecture.md": page})
+
+        self.assertEqual(violations({}), [])
+        self.assertIn("no row of render", violations({"render": ""})[0])
+        self.assertIn("which is no room", violations({"x": "| `core/x` | x | - | - |\n"})[0])
+        self.assertIn("infer/segment names", violations({"infer/segment": "| `infer/segment` | labels | `infer/view` | - |\n"})[0])
+
+    def test_includes(self):
+        self.expect(check_includes, self.ROOMS, [])
+        for path, include in (
+            ("core/nn/b.h", "core/base/b.h"),
+            ("core/nn/b.h", "core/nn/c.h"),
+            ("infer/refine/b.cc", "core/base/b.h"),
+            ("infer/segment/b.cc", "core/nn/b.h"),
+            ("infer/refine/costs/b.h", "infer/refine/b.h"),
+            ("cli/b.cc", "infer/refine/b.h"),
+        ):
+            self.expect_in_rooms(check_includes, path, f'#include "{include}"\n', [])
+        for path, include in (
+            ("core/base/b.h", "core/nn/b.h"),
+            ("render/b.cc", "infer/view/b.h"),
+            ("infer/view/b.cc", "infer/refine/costs/b.h"),
+            ("infer/segment/b.h", "core/nn/b.h"),
+            ("infer/view/b.cc", "tests/core/b.h"),
+            ("infer/view/b.cc", "infer/lobby/b.h"),
+        ):
+            self.expect_in_rooms(check_includes, path, f'#include "{include}"\n', True)
+        self.expect_in_rooms(check_includes, "infer/lobby/a.cc", "", True)
+        for path, library in (("infer/refine/b.cc", "ceres/ceres.h"), ("infer/refine/b.h", "ceres/ceres.h"), ("render/b.cc", "fmt/format.h")):
+            self.expect_in_rooms(check_includes, path, f"#include <{library}>\n", [])
+        for path, library in (("infer/view/b.cc", "ceres/ceres.h"), ("infer/view/b.h", "ATen/ATen.h"), ("render/b.cc", "openssl/evp.h")):
+            self.expect_in_rooms(check_includes, path, f"#include <{library}>\n", True)
+
+    def test_public(self):
+        def files(room, *includes):
+            depends = "DEPENDS fmt::fmt PRIVATE_DEPENDS OpenSSL::Crypto"
+            return {
+                "core/base/CMakeLists.txt": f"volalign_library(core/base COMPONENT core SOURCES a.cc\n  PUBLIC_HEADERS\n    a.h\n    b.h\n  {depends})\n",
+                "core/base/a.h": "",
+                "core/base/b.h": "",
+                "core/base/c.h": "",
+                room: "".join(f"#include {include}\n" for include in includes),
+            }
+
+        self.expect(check_public, files("core/base/a.h", '"core/base/b.h"', "<fmt/format.h>", "<vector>"), [])
+        self.expect(check_public, files("examples/x/main.cc", '"core/base/a.h"'), [])
+        self.expect(check_public, files("core/base/c.h", "<openssl/evp.h>"), [])
+        self.expect(check_public, files("core/base/a.h", '"core/base/c.h"'), ["core/base/a.h"])
+        self.expect(check_public, files("examples/x/main.cc", '"core/base/c.h"'), ["examples/x/main.cc"])
+        self.expect(check_public, files("core/base/a.h", "<openssl/evp.h>"), ["core/base/a.h"])
+        without = {path: text for path, text in files("core/base/c.h").items() if path != "core/base/b.h"}
+        self.expect(check_public, without, ["core/base/b.h"])
+
+    def test_tests(self):
+        def files(depends, *includes):
+            return {
+                **self.ROOMS,
+                "tests/infer/view/CMakeLists.txt": f"volalign_test(infer/view/a SLOW DEPENDS {depends} TIMEOUT 60)\n",
+                "tests/infer/view/a_test.cc": "".join(f"#include {include}\n" for include in includes),
+                "tests/infer/view/frames.h": '#include "infer/view/a.h"\n',
+            }
+
+        for case in (
+            ("volalign::infer_view", '"infer/view/a.h"', '"core/base/a.h"', "<fmt/format.h>"),
+            ("volalign::infer_view", '"tests/infer/view/frames.h"'),
+            ("volalign::infer_refine Ceres::ceres", '"infer/refine/a.h"', "<ceres/ceres.h>"),
+        ):
+            self.expect(check_tests, files(*case), [])
+        for case, reported in (
+            (("volalign::core_base", '"core/base/a.h"', '"infer/view/a.h"'), "a_test.cc"),
+            (("volalign::core_base", '"core/base/a.h"', '"tests/infer/view/frames.h"'), "frames.h"),
+            (("volalign::infer_refine", '"infer/refine/a.h"', "<ceres/ceres.h>"), "a_test.cc"),
+            (("volalign::infer_segment", '"infer/segment/a.h"', '"core/nn/a.h"'), "a_test.cc"),
+            (("volalign::infer_refine", '"infer/view/a.h"'), "a_test.cc"),
+            (("volalign::infer_view volalign::core", '"infer/view/a.h"'), "a_test.cc"),
+        ):
+            self.expect(check_tests, files(*case), ["tests/infer/view/" + reported])
 
     def test_ceres_and_torch(self):
         ceres = "#include <ceres/ceres.h>\n"
@@ -300,6 +635,49 @@ class Rules(unittest.TestCase):
             self.expect(check_listed, {**files, stray: ""}, [stray])
         commented = {**files, "core/CMakeLists.txt": "set(CORE_SOURCES)  # a.cc\n"}
         self.expect(check_listed, commented, ["core/a.cc"])
+
+    def test_tested(self):
+        files = {
+            "train/CMakeLists.txt": "volalign_library(train SOURCES a.cc b.cc log/c.cc)\n",
+            "train/a.cc": "",
+            "train/b.cc": "",
+            "train/log/c.cc": "",
+            "core/d.cc": "",
+            "tests/train/a_test.cc": '#include "train/b.h"\n',
+            "tests/train/log/c_test.py": "",
+        }
+        reasons = {}
+
+        def check(root):
+            return check_tested(root, reasons)
+
+        def without(path, text=None):
+            changed = {name: content for name, content in files.items() if name != path}
+            return changed if text is None else {**changed, path: text}
+
+        self.expect(check, files, [])
+        # A folder of a room may have its tests beside the room's; a room has its own.
+        upwards = {**without("tests/train/log/c_test.py"), "tests/train/a_test.cc": '#include "train/b.h"\n#include "train/log/c.h"\n'}
+        self.expect(check, upwards, [])
+        own_room = {**upwards, "train/log/CMakeLists.txt": "volalign_library(train/log SOURCES c.cc)\n"}
+        self.expect(check, own_room, ["train/log/c.cc"])
+        self.expect(check, without("tests/train/log/c_test.py"), ["train/log/c.cc"])
+        self.expect(check, without("tests/train/a_test.cc", ""), ["train/b.cc"])
+        self.expect(check, without("tests/train/a_test.cc", '#include "train/log/b.h"\n'), ["train/b.cc"])
+        # Not what tests include, nor tests of other rooms.
+        elsewhere = {"tests/train/b.h": '#include "train/b.h"\n', "tests/infer/b_test.cc": '#include "train/b.h"\n'}
+        self.expect(check, {**without("tests/train/a_test.cc", '#include "tests/train/b.h"\n'), **elsewhere}, ["train/b.cc"])
+
+        reasons["train/b.cc"] = "declared in train/a.h, tested by tests/train/a_test.cc"
+        self.expect(check, files, ["train/b.cc"])
+        self.expect(check, without("tests/train/a_test.cc", ""), [])
+        reasons["train/b.cc"] = "see tests/train/none_test.cc"
+        self.expect(check, without("tests/train/a_test.cc", ""), ["train/b.cc"])
+        reasons["train/b.cc"] = "hard to test"
+        self.expect(check, without("tests/train/a_test.cc", ""), ["train/b.cc"])
+        del reasons["train/b.cc"]
+        reasons["train/e.cc"] = "tests/train/a_test.cc"
+        self.expect(check, files, ["train/e.cc"])
 
     def test_citations(self):
         self.expect(check_citations, {"docs/a.md": "artefacts/x\n", "tests/cli/a_test.cc": '"../shared/captures"\n'}, [])

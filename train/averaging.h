@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "core/network.h"
-#include "train/flat_module.h"
+#include "core/nn/network.h"
+#include "train/distributed/flat_module.h"
 
 namespace volalign {
 

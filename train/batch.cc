@@ -7,8 +7,8 @@
 #include <deque>
 #include <utility>
 
-#include "core/error.h"
-#include "core/lens.h"
+#include "core/base/error.h"
+#include "core/geometry/lens.h"
 
 namespace volalign {
 

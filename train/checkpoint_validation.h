@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/checkpoint.h"
+#include "core/nn/checkpoint.h"
 #include "train/train_config.h"
 #include "train/validation.h"
 

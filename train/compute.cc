@@ -13,8 +13,8 @@
 #include <sys/auxv.h>
 #endif
 
-#include "core/simd/processor.h"
-#include "core/torch_device.h"
+#include "core/nn/simd/processor.h"
+#include "core/nn/torch_device.h"
 
 namespace volalign {
 

@@ -4,9 +4,9 @@
 
 #include <string>
 
-#include "core/network.h"
+#include "core/nn/network.h"
+#include "train/distributed/world.h"
 #include "train/train_config.h"
-#include "train/world.h"
 
 namespace volalign {
 

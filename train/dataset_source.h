@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "core/ordered_prefetch.h"
-#include "render/batch_slice.h"
+#include "core/base/batch_slice.h"
+#include "core/base/ordered_prefetch.h"
 #include "render/dataset.h"
 #include "train/batch.h"
 

@@ -5,8 +5,8 @@
 
 #include <map>
 
-#include "core/checkpoint.h"
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/nn/checkpoint.h"
 
 namespace volalign {
 namespace {

@@ -2,11 +2,11 @@
 
 #include <string>
 
-#include "core/network.h"
-#include "core/structure.h"
+#include "core/geometry/structure.h"
+#include "core/nn/network.h"
 #include "train/averaging.h"
 #include "train/compute.h"
-#include "train/flat_module.h"
+#include "train/distributed/flat_module.h"
 #include "train/optimizer.h"
 #include "train/train_config.h"
 

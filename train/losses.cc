@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "train/pixel_loss.h"
 #include "train/soft_procrustes.h"
 
@@ -72,6 +72,8 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
       targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints)).to(device)),
       weights_(ClassWeights(config, num_classes_)) {
   if (weights_.defined()) weights_ = weights_.to(device);
+  for (const std::string& name : config.terms)
+    terms_.push_back(MakeLossTerm(name, structure, device));
 }
 
 LossShare TrainingLoss::ShareOf(const at::Tensor& labels, std::int64_t first,
@@ -96,6 +98,17 @@ double TrainingLoss::WeightOf(const at::Tensor& labels) const {
 LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
                                    const at::Tensor& labels, const at::Tensor& rays,
                                    std::int64_t samples, const LossShare& share) const {
+  LossTerms terms = PaperLoss(log_probs, depth, labels, rays, samples, share);
+  for (std::size_t i = 0; i < terms_.size(); ++i) {
+    terms.total = terms.total + share.procrustes * config_.term_weights[i] *
+                                    (*terms_[i])({log_probs, depth, labels, rays});
+  }
+  return terms;
+}
+
+LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
+                                  const at::Tensor& labels, const at::Tensor& rays,
+                                  std::int64_t samples, const LossShare& share) const {
   LossTerms terms;
   if (!config_.procrustes) {
     terms.segmentation = SegmentationLoss(log_probs, labels, weights_);

@@ -2,7 +2,8 @@
 
 #include <ATen/core/Tensor.h>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
+#include "train/loss_term.h"
 #include "train/train_config.h"
 
 namespace volalign {
@@ -23,7 +24,7 @@ at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int n
                         int min_pixels);
 
 struct LossTerms {
-  at::Tensor total;         ///< scalar, differentiable
+  at::Tensor total;         ///< scalar, differentiable, with loss.terms
   at::Tensor segmentation;  ///< scalar
   at::Tensor procrustes;    ///< scalar, m; 0 when it is switched off
   at::Tensor degenerate;    ///< int64 scalar, samples that added nothing to `procrustes`
@@ -35,7 +36,7 @@ struct LossShare {
   double procrustes = 1;    ///< of the samples
 };
 
-/// L = L_seg + lambda L_3D (paper, section "Soft Procrustes").
+/// L = L_seg + lambda L_3D (paper, section "Soft Procrustes") + the weighted loss.terms.
 class TrainingLoss {
  public:
   TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);
@@ -55,10 +56,15 @@ class TrainingLoss {
   double WeightOf(const at::Tensor& labels) const;
 
  private:
+  LossTerms PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
+                      const at::Tensor& labels, const at::Tensor& rays, std::int64_t samples,
+                      const LossShare& share) const;
+
   LossConfig config_;
   int num_classes_;
   at::Tensor targets_;  // [K-1,3]
   at::Tensor weights_;  // [K], or undefined
+  std::vector<std::unique_ptr<LossTerm>> terms_;
 };
 
 }  // namespace volalign

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/torch_threads.h"
+#include "core/nn/cpu/torch_threads.h"
 
 namespace volalign {
 namespace {

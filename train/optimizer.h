@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "train/flat_module.h"
+#include "train/distributed/flat_module.h"
 #include "train/train_config.h"
 
 namespace volalign {

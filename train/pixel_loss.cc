@@ -7,9 +7,9 @@
 #include <ATen/ops/zeros.h>
 #include <torch/csrc/autograd/custom_function.h>
 
-#include "core/error.h"
-#include "core/simd/map_kernels.h"
-#include "core/torch_threads.h"
+#include "core/base/error.h"
+#include "core/nn/cpu/torch_threads.h"
+#include "core/nn/simd/map_kernels.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/egl/gl_depth_renderer.h"
 #include "render/sample_stream.h"
 #include "train/batch.h"
 #include "train/train_config.h"
@@ -18,7 +19,7 @@ class RenderedSource : public SampleSource {
   RenderedSource(std::shared_ptr<const SampleContext> context, const RunConfig& run,
                  std::uint64_t seed, std::uint64_t first_index, const BatchSlice& slice = {})
       : stream_(std::move(context),
-                {seed, first_index, run.loader_threads, run.prefetch, -1, slice}) {}
+                {seed, first_index, run.loader_threads, run.prefetch, GlRenderers(), slice}) {}
   std::vector<Sample> Next() override { return stream_.Next(); }
 
  private:

@@ -9,9 +9,9 @@
 #include <memory>
 #include <utility>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "train/metrics.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "train/log/metrics.h"
 #include "train/schedule.h"
 #include "train/step.h"
 #include "train/together.h"

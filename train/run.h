@@ -6,15 +6,15 @@
 #include <vector>
 
 #include "train/compute.h"
-#include "train/gradient_reducer.h"
-#include "train/interrupt.h"
+#include "train/distributed/gradient_reducer.h"
+#include "train/distributed/interrupt.h"
+#include "train/distributed/process_group.h"
 #include "train/learner.h"
+#include "train/log/run_folder.h"
+#include "train/log/sinks.h"
+#include "train/log/tensorboard_sink.h"
 #include "train/losses.h"
-#include "train/process_group.h"
-#include "train/run_folder.h"
-#include "train/sinks.h"
 #include "train/state.h"
-#include "train/tensorboard_sink.h"
 #include "train/trainer.h"
 
 namespace volalign {

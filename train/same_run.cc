@@ -5,13 +5,14 @@
 #include <set>
 #include <vector>
 
-#include "core/config.h"
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/config/config.h"
 
 namespace volalign {
 namespace {
 
-/// Keys that may differ when a run is resumed: they change no sample and no step.
+/// Keys that may differ when a run is resumed: they change no sample, and no step but for the
+/// rounding of its sums, which run.threads and run.device change.
 const std::set<std::string>& FreeKeys() {
   static const std::set<std::string> keys = {"run.samples",           "run.validation_samples",
                                              "run.validate_every",    "run.checkpoint_every",

@@ -16,8 +16,8 @@
 #include <fmt/format.h>
 #include <torch/csrc/autograd/custom_function.h>
 
-#include "core/error.h"
-#include "core/procrustes.h"
+#include "core/base/error.h"
+#include "core/geometry/procrustes.h"
 
 namespace volalign {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <ATen/core/Tensor.h>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 
 namespace volalign {
 
@@ -44,8 +44,8 @@ struct ProcrustesLoss {
 /// C [B,K-1,3] sensor frame, S [K-1,3] structure frame, visible [B,K-1] bool; both sets are centred
 /// over the visible sides, Omega aligns C^ to S^. A sample adds nothing and is counted where the
 /// second singular value of its visible centred S is below kMinSecondSingularValue
-/// (core/procrustes.h) or the rotation is not determined. The gradient is finite for every input,
-/// zero residuals included.
+/// (core/geometry/procrustes.h) or the rotation is not determined. The gradient is finite for every
+/// input, zero residuals included.
 ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
                                   const at::Tensor& visible);
 

@@ -5,82 +5,72 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
-#include <nlohmann/json.hpp>
 
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/json/json_archive.h"
 #include "train/same_run.h"
 
 namespace volalign {
+
+template <class Archive>
+void Describe(Archive& ar, BestValidation& best) {
+  ar("samples", best.samples);
+  ar("value", best.value);
+  ar("since", best.since);
+}
+
+template <class Archive>
+void Describe(Archive& ar, StepMeans& means) {
+  StepReport& sum = means.sum;
+  StepTimes& t = sum.times;
+  ar("steps", means.steps);
+  ar("samples", means.samples);
+  ar("loss", sum.loss);
+  ar("loss_seg", sum.loss_seg);
+  ar("loss_3d", sum.loss_3d);
+  ar("degenerate", sum.degenerate);
+  ar("gradient_norm", sum.gradient_norm);
+  Eigen::Matrix<double, 5, 1> times;
+  times << t.data, t.forward, t.loss, t.backward, t.optim;
+  ar("times", times);
+  t = {times[0], times[1], times[2], times[3], times[4]};
+}
+
+template <class Archive>
+void Describe(Archive& ar, RunProgress& progress) {
+  ar("samples", progress.samples);
+  ar("init_samples", progress.init_samples);
+  ar("lr", progress.lr);
+  ar("focal_px", progress.focal_px);
+  std::vector<std::pair<int, int>> sizes(progress.image_sizes.begin(), progress.image_sizes.end());
+  ar("image_sizes", sizes);
+  progress.image_sizes = {sizes.begin(), sizes.end()};
+  ar("validated", progress.validated);
+  ar("best", progress.best);
+  ar("means", progress.means);
+}
+
 namespace {
 
-using nlohmann::json;
-
-json ToJson(const BestValidation& best) {
-  return {{"samples", best.samples}, {"value", best.value}, {"since", best.since}};
-}
-
-BestValidation BestFromJson(const json& j) {
-  return {j.at("samples").get<std::int64_t>(), j.at("value").get<double>(),
-          j.at("since").get<int>()};
-}
-
-json ToJson(const StepMeans& means) {
-  const StepReport& sum = means.sum;
-  const StepTimes& t = sum.times;
-  return {{"steps", means.steps},
-          {"samples", means.samples},
-          {"loss", sum.loss},
-          {"loss_seg", sum.loss_seg},
-          {"loss_3d", sum.loss_3d},
-          {"degenerate", sum.degenerate},
-          {"gradient_norm", sum.gradient_norm},
-          {"times", {t.data, t.forward, t.loss, t.backward, t.optim}}};
-}
-
-StepMeans MeansFromJson(const json& j) {
-  StepMeans means;
-  means.steps = j.at("steps").get<std::int64_t>();
-  means.samples = j.at("samples").get<std::int64_t>();
-  means.sum.loss = j.at("loss").get<double>();
-  means.sum.loss_seg = j.at("loss_seg").get<double>();
-  means.sum.loss_3d = j.at("loss_3d").get<double>();
-  means.sum.degenerate = j.at("degenerate").get<std::int64_t>();
-  means.sum.gradient_norm = j.at("gradient_norm").get<double>();
-  const auto times = j.at("times").get<std::array<double, 5>>();
-  means.sum.times = {times[0], times[1], times[2], times[3], times[4]};
-  return means;
-}
-
-json ToJson(const RunProgress& progress) {
-  json sizes = json::array();
-  for (const auto& [width, height] : progress.image_sizes) sizes.push_back({width, height});
-  return {{"samples", progress.samples},
-          {"init_samples", progress.init_samples},
-          {"lr", progress.lr},
-          {"focal_px", {progress.focal_px.first, progress.focal_px.second}},
-          {"image_sizes", sizes},
-          {"validated", progress.validated},
-          {"best", ToJson(progress.best)},
-          {"means", ToJson(progress.means)}};
-}
-
-RunProgress FromJson(const json& meta) {
+/// What a state's file says beside its tensors.
+struct StateMeta {
   RunProgress progress;
-  progress.samples = meta.at("samples").get<std::int64_t>();
-  progress.init_samples = meta.at("init_samples").get<std::int64_t>();
-  progress.lr = meta.at("lr").get<double>();
-  progress.focal_px = {meta.at("focal_px").at(0).get<double>(),
-                       meta.at("focal_px").at(1).get<double>()};
-  for (const json& size : meta.at("image_sizes")) {
-    progress.image_sizes.insert({size.at(0).get<int>(), size.at(1).get<int>()});
+  std::int64_t steps = 0;
+  std::string data_identity;
+  bool bf16 = false, channels_last = false;
+  std::string config;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    volalign::Describe(ar, progress);
+    ar("steps", steps);
+    ar("data_identity", data_identity);
+    ar("bf16", bf16);
+    ar("channels_last", channels_last);
+    ar("config", config);
   }
-  progress.validated = meta.at("validated").get<std::int64_t>();
-  progress.best = BestFromJson(meta.at("best"));
-  progress.means = MeansFromJson(meta.at("means"));
-  return progress;
-}
+};
 
 std::string MomentPrefix(const std::string& moment) { return "optimizer/" + moment + "/"; }
 
@@ -112,27 +102,25 @@ void RunProgress::NoteCameras(const std::vector<Sample>& drawn) {
   image_sizes.insert({drawn[0].depth.width(), drawn[0].depth.height()});
 }
 
-std::string WriteProgress(const RunProgress& progress) { return ToJson(progress).dump(); }
+std::string WriteProgress(const RunProgress& progress) {
+  return WriteDescribed(progress, "progress", -1);
+}
 
 RunProgress ReadProgress(const std::string& text) {
-  try {
-    return FromJson(json::parse(text));
-  } catch (const json::exception& e) {
-    throw DataError(fmt::format("not the progress of a run: {}", e.what()));
-  }
+  return ReadDescribed<RunProgress>(text, "progress");
 }
 
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
                const std::string& data_identity, const Compute& compute, Learner& learner,
                const RunProgress& progress) {
-  json meta = ToJson(progress);
-  meta["steps"] = learner.optimizer.steps();
-  meta["data_identity"] = data_identity;
-  meta["bf16"] = compute.type == at::kBFloat16;
-  meta["channels_last"] = compute.channels_last;
-  meta["config"] = WriteConfig(config);
+  const StateMeta meta{progress,
+                       learner.optimizer.steps(),
+                       data_identity,
+                       compute.type == at::kBFloat16,
+                       compute.channels_last,
+                       WriteConfig(config)};
   learner.average.Refresh(learner.flat);
-  TensorFile state{kStateFormat, meta.dump(1), {}};
+  TensorFile state{kStateFormat, WriteDescribed(meta, path.string(), 1), {}};
   AddModuleTensors(*learner.net, "model/", &state.tensors);
   AddModuleTensors(*learner.average.net(), "average/", &state.tensors);
   for (const auto& [name, moment] : learner.optimizer.moments()) {
@@ -148,24 +136,19 @@ SavedState ReadState(const std::filesystem::path& path, const TrainConfig& confi
   SavedState saved;
   saved.path = path;
   saved.file = ReadTensorFile(path, kStateFormat);
-  try {
-    const json meta = json::parse(saved.file.meta);
-    const auto yaml = meta.at("config").get<std::string>();
-    RequireSameRun(yaml, config, path.string());
-    if (meta.at("data_identity").get<std::string>() != data_identity) {
-      throw ConfigError(fmt::format(
-          "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
-          "run's own dataset (config.yaml there names it), or start a new run",
-          path.string(), config.run.dataset));
-    }
-    saved.progress = FromJson(meta);
-    saved.steps = meta.at("steps").get<std::int64_t>();
-    if (meta.at("bf16").get<bool>()) saved.type = at::kBFloat16;
-    saved.channels_last = meta.at("channels_last").get<bool>();
-    if (!SameValidation(yaml, config)) saved.progress.best = BestValidation();
-  } catch (const json::exception& e) {
-    throw DataError(fmt::format("{}: invalid metadata ({})", path.string(), e.what()));
+  const auto meta = ReadDescribed<StateMeta>(saved.file.meta, path.string());
+  RequireSameRun(meta.config, config, path.string());
+  if (meta.data_identity != data_identity) {
+    throw ConfigError(fmt::format(
+        "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
+        "run's own dataset (config.yaml there names it), or start a new run",
+        path.string(), config.run.dataset));
   }
+  saved.progress = meta.progress;
+  saved.steps = meta.steps;
+  if (meta.bf16) saved.type = at::kBFloat16;
+  saved.channels_last = meta.channels_last;
+  if (!SameValidation(meta.config, config)) saved.progress.best = BestValidation();
   return saved;
 }
 

@@ -8,13 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "core/checkpoint.h"
-#include "core/structure.h"
+#include "core/geometry/structure.h"
+#include "core/nn/checkpoint.h"
 #include "render/sample.h"
-#include "train/best.h"
 #include "train/learner.h"
-#include "train/metrics.h"
-#include "train/run_folder.h"
+#include "train/log/metrics.h"
+#include "train/log/run_folder.h"
 #include "train/train_config.h"
 
 namespace volalign {
@@ -66,7 +65,7 @@ std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& 
 /// Weights, average and optimiser as they were. Throws DataError where the state lacks one.
 void Restore(const SavedState& state, Learner* learner);
 
-/// Writes the deployable checkpoint (core/checkpoint.h) of the averaged weights. Throws IoError.
+/// Writes the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights. Throws IoError.
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
                const Structure& structure, Learner& learner, const RunProgress& progress);
 

@@ -6,24 +6,12 @@
 
 #include "train/batch.h"
 #include "train/compute.h"
-#include "train/gradient_reducer.h"
+#include "train/distributed/gradient_reducer.h"
 #include "train/learner.h"
+#include "train/log/metrics.h"
 #include "train/losses.h"
 
 namespace volalign {
-
-/// Wall-clock time of the parts of a step, s.
-struct StepTimes {
-  double data = 0, forward = 0, loss = 0, backward = 0, optim = 0;
-};
-
-/// What a step measured.
-struct StepReport {
-  double loss = 0, loss_seg = 0, loss_3d = 0;
-  std::int64_t degenerate = 0;  ///< samples that added nothing to loss_3d
-  double gradient_norm = 0;     ///< before clipping
-  StepTimes times;
-};
 
 /// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
 /// time (0: all): fills `learner.flat`'s

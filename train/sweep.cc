@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "core/error.h"
-#include "core/torch_threads.h"
+#include "core/base/error.h"
+#include "core/nn/cpu/torch_threads.h"
 
 namespace volalign {
 namespace {

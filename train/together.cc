@@ -5,14 +5,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <type_traits>
 #include <utility>
 
-#include "core/config.h"
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/config/config.h"
 
 namespace volalign {
 namespace {
@@ -27,7 +25,7 @@ const std::set<std::string>& KeysOfTheMachine() {
   return keys;
 }
 
-void RequireSame(const Agreement& own, const std::string& config, const std::string& dataset,
+void RequireSame(const SharedRun& own, const std::string& config, const std::string& dataset,
                  int rank) {
   const ConfigSource lead = ConfigSource::FromString(config, "rank 0");
   const ConfigSource here = ConfigSource::FromString(own.config, "this process");
@@ -48,70 +46,19 @@ void RequireSame(const Agreement& own, const std::string& config, const std::str
   }
 }
 
-/// Values as bytes, one after the other.
-class Packer {
- public:
-  template <class T>
-  void Put(T value) {
-    static_assert(std::is_arithmetic_v<T>);
-    char raw[sizeof(T)];
-    std::memcpy(raw, &value, sizeof(T));
-    bytes_.append(raw, sizeof(T));
-  }
-  void Put(const std::string& text) {
-    Put(text.size());
-    bytes_ += text;
-  }
-  const std::string& bytes() const { return bytes_; }
-
- private:
-  std::string bytes_;
-};
-
-class Unpacker {
- public:
-  explicit Unpacker(std::string bytes) : bytes_(std::move(bytes)) {}
-  bool done() const { return at_ == bytes_.size(); }
-  template <class T>
-  void Get(T& value) {
-    std::memcpy(&value, bytes_.data() + at_, sizeof(T));
-    at_ += sizeof(T);
-  }
-  void Get(std::string& text) {
-    std::size_t size = 0;
-    Get(size);
-    text = bytes_.substr(at_, size);
-    at_ += size;
-  }
-
- private:
-  std::string bytes_;
-  std::size_t at_ = 0;
-};
-
+/// CBOR has, unlike JSON as text, numbers that are not finite.
 std::string Pack(const ValidationResult& own) {
-  Packer packer;
-  packer.Put(own.loss_3d * own.samples);
+  json scores = json::array();
   for (const SampleScore& s : own.scores) {
-    packer.Put(s.sensor);
-    for (const double value : {s.rho_m, s.loss_seg, s.miou, s.miou_authors, s.keypoint_rmse_m,
-                               s.translation_error_m, s.rotation_error_deg}) {
-      packer.Put(value);
-    }
-    packer.Put(s.posed);
+    scores.push_back(json::array({s.sensor, s.rho_m, s.loss_seg, s.miou, s.miou_authors, s.posed,
+                                  s.keypoint_rmse_m, s.translation_error_m, s.rotation_error_deg}));
   }
-  return packer.bytes();
+  const auto bytes = json::to_cbor({{"loss_3d", own.loss_3d * own.samples}, {"scores", scores}});
+  return {bytes.begin(), bytes.end()};
 }
 
-SampleScore NextScore(Unpacker* from) {
-  SampleScore s;
-  from->Get(s.sensor);
-  for (double* value : {&s.rho_m, &s.loss_seg, &s.miou, &s.miou_authors, &s.keypoint_rmse_m,
-                        &s.translation_error_m, &s.rotation_error_deg}) {
-    from->Get(*value);
-  }
-  from->Get(s.posed);
-  return s;
+SampleScore ScoreOf(const json& s) {
+  return {s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]};
 }
 
 void Broadcast(ProcessGroup& group, const torch::nn::Module& module) {
@@ -133,7 +80,7 @@ void RequireProcesses(const TrainConfig& config, int count) {
       count));
 }
 
-Compute Agree(ProcessGroup& group, const Agreement& own,
+Compute Agree(ProcessGroup& group, const SharedRun& own,
               const std::function<Compute(Compute)>& lead) {
   const std::string said = group.FromLead([&] {
     const Compute chosen = lead(own.compute);
@@ -179,22 +126,23 @@ void ShareCameras(ProcessGroup& group, RunProgress* progress) {
 
 ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size) {
   if (group.size() == 1) return own;
-  std::vector<Unpacker> slices;
+  std::vector<json> slices;
   double loss_3d = 0;
-  for (std::string& bytes : group.Gather(Pack(own))) {
-    double sum = 0;
-    slices.emplace_back(std::move(bytes)).Get(sum);
-    loss_3d += sum;
+  for (const std::string& bytes : group.Gather(Pack(own))) {
+    const json slice = json::from_cbor(bytes);
+    loss_3d += slice.at("loss_3d").get<double>();
+    slices.push_back(slice.at("scores"));
   }
   std::vector<SampleScore> scores;
-  while (!slices[0].done()) {
+  std::vector<std::size_t> taken(slices.size(), 0);
+  while (taken[0] < slices[0].size()) {
     for (int rank = 0; rank < group.size(); ++rank) {
       World world;
       world.size = group.size();
       world.rank = rank;
-      const int count = SliceOf(batch_size, world).count;
-      for (int i = 0; i < count; ++i) {
-        scores.push_back(NextScore(&slices[static_cast<std::size_t>(rank)]));
+      const auto r = static_cast<std::size_t>(rank);
+      for (int i = SliceOf(batch_size, world).count; i > 0; --i) {
+        scores.push_back(ScoreOf(slices[r].at(taken[r]++)));
       }
     }
   }

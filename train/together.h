@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "train/distributed/process_group.h"
 #include "train/learner.h"
-#include "train/process_group.h"
 #include "train/state.h"
 #include "train/validation.h"
 
@@ -15,7 +15,7 @@ namespace volalign {
 void RequireProcesses(const TrainConfig& config, int count);
 
 /// What the processes of a run agree on at its start, as rank 0 says it.
-struct Agreement {
+struct SharedRun {
   Compute compute;      ///< its type and layout
   std::string config;   ///< WriteConfig
   std::string dataset;  ///< TrainingData::identity
@@ -24,7 +24,7 @@ struct Agreement {
 /// `own.compute` with the type and layout of rank 0, which are what `lead` there makes of its own.
 /// Throws what `lead` throws, or ConfigError where another process has another configuration (but
 /// for keys of the machine) or other samples.
-Compute Agree(ProcessGroup& group, const Agreement& own,
+Compute Agree(ProcessGroup& group, const SharedRun& own,
               const std::function<Compute(Compute)>& lead);
 
 /// All processes go on from what rank 0 has.

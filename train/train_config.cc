@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/nn/network.h"
 
 namespace volalign {
 
 StructureNetOptions ModelConfig::Options(int num_classes) const {
   StructureNetOptions options;
+  options.kind = kind;
   options.base_channels = base_channels;
   options.num_classes = num_classes;
   options.attention = attention;
@@ -60,6 +62,11 @@ void TrainConfig::Validate() const {
                     run.validation_seed));
   }
   optim.Validate(run.samples);
+  if (loss.terms.size() != loss.term_weights.size()) {
+    throw ConfigError(fmt::format(
+        "loss.term_weights has {} numbers and loss.terms {} names: give one weight for each",
+        loss.term_weights.size(), loss.terms.size()));
+  }
   if (run.micro_batch > run.batch_size) {
     throw ConfigError(
         fmt::format("run.micro_batch = {} violates run.micro_batch <= run.batch_size = {}",

@@ -6,16 +6,20 @@
 #include <utility>
 #include <vector>
 
-#include "core/config.h"
-#include "core/config_word.h"
-#include "core/network.h"
-#include "core/structure.h"
+#include "core/config/config.h"
+#include "core/config/config_word.h"
+#include "core/geometry/structure.h"
 #include "render/sample_config.h"
+#include "train/log/metrics.h"
 
 namespace volalign {
 
-/// The network, but for the number of classes, which the structure gives (core/network.h).
+struct StructureNetOptions;
+std::vector<std::string> NetworkKinds();  // core/nn/network.h
+
+/// The network, but for the number of classes, which the structure gives (core/nn/network.h).
 struct ModelConfig {
+  std::string kind = "paper";
   int base_channels = 32;
   bool attention = true;
   std::string normalization = "none";
@@ -25,6 +29,8 @@ struct ModelConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
+    ar("kind", kind, "network: paper, or one that the program registers (core/nn/network.h)",
+       OneOf(NetworkKinds()));
     ar("base_channels", base_channels, "width c of the first convolution", AtLeast(1));
     ar("attention", attention, "soft attention after the bottleneck and each decoder level");
     ar("normalization", normalization, "after every convolution but the classifier",
@@ -45,6 +51,8 @@ struct LossConfig {
   int min_side_pixels = 1;
   std::string keypoints = "centre";
   std::vector<double> class_weights;
+  std::vector<std::string> terms;
+  std::vector<double> term_weights;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -61,6 +69,9 @@ struct LossConfig {
        "of the background and of every side; empty: all 1. The loss is divided by the sum of the "
        "weights",
        AtLeast(0));
+    ar("terms", terms,
+       "names of terms that the program registers (train/loss_term.h), added to the loss");
+    ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0));
   }
 };
 KeypointKind ParseKeypointKind(const std::string& word);
@@ -127,23 +138,6 @@ struct OptimConfig {
   /// What no single key can say. Throws ConfigError.
   void Validate(std::int64_t run_samples) const;
 };
-
-/// Metric of a validation by which runs and their checkpoints are compared.
-enum class BestMetric {
-  kLossSeg,
-  kMiou,
-  kMiouAuthors,
-  kKeypointRmse,
-  kTranslationError,
-  kRotationError
-};
-inline constexpr std::array<std::pair<const char*, BestMetric>, 6> kBestMetrics{
-    {{"loss_seg", BestMetric::kLossSeg},
-     {"miou", BestMetric::kMiou},
-     {"miou_authors", BestMetric::kMiouAuthors},
-     {"keypoint_rmse_m", BestMetric::kKeypointRmse},
-     {"median_translation_error_m", BestMetric::kTranslationError},
-     {"median_rotation_error_deg", BestMetric::kRotationError}}};
 
 enum class Precision { kFp32, kBf16, kAuto };
 inline constexpr std::array<std::pair<const char*, Precision>, 3> kPrecisions{

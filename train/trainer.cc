@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file_util.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "train/run.h"
 #include "train/same_run.h"
 #include "train/together.h"

@@ -3,10 +3,10 @@
 #include <cstdint>
 #include <filesystem>
 
+#include "train/distributed/world.h"
 #include "train/train_config.h"
 #include "train/training_data.h"
 #include "train/validation.h"
-#include "train/world.h"
 
 namespace volalign {
 
@@ -38,7 +38,7 @@ struct TrainResult {
 ///                  validation
 ///   states/        all that --resume needs, after so many samples as the name says (format
 ///                  volalign.training/2); the run.keep_states newest ones
-///   model.pt       the deployable checkpoint (core/checkpoint.h) of the averaged weights
+///   model.pt       the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights
 ///   best.pt        that of the best validation
 ///   tensorboard/   event files of the same metrics, with pictures of labels
 /// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped

@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "render/dataset.h"
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
 #include "render/sample.h"
 #include "train/dataset_source.h"
 #include "train/rendered_source.h"
@@ -93,28 +93,17 @@ void RequireRendering() {
   }
 }
 
-DatasetSource::Options SourceOptions(const RunConfig& run, std::int64_t seed,
-                                     std::int64_t first_sample, const BatchSlice& slice) {
-  DatasetSource::Options source;
-  source.slice = slice;
-  source.seed = static_cast<std::uint64_t>(seed);
-  source.first_sample = static_cast<std::uint64_t>(first_sample);
-  source.batch_size = run.batch_size;
-  source.num_threads = run.loader_threads;
-  source.prefetch = run.prefetch;
-  return source;
-}
-
 /// Samples of `seed` from a folder, or rendered where there is none.
 std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
                                          const std::shared_ptr<const SampleContext>& context,
                                          const RunConfig& run, std::int64_t seed,
                                          std::int64_t first_sample, const BatchSlice& slice) {
-  if (dataset) {
-    return std::make_unique<DatasetSource>(dataset, SourceOptions(run, seed, first_sample, slice));
-  }
-  return std::make_unique<RenderedSource>(context, run, static_cast<std::uint64_t>(seed),
-                                          static_cast<std::uint64_t>(first_sample), slice);
+  const auto of = static_cast<std::uint64_t>(seed),
+             first = static_cast<std::uint64_t>(first_sample);
+  if (!dataset) return std::make_unique<RenderedSource>(context, run, of, first, slice);
+  return std::make_unique<DatasetSource>(
+      dataset,
+      DatasetSource::Options{of, first, run.batch_size, run.loader_threads, run.prefetch, slice});
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "core/structure.h"
-#include "render/batch_slice.h"
+#include "core/base/batch_slice.h"
+#include "core/geometry/structure.h"
 #include "train/batch.h"
 #include "train/train_config.h"
 

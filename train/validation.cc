@@ -13,10 +13,10 @@
 #include <utility>
 #include <vector>
 
-#include "core/lens.h"
-#include "core/metrics.h"
-#include "core/pose.h"
-#include "core/procrustes.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/procrustes.h"
 
 namespace volalign {
 namespace {
@@ -149,12 +149,6 @@ ValidationResult Summarise(const std::vector<SampleScore>& scores) {
     result.median_rotation_error_deg = Summarise(rotation).median;
   }
   return result;
-}
-
-std::string MedianPoseError(const ValidationResult& result) {
-  if (result.posed == 0) return "-";
-  return fmt::format("{:.1f} cm, {:.2f} deg", 100 * result.median_translation_error_m,
-                     result.median_rotation_error_deg);
 }
 
 }  // namespace volalign

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/checks/outcome.h"
 
 namespace volalign {

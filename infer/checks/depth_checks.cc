@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "core/statistics.h"
+#include "core/base/statistics.h"
 
 namespace volalign {
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/image.h"
-#include "core/pose.h"
+#include "core/base/image.h"
+#include "core/geometry/pose.h"
 
 namespace volalign {
 

@@ -37,12 +37,6 @@ Intrinsics WithFocalFactor(Intrinsics intrinsics, double factor) {
   return intrinsics;
 }
 
-Intrinsics WithPrincipalPoint(Intrinsics intrinsics, double cx, double cy) {
-  intrinsics.cx = cx;
-  intrinsics.cy = cy;
-  return intrinsics;
-}
-
 /// Where the parabola through three values at -1, 0 and 1, of which the middle one is the largest,
 /// has its peak.
 double ParabolaPeak(double before, double middle, double after) {
@@ -98,7 +92,9 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const DepthImage& depth,
                                std::pair{(given.width - 1) / 2.0, (given.height - 1) / 2.0}}) {
     const double shift = std::hypot((cx - given.cx) / given.fx, (cy - given.cy) / given.fy);
     if (shift < options.min_change) continue;
-    const Intrinsics moved = WithPrincipalPoint(given, cx, cy);
+    Intrinsics moved = given;
+    moved.cx = cx;
+    moved.cy = cy;
     const double moved_score = score(moved);
     if (moved_score <= best.score) continue;
     best = {moved, fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy), best.given_score, moved_score,

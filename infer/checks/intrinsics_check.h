@@ -3,10 +3,10 @@
 #include <optional>
 #include <string>
 
-#include "core/camera.h"
-#include "core/config.h"
-#include "core/structure.h"
-#include "infer/pose/initial_pose.h"
+#include "core/config/config.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/initial_pose.h"
 #include "infer/view/segmentation.h"
 
 namespace volalign {

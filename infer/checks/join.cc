@@ -3,12 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <optional>
 #include <variant>
-
-#include "core/metrics.h"
 
 namespace volalign {
 
@@ -20,39 +17,36 @@ constexpr double kSamePlace = 0.2;    // m
 constexpr double kSameDirection = 6;  // deg
 constexpr double kOpenToDoubt = 0.3;  // weight of a pose that is not the only one
 
-/// A placed sensor in one still.
+/// A located frame.
 struct Sighting {
-  std::size_t still, frame;
-  std::string sensor;
+  FrameId frame;
+  std::size_t sensor;
   Pose structure_from_sensor = Pose::Identity();
   double weight = 1;
 };
 
 /// Where a sensor stands, by one still.
-struct Stand {
+struct Estimate {
   Pose first_from_sensor = Pose::Identity();
   double weight = 1;
   const Sighting* by = nullptr;
 };
-using Stands = std::map<std::string, std::vector<Stand>>;
+using Estimates = std::map<std::size_t, std::vector<Estimate>>;  // by sensor
 
 bool IsSame(const Pose& a, const Pose& b) {
   const PoseError apart = ComparePoses(a, b);
   return apart.translation_m < kSamePlace && apart.rotation_deg < kSameDirection;
 }
 
-std::vector<Sighting> SightingsIn(const std::vector<PlacedStill>& stills) {
+std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>& results) {
   std::vector<Sighting> all;
-  for (std::size_t s = 0; s < stills.size(); ++s) {
-    const PlacedStill& still = stills[s];
-    for (std::size_t i = 0; i < still.frames.size(); ++i) {
-      const auto* placed = std::get_if<PlacedSensor>(&(*still.placements)[i]);
-      if (!placed) continue;
-      const LabelledView& labelled = still.labelled[i];
-      double weight = std::max(0.01, labelled.initial.agreement.score());
-      if (!labelled.other_pose.empty() || placed->by_neighbours) weight *= kOpenToDoubt;
-      all.push_back({s, i, still.frames[i].name, placed->own_pose, weight});
-    }
+  for (const FrameId id : results.Ids()) {
+    const auto* located = std::get_if<LocatedFrame>(&results[id]);
+    if (!located) continue;
+    const Labelled& labelled = seen.labelled[id];
+    double weight = std::max(0.01, labelled.initial.agreement.score());
+    if (!labelled.other_pose.empty() || located->by_neighbours) weight *= kOpenToDoubt;
+    all.push_back({id, seen.capture->sensor_of[id], located->own_pose, weight});
   }
   return all;
 }
@@ -60,14 +54,14 @@ std::vector<Sighting> SightingsIn(const std::vector<PlacedStill>& stills) {
 /// What speaks for a still standing at a placement: the sensors that then stand where they are
 /// known to.
 double Support(const std::vector<Sighting>& sightings, std::size_t still, const Pose& placement,
-               const Stands& stands) {
+               const Estimates& stands) {
   double support = 0;
   for (const Sighting& sighting : sightings) {
     const auto known = stands.find(sighting.sensor);
-    if (sighting.still != still || known == stands.end()) continue;
+    if (sighting.frame.still != still || known == stands.end()) continue;
     const Pose here = placement * sighting.structure_from_sensor;
     double best = 0;
-    for (const Stand& stand : known->second) {
+    for (const Estimate& stand : known->second) {
       if (IsSame(here, stand.first_from_sensor)) best = std::max(best, stand.weight);
     }
     support += best * sighting.weight;
@@ -83,27 +77,27 @@ struct Found {
 
 /// Of the stills that are not yet joined, the one for whose place most speaks.
 std::optional<Found> FindNext(const std::vector<Sighting>& sightings,
-                              const std::vector<char>& joined, const Stands& stands) {
+                              const std::vector<char>& joined, const Estimates& stands) {
   std::optional<Found> best;
   for (const Sighting& sighting : sightings) {
     const auto known = stands.find(sighting.sensor);
-    if (joined[sighting.still] || known == stands.end()) continue;
-    for (const Stand& stand : known->second) {
+    if (joined[sighting.frame.still] || known == stands.end()) continue;
+    for (const Estimate& stand : known->second) {
       const Pose placement = stand.first_from_sensor * sighting.structure_from_sensor.inverse();
-      const double support = Support(sightings, sighting.still, placement, stands);
-      if (!best || support > best->support) best = Found{sighting.still, placement, support};
+      const double support = Support(sightings, sighting.frame.still, placement, stands);
+      if (!best || support > best->support) best = Found{sighting.frame.still, placement, support};
     }
   }
   return best;
 }
 
 /// The stand of a sensor that most of its stills agree on.
-const Stand& MostAgreed(const std::vector<Stand>& stands) {
-  const Stand* best = &stands.front();
+const Estimate& MostAgreed(const std::vector<Estimate>& stands) {
+  const Estimate* best = &stands.front();
   double most = -1;
-  for (const Stand& stand : stands) {
+  for (const Estimate& stand : stands) {
     double weight = 0;
-    for (const Stand& other : stands) {
+    for (const Estimate& other : stands) {
       if (IsSame(stand.first_from_sensor, other.first_from_sensor)) weight += other.weight;
     }
     if (weight <= most) continue;
@@ -113,19 +107,19 @@ const Stand& MostAgreed(const std::vector<Stand>& stands) {
   return *best;
 }
 
-Finding Contradiction(const Stand& odd, const Stand& agreed,
-                      const std::vector<PlacedStill>& stills) {
+Finding Contradiction(const Estimate& odd, const Estimate& agreed,
+                      const std::vector<Still>& stills) {
   const PoseError apart = ComparePoses(odd.first_from_sensor, agreed.first_from_sensor);
   return {SensorCode::kDisagrees,
           fmt::format("in {} it stands {:.2f} m and {:.0f} deg from where it stands in {}, by the "
                       "sensors that both have in common",
-                      stills[odd.by->still].name, apart.translation_m, apart.rotation_deg,
-                      stills[agreed.by->still].name),
+                      stills[odd.by->frame.still].name, apart.translation_m, apart.rotation_deg,
+                      stills[agreed.by->frame.still].name),
           "move nothing but the boxes between captures, and stack them alike; or leave this sensor "
           "out of one of the captures"};
 }
 
-Finding Unconnected(const PlacedStill& still, const PlacedStill& first) {
+Finding Unconnected(const Still& still, const Still& first) {
   return {
       SensorCode::kUnconnected,
       fmt::format("it sees the stack in {}, but no chain of sensors that see it in two captures "
@@ -136,16 +130,17 @@ Finding Unconnected(const PlacedStill& still, const PlacedStill& first) {
 
 }  // namespace
 
-std::vector<Pose> JoinStills(const std::vector<PlacedStill>& stills) {
-  std::vector<Pose> placements(stills.size(), Pose::Identity());
-  const std::vector<Sighting> sightings = SightingsIn(stills);
+Stood JoinStills(const Seen& seen, const PerFrame<LocateResult>& results) {
+  const std::vector<Still>& stills = seen.capture->stills;
+  Stood stood{std::vector<Pose>(stills.size(), Pose::Identity()), {}};
+  const std::vector<Sighting> sightings = SightingsIn(seen, results);
   std::vector<char> joined(stills.size(), 0);
-  Stands stands;
+  Estimates stands;
   const auto join = [&](std::size_t still, const Pose& placement) {
     joined[still] = 1;
-    placements[still] = placement;
+    stood.first_from_stack[still] = placement;
     for (const Sighting& sighting : sightings) {
-      if (sighting.still != still) continue;
+      if (sighting.frame.still != still) continue;
       stands[sighting.sensor].push_back(
           {placement * sighting.structure_from_sensor, sighting.weight, &sighting});
     }
@@ -155,18 +150,17 @@ std::vector<Pose> JoinStills(const std::vector<PlacedStill>& stills) {
     join(next->still, next->first_from_placement);
 
   for (const auto& [sensor, all] : stands) {
-    const Stand& agreed = MostAgreed(all);
-    for (const Stand& stand : all) {
+    const Estimate& agreed = MostAgreed(all);
+    for (const Estimate& stand : all) {
       if (IsSame(stand.first_from_sensor, agreed.first_from_sensor)) continue;
-      (*stills[stand.by->still].placements)[stand.by->frame] = Contradiction(stand, agreed, stills);
+      stood.contradicted[stand.by->frame] = Contradiction(stand, agreed, stills);
     }
   }
   for (const Sighting& sighting : sightings) {
-    if (joined[sighting.still]) continue;
-    (*stills[sighting.still].placements)[sighting.frame] =
-        Unconnected(stills[sighting.still], stills.front());
+    if (joined[sighting.frame.still]) continue;
+    stood.contradicted[sighting.frame] = Unconnected(stills[sighting.frame.still], stills.front());
   }
-  return placements;
+  return stood;
 }
 
 }  // namespace volalign

@@ -4,7 +4,6 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <cstddef>
 
 namespace volalign {
 
@@ -30,27 +29,25 @@ Excess ExcessOf(const LensEvidence& evidence, const SensorLens& lens) {
 
 }  // namespace
 
-std::vector<std::optional<Finding>> CheckLenses(const std::vector<SensorPlanes>& planes,
-                                                const LensSet& lenses, bool estimated,
-                                                const LensCheckOptions& options) {
-  std::vector<std::optional<Finding>> findings(planes.size());
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    const SensorLens& lens = lenses.Of(i);
+PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& planes,
+                                             const LensSet& lenses, bool estimated,
+                                             const LensCheckOptions& options) {
+  return MapFrames(planes, 1, [&](FrameId id) -> std::optional<Finding> {
+    const SensorLens& lens = lenses.Of(id);
     if (std::abs(std::expm1(lens.change[0])) > options.max_focal_change) {
-      const Intrinsics found = lenses.Effective(i);
-      findings[i] = Finding{
+      const Intrinsics found = lenses.Effective(id);
+      return Finding{
           SensorCode::kIntrinsicsSuspect,
           fmt::format("its focal length comes out {:+.1f} % from the one given: fx = {:.1f}, fy = "
                       "{:.1f}",
                       100 * std::expm1(lens.change[0]), found.fx, found.fy),
           "give the intrinsics of this sensor, at this resolution"};
-      continue;
     }
     const Excess excess =
-        ExcessOf(Straightness({planes[i]}).EvidenceAt({lenses.assumed[i]}, lens.change), lens);
-    const double bend = LargestBend(planes[i], excess.change);
-    if (!(excess.sigmas > options.min_sigmas) || !(bend > options.min_bend_m)) continue;
-    findings[i] = Finding{
+        ExcessOf(Straightness({planes[id]}).EvidenceAt({lenses.assumed[id]}, lens.change), lens);
+    const double bend = LargestBend(planes[id], excess.change);
+    if (!(excess.sigmas > options.min_sigmas) || !(bend > options.min_bend_m)) return std::nullopt;
+    return Finding{
         SensorCode::kLensSuspect,
         fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that the "
                     "intrinsics describe",
@@ -59,8 +56,7 @@ std::vector<std::optional<Finding>> CheckLenses(const std::vector<SensorPlanes>&
                     "name the sensor's kind (capture.json, sensor), so that it is estimated"
                   : "give the lens's distortion in the capture, or have it estimated "
                     "(--estimate auto)"};
-  }
-  return findings;
+  });
 }
 
 }  // namespace volalign

@@ -10,8 +10,9 @@
 #include <string>
 #include <utility>
 
-#include "core/lens.h"
-#include "infer/pose/agreement.h"
+#include "core/base/lists.h"
+#include "core/geometry/lens.h"
+#include "infer/initial/agreement.h"
 
 namespace volalign {
 
@@ -28,25 +29,26 @@ constexpr double kSearchGate = 0.1, kRefinedGate = 0.05;   // m, between points 
 constexpr double kSameFacing = 0.7;                        // cosine between their normals
 /// Of the gate, by which a point has to lie in front of what another sensor measured along the same
 /// ray, for that sensor to see through it.
-constexpr double kSeenThrough = 2;
+constexpr double kBehind = 2;
 constexpr double kHopeless = 0.5;   // of the best candidate's score
 constexpr double kAsGood = 0.1;     // of scores, of which neither decides
 constexpr double kUpright = 0.5;    // cosine: flatter sides do not tell the sensor's turn
 constexpr double kSamePlace = 0.1;  // m, of candidates that became one
 
+/// A located frame of the same still.
 struct Neighbour {
   const std::string* name;
   const SensorView* view;
-  const Intrinsics* intrinsics;
-  RefineFrame sensor;
+  Intrinsics intrinsics;
+  FrameInput sensor;
 };
 
-/// The sensor that is to be placed.
+/// The frame that is to be located.
 struct Lost {
   const SensorView& view;
-  const Intrinsics& intrinsics;
-  const LabelledView& labelled;
-  SensorPoints points;  // labelled by the network
+  Intrinsics intrinsics;
+  const Labelled& labelled;
+  std::shared_ptr<const SensorPoints> points;  // labelled by the network
   const std::vector<SensorLens>& lenses;
   int lens;  // its own, of these
 };
@@ -65,8 +67,8 @@ struct Shared {
 };
 
 /// Does a sensor measure something far behind a point, given in its frame?
-bool SeesThrough(const SensorView& view, const Intrinsics& intrinsics, const Eigen::Vector3d& p,
-                 double distance) {
+bool MeasuredBehind(const SensorView& view, const Intrinsics& intrinsics, const Eigen::Vector3d& p,
+                    double distance) {
   if (!(p.z() > 0)) return false;
   const Eigen::Vector2d pixel = ProjectRay(intrinsics, p.head<2>() / p.z());
   if (!(pixel.cwiseAbs().maxCoeff() < 1e6)) return false;
@@ -75,16 +77,10 @@ bool SeesThrough(const SensorView& view, const Intrinsics& intrinsics, const Eig
   return view.depth.Contains(u, v) && view.depth(u, v) > p.z() + distance;
 }
 
-template <class Visit>
-void ForProbes(const std::vector<CloudPoint>& cloud, std::size_t most, const Visit& visit) {
-  const std::size_t count = std::min(most, cloud.size());
-  for (std::size_t k = 0; k < count; ++k) visit(cloud[k * cloud.size() / count]);
-}
-
 Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
                double gate, std::size_t probes) {
   Shared shared;
-  ForProbes(lost.points.cloud(), probes, [&](const CloudPoint& point) {
+  for (const CloudPoint& point : Thinned(lost.points->cloud(), probes)) {
     bool matched = false, contradicted = false;
     for (const Neighbour& neighbour : neighbours) {
       const Pose there = neighbour.sensor.start.inverse() * pose;
@@ -96,21 +92,21 @@ Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const
         matched = matched || (there.linear() * point.normal).dot(other.normal) > kSameFacing;
       } else {
         contradicted = contradicted ||
-                       SeesThrough(*neighbour.view, *neighbour.intrinsics, p, kSeenThrough * gate);
+                       MeasuredBehind(*neighbour.view, neighbour.intrinsics, p, kBehind * gate);
       }
     }
     ++shared.probes;
     shared.matched += matched ? 1 : 0;
     shared.contradicted += contradicted && !matched ? 1 : 0;
-  });
+  }
   for (const Neighbour& neighbour : neighbours) {
     const Pose here = pose.inverse() * neighbour.sensor.start;
-    ForProbes(neighbour.sensor.points->cloud(), probes / neighbours.size(),
-              [&](const CloudPoint& point) {
-                const bool seen_through =
-                    SeesThrough(lost.view, lost.intrinsics, here * point.p, kSeenThrough * gate);
-                shared.contradicted += seen_through ? 1 : 0;
-              });
+    for (const CloudPoint& point :
+         Thinned(neighbour.sensor.points->cloud(), probes / neighbours.size())) {
+      const bool behind =
+          MeasuredBehind(lost.view, lost.intrinsics, here * point.p, kBehind * gate);
+      shared.contradicted += behind ? 1 : 0;
+    }
   }
   return shared;
 }
@@ -137,11 +133,9 @@ std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& nei
                              const Structure& structure, KeypointKind keypoints) {
   std::vector<Pose> starts;
   if (lost.labelled.initial.found) starts.push_back(lost.labelled.initial.structure_from_sensor);
-  std::vector<SideEvidence> sides = lost.labelled.initial.evidence;
-  std::stable_sort(sides.begin(), sides.end(),
-                   [](const SideEvidence& a, const SideEvidence& b) { return a.area > b.area; });
-  if (sides.size() > kMostSides) sides.resize(kMostSides);
-  for (const SideEvidence& side : sides) {
+  std::vector<SidePatch> sides = lost.labelled.initial.patches;
+  KeepLargest(kMostSides, &sides, [](const SidePatch& side) { return side.area; });
+  for (const SidePatch& side : sides) {
     const Eigen::Vector3d& normal = structure.SideOfLabel(side.label).normal;
     if (std::abs(normal.y()) > kUpright) continue;
     Pose pose = Pose::Identity();
@@ -154,10 +148,10 @@ std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& nei
 }
 
 /// Directions, structure frame, that the sides that were found leave open.
-std::vector<Eigen::Vector3d> OpenDirections(const std::vector<SideEvidence>& sides,
+std::vector<Eigen::Vector3d> OpenDirections(const std::vector<SidePatch>& sides,
                                             const Structure& structure) {
   Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
-  for (const SideEvidence& side : sides) {
+  for (const SidePatch& side : sides) {
     const Eigen::Vector3d& normal = structure.SideOfLabel(side.label).normal;
     normals += side.area * normal * normal.transpose();
   }
@@ -177,15 +171,13 @@ struct Candidate {
 
 /// The best ones, none next to a better one.
 std::vector<Candidate> BestApart(std::vector<Candidate> all) {
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  SortLargestFirst(&all, [](const Candidate& each) { return each.score; });
   std::vector<Candidate> best;
   for (const Candidate& candidate : all) {
-    const auto next_to = [&](const Candidate& other) {
+    if (best.size() == kMostRefined) break;
+    AddIfNew(candidate, &best, [&](const Candidate& other) {
       return (candidate.pose.translation() - other.pose.translation()).norm() < 2 * kStep;
-    };
-    if (best.size() < kMostRefined && std::none_of(best.begin(), best.end(), next_to))
-      best.push_back(candidate);
+    });
   }
   return best;
 }
@@ -193,7 +185,7 @@ std::vector<Candidate> BestApart(std::vector<Candidate> all) {
 std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& neighbours,
                               const Structure& structure, KeypointKind keypoints) {
   const std::vector<Eigen::Vector3d> open =
-      OpenDirections(lost.labelled.initial.evidence, structure);
+      OpenDirections(lost.labelled.initial.patches, structure);
   const int steps = static_cast<int>(std::lround(kReach / kStep));
   const int across = open.size() > 1 ? steps : 0, along = open.empty() ? 0 : steps;
   std::vector<Candidate> candidates;
@@ -214,34 +206,37 @@ std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& ne
 /// A candidate that was refined with the placed sensors.
 struct Refined {
   Pose pose = Pose::Identity();
-  Matrix6d covariance = Matrix6d::Zero();
+  double sigma_position_m = 0;  // LargestSigmaPosition
   Shared shared;
   bool good = false;  // it meets all conditions
 };
 
 Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& start,
-                   const Structure& structure, const PlacementOptions& options) {
-  std::vector<RefineFrame> sensors;
+                   const Structure& structure, const LocateOptions& options) {
+  std::vector<FrameInput> sensors;
   sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
-  sensors.push_back({&lost.points, start, start, start, true, lost.lens});
-  RefineOptions together = options.refine;
-  together.estimate = "none";
-  together.choose_estimates = false;
+  sensors.push_back({lost.points, start, start, start, FrameRole::kStructure, lost.lens});
+  RefineSetup together(options.refine);
+  together.free = EstimateSet();
+  together.free.where_told = false;
   const RefinedFrame found = Refine(structure, sensors, together, lost.lenses).frames.back();
 
-  Refined refined{found.structure_from_sensor, found.covariance, {}, false};
+  Refined refined{found.structure_from_sensor,
+                  LargestSigmaPosition(found.structure_from_sensor, found.covariance),
+                  {},
+                  false};
   refined.shared = Compare(lost, neighbours, refined.pose, kRefinedGate, kManyProbes);
   const Agreement agreement =
       CompareWithView(lost.view, lost.labelled.segmentation, structure, refined.pose,
-                      options.initial.evidence.min_confidence, kInlierDistance);
+                      options.initial.patch.min_confidence, kInlierDistance);
   const VerdictOptions& limits = options.verdict;
   const bool explains = agreement.explained_share() >= limits.min_explained_share &&
-                        agreement.see_through_share() <= limits.max_see_through_share &&
+                        agreement.behind_share() <= limits.max_behind_share &&
                         agreement.on_side_share() >= limits.min_on_side_share;
   const bool fixed =
-      SigmaTranslation(refined.covariance).maxCoeff() <= limits.max_sigma_by_neighbours_m &&
-      SigmaRotationDeg(refined.covariance).maxCoeff() <= limits.max_sigma_by_neighbours_deg;
+      refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
+      LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
   refined.good = found.accepted && found.problem.empty() && explains && fixed &&
                  refined.shared.matched >= static_cast<int>(kFewestShared) &&
                  refined.shared.share() >= limits.min_shared_share;
@@ -250,7 +245,7 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
 
 /// The one candidate that meets all conditions, if there is one.
 std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& neighbours,
-                                const Structure& structure, const PlacementOptions& options) {
+                                const Structure& structure, const LocateOptions& options) {
   std::vector<Refined> all;
   const std::vector<Candidate> candidates =
       Search(lost, neighbours, structure, options.initial.keypoints);
@@ -278,44 +273,48 @@ std::string NamesOf(const std::vector<Neighbour>& neighbours) {
   return names;
 }
 
+/// Of one still. Its frames are refined where its stack stands.
+std::vector<Neighbour> NeighboursIn(const Seen& seen, std::size_t still,
+                                    const SomeFrames<FrameInput>& located) {
+  std::vector<Neighbour> neighbours;
+  for (const auto& [id, frame] : located) {
+    if (id.still != still) continue;
+    neighbours.push_back(
+        {&(*seen.capture)[id].name, &seen.views[id], seen.lenses.Effective(id), frame});
+    neighbours.back().sensor.still = 0;
+  }
+  return neighbours;
+}
+
 }  // namespace
 
-std::vector<Placement> PlaceByNeighbours(const std::vector<SensorFrame>& frames,
-                                         const std::vector<SensorView>& views,
-                                         const std::vector<LabelledView>& labelled,
-                                         std::vector<Placement> placements, const LensSet& lenses,
-                                         const Structure& structure,
-                                         const PlacementOptions& options) {
-  const std::vector<RefineFrame> sensors =
-      FramesToRefine(frames, labelled, placements, lenses, options.refine);
-  std::vector<Neighbour> neighbours;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (std::holds_alternative<PlacedSensor>(placements[i])) {
-      neighbours.push_back(
-          {&frames[i].name, &views[i], &frames[i].intrinsics, sensors[neighbours.size()]});
-    }
-  }
-  if (neighbours.empty() || options.refine.max_overlap_points == 0) return placements;
-  std::vector<std::pair<std::size_t, PlacedSensor>> found;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const auto* failure = std::get_if<Finding>(&placements[i]);
+PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResult> results,
+                                          const LocateOptions& options) {
+  if (options.refine.max_overlap_points == 0) return results;
+  const Structure& structure = seen.capture->structure;
+  const SomeFrames<FrameInput> located = FramesToRefine(seen, results, options.refine);
+  for (const FrameId id : results.Ids()) {
+    const auto* failure = std::get_if<Finding>(&results[id]);
     if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
-    const SeenView seen{views[i], frames[i].intrinsics, lenses.Of(i)};
-    const Lost lost{views[i],      frames[i].intrinsics,
-                    labelled[i],   SampleSeen(seen, labelled[i].segmentation, structure, options),
-                    lenses.lenses, lenses.of_frame[i]};
-    const std::optional<Refined> pose = FindPose(lost, neighbours, structure, options);
-    if (!pose) continue;
-    PlacedSensor placed = PlaceAt(seen, structure, pose->pose, options);
-    placed.by_neighbours = Finding{
-        SensorCode::kByNeighbours,
-        fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm", failure->reason,
-                    NamesOf(neighbours), 1000 * SigmaTranslation(pose->covariance).maxCoeff()),
-        failure->hint};
-    found.emplace_back(i, std::move(placed));
+    const std::vector<Neighbour> neighbours = NeighboursIn(seen, id.still, located);
+    if (neighbours.empty()) continue;
+    const Labelled& labelled = seen.labelled[id];
+    const Lost lost{seen.views[id],     seen.lenses.Effective(id),
+                    labelled,           PointsOf(seen, id, labelled.segmentation, options),
+                    seen.lenses.lenses, static_cast<int>(seen.lenses.of_frame[id])};
+    const std::optional<Refined> found = FindPose(lost, neighbours, structure, options);
+    if (!found) continue;
+    LocatedFrame frame;
+    frame.own_pose = found->pose;
+    frame.points = PointsAt(seen, id, structure, found->pose, options);
+    frame.by_neighbours =
+        Finding{SensorCode::kByNeighbours,
+                fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm",
+                            failure->reason, NamesOf(neighbours), 1000 * found->sigma_position_m),
+                failure->hint};
+    results[id] = std::move(frame);
   }
-  for (auto& [i, placed] : found) placements[i] = std::move(placed);
-  return placements;
+  return results;
 }
 
 }  // namespace volalign

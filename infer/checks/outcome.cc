@@ -1,85 +1,51 @@
 #include "infer/checks/outcome.h"
 
+#include "core/config/config_word.h"
+
 namespace volalign {
 
-const char* ToString(SensorStatus status) {
-  switch (status) {
-    case SensorStatus::kOk:
-      return "ok";
-    case SensorStatus::kWeak:
-      return "weak";
-    case SensorStatus::kFailed:
-      break;
-  }
-  return "failed";
-}
+namespace {
 
-std::vector<SensorStatus> AllOf(SensorStatus) {
-  return {SensorStatus::kOk, SensorStatus::kWeak, SensorStatus::kFailed};
-}
+constexpr Words<SensorStatus, 3> kStatuses = {
+    {{"ok", SensorStatus::kOk}, {"weak", SensorStatus::kWeak}, {"failed", SensorStatus::kFailed}}};
 
-const char* ToString(SensorCode code) {
-  switch (code) {
-    case SensorCode::kNone:
-      break;
-    case SensorCode::kNoDepth:
-      return "no_depth";
-    case SensorCode::kWrongUnits:
-      return "wrong_units";
-    case SensorCode::kNoStructure:
-      return "no_structure";
-    case SensorCode::kDegenerateSides:
-      return "degenerate_sides";
-    case SensorCode::kInconsistent:
-      return "inconsistent";
-    case SensorCode::kAssemblyMirrored:
-      return "assembly_mirrored";
-    case SensorCode::kAssemblyTurned:
-      return "assembly_turned";
-    case SensorCode::kAssemblySwapped:
-      return "assembly_swapped";
-    case SensorCode::kAssemblyMissing:
-      return "assembly_missing";
-    case SensorCode::kFrameMirrored:
-      return "frame_mirrored";
-    case SensorCode::kUnconnected:
-      return "unconnected";
-    case SensorCode::kDuplicateDepth:
-      return "duplicate_depth";
-    case SensorCode::kIntrinsicsSuspect:
-      return "intrinsics_suspect";
-    case SensorCode::kNotFinite:
-      return "not_finite";
-    case SensorCode::kUnsolved:
-      return "unsolved";
-    case SensorCode::kDisagrees:
-      return "disagrees";
-    case SensorCode::kSamePose:
-      return "same_pose";
-    case SensorCode::kAmbiguous:
-      return "ambiguous";
-    case SensorCode::kByNeighbours:
-      return "by_neighbours";
-    case SensorCode::kFewInliers:
-      return "few_inliers";
-    case SensorCode::kLargeResidual:
-      return "large_residual";
-    case SensorCode::kLabelsDisagree:
-      return "labels_disagree";
-    case SensorCode::kLensSuspect:
-      return "lens_suspect";
-    case SensorCode::kUncertain:
-      return "uncertain";
-  }
-  return "";
-}
+constexpr Words<SensorCode, 26> kCodes = {{
+    {"", SensorCode::kNone},
+    {"no_depth", SensorCode::kNoDepth},
+    {"wrong_units", SensorCode::kWrongUnits},
+    {"no_structure", SensorCode::kNoStructure},
+    {"degenerate_sides", SensorCode::kDegenerateSides},
+    {"inconsistent", SensorCode::kInconsistent},
+    {"assembly_mirrored", SensorCode::kAssemblyMirrored},
+    {"assembly_turned", SensorCode::kAssemblyTurned},
+    {"assembly_swapped", SensorCode::kAssemblySwapped},
+    {"assembly_missing", SensorCode::kAssemblyMissing},
+    {"frame_mirrored", SensorCode::kFrameMirrored},
+    {"unconnected", SensorCode::kUnconnected},
+    {"duplicate_depth", SensorCode::kDuplicateDepth},
+    {"intrinsics_suspect", SensorCode::kIntrinsicsSuspect},
+    {"disagrees", SensorCode::kDisagrees},
+    {"ambiguous", SensorCode::kAmbiguous},
+    {"not_finite", SensorCode::kNotFinite},
+    {"unsolved", SensorCode::kUnsolved},
+    {"unsettled", SensorCode::kUnsettled},
+    {"same_pose", SensorCode::kSamePose},
+    {"by_neighbours", SensorCode::kByNeighbours},
+    {"few_inliers", SensorCode::kFewInliers},
+    {"large_residual", SensorCode::kLargeResidual},
+    {"labels_disagree", SensorCode::kLabelsDisagree},
+    {"lens_suspect", SensorCode::kLensSuspect},
+    {"uncertain", SensorCode::kUncertain},
+}};
 
-std::vector<SensorCode> AllOf(SensorCode) {
-  std::vector<SensorCode> codes;
-  for (int code = 0; code <= static_cast<int>(SensorCode::kUncertain); ++code) {
-    codes.push_back(static_cast<SensorCode>(code));
-  }
-  return codes;
-}
+}  // namespace
+
+const char* ToString(SensorStatus status) { return WordOf(kStatuses, status); }
+
+std::vector<SensorStatus> AllOf(SensorStatus) { return ValuesOf(kStatuses); }
+
+const char* ToString(SensorCode code) { return WordOf(kCodes, code); }
+
+std::vector<SensorCode> AllOf(SensorCode) { return ValuesOf(kCodes); }
 
 }  // namespace volalign

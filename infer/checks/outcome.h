@@ -32,6 +32,7 @@ enum class SensorCode {
   kNotFinite,  ///< numbers that no solver should leave
   // Weak: the sensor has a pose that is to be used with care.
   kUnsolved,
+  kUnsettled,
   kSamePose,
   kByNeighbours,
   kFewInliers,

@@ -3,17 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <string>
 #include <utility>
 
-#include "core/parallel_for.h"
 #include "infer/checks/hints.h"
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/verification.h"
-#include "infer/pose/agreement.h"
-#include "infer/pose/shape_check.h"
+#include "infer/initial/agreement.h"
+#include "infer/initial/shape_check.h"
 
 namespace volalign {
 
@@ -26,36 +24,34 @@ constexpr double kRelabelDistance = 0.04;
 /// Where many sides fit the structure badly: would they fit it with other intrinsics?
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
                                                 const Intrinsics& intrinsics,
-                                                const LabelledView& labelled,
+                                                const Labelled& labelled,
                                                 const Structure& structure,
-                                                const PlacementOptions& options) {
+                                                const LocateOptions& options) {
   const InitialPose& initial = labelled.initial;
   const bool fits = initial.found && initial.agreement.score() >= options.verdict.suspicious_score;
-  if (fits || !SeesManySides(initial.evidence, options.verdict)) return std::nullopt;
+  if (fits || !SeesManySides(initial.patches, options.verdict)) return std::nullopt;
   return FindBetterIntrinsics(view.depth, intrinsics, labelled.segmentation, structure,
                               options.initial, options.verdict.intrinsics);
 }
 
 struct OwnPose {
   Pose structure_from_sensor = Pose::Identity();
-  double sigma_translation_m = 0;  // of the axis that is known least
+  double sigma_position_m = 0;  // LargestSigmaPosition
 };
 
 /// The sensor's pose from its own view, everything that may be estimated being free.
-OwnPose RefineAlone(const SensorPoints& points, const InitialPose& initial, const SensorLens& lens,
-                    const Structure& structure, const RefineOptions& options) {
-  RefineOptions alone = options;
-  alone.max_overlap_points = 0;
-  alone.threads = 1;
-  alone.choose_estimates = false;
+OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
+                    const Pose& to_beat, const Pose& start, const RefineOptions& options) {
+  RefineSetup alone(options);
+  alone.free.where_told = false;
+  alone.schedule.threads = 1;
   const RefinedFrame refined =
-      Refine(structure,
-             {{&points, initial.from_keypoints, initial.structure_from_sensor,
-               initial.structure_from_sensor, true, 0}},
-             alone, {lens})
+      Refine(seen.capture->structure,
+             {{std::move(points), to_beat, start, start, FrameRole::kStructure, 0}}, alone,
+             {seen.lenses.Of(id)})
           .frames.front();
   return {refined.structure_from_sensor,
-          std::sqrt(refined.covariance.diagonal().head<3>().maxCoeff())};
+          LargestSigmaPosition(refined.structure_from_sensor, refined.covariance)};
 }
 
 Finding ExplainAlteredStack(const AssemblyReport& report) {
@@ -69,8 +65,8 @@ Finding ExplainAlteredStack(const AssemblyReport& report) {
   return {report.arrangement.code,
           fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
                       "{:.0f} %",
-                      report.arrangement.sentence, 100 * report.overlap,
-                      100 * report.described_overlap),
+                      report.arrangement.sentence, 100 * report.shape_iou,
+                      100 * report.described_shape_iou),
           std::move(hint)};
 }
 
@@ -82,13 +78,12 @@ Finding MirroredFrame() {
           "stored picture"};
 }
 
-bool IsMirrored(const std::optional<AssemblyReport>& assembly, std::size_t frame) {
-  if (!assembly) return false;
-  const std::vector<std::size_t>& mirrored = assembly->mirrored_frames;
+bool IsMirrored(const AssemblyReport& assembly, std::size_t frame) {
+  const std::vector<std::size_t>& mirrored = assembly.mirrored_frames;
   return std::find(mirrored.begin(), mirrored.end(), frame) != mirrored.end();
 }
 
-Finding UpUnknown(const LabelledView& labelled) {
+Finding UpUnknown(const Labelled& labelled) {
   return {
       SensorCode::kAmbiguous,
       fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
@@ -99,68 +94,73 @@ Finding UpUnknown(const LabelledView& labelled) {
       "its quarter_turns"};
 }
 
-/// Refines the own pose again, with the labels that it implies itself: a network's, or those of the
-/// pose that geometry has found, end where they like.
-OwnPose RefineWithItsLabels(const SeenView& seen, const OwnPose& own, const Structure& structure,
-                            const PlacementOptions& options) {
-  InitialPose from;
-  from.from_keypoints = from.structure_from_sensor = own.structure_from_sensor;
-  return RefineAlone(PlaceAt(seen, structure, own.structure_from_sensor, options).points, from,
-                     seen.lens, structure, options.refine);
+/// The own pose, refined once with the frame's labels and again with those that it then implies: a
+/// network's, or those of the pose that geometry has found, end where they like.
+OwnPose RefineTwice(const Seen& seen, FrameId id, const LocateOptions& options) {
+  const Labelled& labelled = seen.labelled[id];
+  const InitialPose& initial = labelled.initial;
+  const Pose pose =
+      RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
+                  initial.from_keypoints, initial.structure_from_sensor, options.refine)
+          .structure_from_sensor;
+  return RefineAlone(seen, id, PointsAt(seen, id, seen.capture->structure, pose, options), pose,
+                     pose, options.refine);
 }
 
-/// See PlaceSensors.
-Placement PlaceSensor(const SeenView& seen, const LabelledView& labelled, bool use_structure,
-                      const Structure& structure, const PlacementOptions& options) {
-  const SensorView& view = seen.view;
+FrameRole RoleOf(const std::string& name, const RefineOptions& options) {
+  const auto& without = options.without_structure;
+  const bool named = std::find(without.begin(), without.end(), name) != without.end();
+  return named ? FrameRole::kOverlap : FrameRole::kStructure;
+}
+
+/// See LocateAlone.
+LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& options) {
+  const Structure& structure = seen.capture->structure;
+  const SensorView& view = seen.views[id];
+  const Labelled& labelled = seen.labelled[id];
   const InitialPose& initial = labelled.initial;
   const std::optional<BetterIntrinsics> better =
-      CheckIntrinsics(view, seen.intrinsics, labelled, structure, options);
+      CheckIntrinsics(view, seen.lenses.Effective(id), labelled, structure, options);
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
   OwnPose own{initial.structure_from_sensor, 0};
-  if (use_structure) {
-    own = RefineAlone(SampleSeen(seen, labelled.segmentation, structure, options), initial,
-                      seen.lens, structure, options.refine);
-    own = RefineWithItsLabels(seen, own, structure, options);
-  }
+  if (RoleOf((*seen.capture)[id].name, options.refine) == FrameRole::kStructure)
+    own = RefineTwice(seen, id, options);
 
   const Pose& pose = own.structure_from_sensor;
-  OwnPoseEvidence evidence;
-  evidence.agreement = CompareWithView(view, labelled.segmentation, structure, pose,
-                                       options.initial.evidence.min_confidence, kInlierDistance);
-  evidence.confirmed = ConfirmedLabels(view, initial.evidence, structure, pose);
-  evidence.sigma_translation_m = own.sigma_translation_m;
-  evidence.initial = &initial;
-  evidence.better_intrinsics = better ? &*better : nullptr;
+  const LocateFacts facts{CompareWithView(view, labelled.segmentation, structure, pose,
+                                          options.initial.patch.min_confidence, kInlierDistance),
+                          ConfirmedLabels(view, initial.patches, structure, pose),
+                          own.sigma_position_m, &initial, better ? &*better : nullptr};
   if (std::optional<Finding> failure =
-          VerifyOwnPose(evidence, structure, options.initial.keypoints, options.verdict)) {
+          VerifyOwnPose(facts, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
   }
-  std::optional<double> visible;
+  LocatedFrame located;
   if (labelled.source == PoseSource::kGeometry) {
-    visible = VisibleWithShape(view, structure, pose, options.initial);
-    if (!visible) return ExplainMissingShape();
+    located.visible_by_geometry = VisibleWithShape(view, structure, pose, options.initial);
+    if (!located.visible_by_geometry) return ExplainMissingShape();
   }
   if (labelled.up_unknown) return UpUnknown(labelled);
 
-  PlacedSensor placed = PlaceAt(seen, structure, pose, options);
-  placed.visible_by_geometry = visible;
-  if (better) placed.suspect_intrinsics = SuspectIntrinsics(*better);
-  return placed;
+  located.own_pose = pose;
+  located.points = PointsAt(seen, id, structure, pose, options);
+  if (better) located.suspect_intrinsics = SuspectIntrinsics(*better);
+  return located;
 }
 
-/// Tells sensors that see too few sides where to move, which takes the others' orientation.
-void GiveMoveHints(const std::vector<LabelledView>& labelled, std::vector<Placement>* placements) {
-  std::vector<std::pair<Pose, int>> placed;
+/// Tells frames of a still that see too few sides where to move the sensor, which takes the others'
+/// orientation.
+void GiveMoveHints(const std::vector<Labelled>& labelled, std::vector<LocateResult>* results) {
+  std::vector<std::pair<Pose, int>> located;
   for (std::size_t i = 0; i < labelled.size(); ++i) {
-    if (const auto* sensor = std::get_if<PlacedSensor>(&(*placements)[i]))
-      placed.emplace_back(sensor->own_pose, labelled[i].quarter_turns);
+    if (const auto* frame = std::get_if<LocatedFrame>(&(*results)[i]))
+      located.emplace_back(frame->own_pose, labelled[i].quarter_turns);
   }
-  const std::optional<int> network = UprightTurnsOfNetwork(placed);
+  const std::optional<int> network = UprightTurnsOfNetwork(located);
   for (std::size_t i = 0; i < labelled.size(); ++i) {
-    auto* failure = std::get_if<Finding>(&(*placements)[i]);
+    auto* failure = std::get_if<Finding>(&(*results)[i]);
     if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
     std::optional<int> upright;
     if (network) upright = *network + labelled[i].quarter_turns;
@@ -168,94 +168,86 @@ void GiveMoveHints(const std::vector<LabelledView>& labelled, std::vector<Placem
   }
 }
 
-bool HasStructureTerms(const std::string& name, const RefineOptions& options) {
-  const auto& without = options.without_structure;
-  return std::find(without.begin(), without.end(), name) == without.end();
-}
-
 }  // namespace
 
-SensorPoints SampleSeen(const SeenView& seen, const SegmentationResult& segmentation,
-                        const Structure& structure, const PlacementOptions& options) {
+std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
+                                             const SegmentationResult& segmentation,
+                                             const LocateOptions& options) {
   SamplingOptions sampling;
-  sampling.min_confidence = options.initial.evidence.min_confidence;
+  sampling.min_confidence = options.initial.patch.min_confidence;
   sampling.max_side_points = options.refine.max_side_points;
   sampling.max_edge_points = options.refine.max_edge_points;
-  SensorPoints points = SamplePoints(seen.view, segmentation, structure, sampling);
-  points.intrinsics = seen.intrinsics;
-  points.lens = seen.lens.change;
-  return points;
+  SensorPoints points =
+      SamplePoints(seen.views[id], segmentation, seen.capture->structure, sampling);
+  points.intrinsics = seen.lenses.Effective(id);
+  points.lens = seen.lenses.Of(id).change;
+  return std::make_shared<const SensorPoints>(std::move(points));
 }
 
-PlacedSensor PlaceAt(const SeenView& seen, const Structure& structure, const Pose& pose,
-                     const PlacementOptions& options) {
-  return {pose,
-          SampleSeen(seen, LabelsFromPose(seen.view, structure, pose, kRelabelDistance), structure,
-                     options),
-          std::nullopt, std::nullopt, std::nullopt};
+std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
+                                             const Structure& structure, const Pose& pose,
+                                             const LocateOptions& options) {
+  return PointsOf(seen, id, LabelsFromPose(seen.views[id], structure, pose, kRelabelDistance),
+                  options);
 }
 
-std::optional<AssemblyReport> InspectStack(const std::vector<SensorView>& views,
-                                           const std::vector<LabelledView>& labelled,
-                                           const Structure& structure,
-                                           const PlacementOptions& options) {
-  std::vector<AssemblySensor> sensors;
-  std::vector<std::size_t> frames;  // of each of them
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    if (!SeesManySides(labelled[i].initial.evidence, options.verdict)) continue;
-    sensors.push_back({&views[i], &labelled[i].segmentation, &labelled[i].initial});
-    frames.push_back(i);
-  }
-  if (!options.assembly.enabled || sensors.empty()) return std::nullopt;
-  AssemblyReport report =
-      InspectAssembly(sensors, structure, options.initial, options.assembly, options.threads);
-  for (std::size_t& sensor : report.mirrored_frames) sensor = frames[sensor];
-  return report;
-}
-
-std::vector<Placement> PlaceSensors(const std::vector<SensorFrame>& frames,
-                                    const std::vector<SensorView>& views,
-                                    const std::vector<DepthFinding>& depths,
-                                    const std::vector<LabelledView>& labelled,
-                                    const std::optional<AssemblyReport>& assembly,
-                                    const LensSet& lenses, const Structure& structure,
-                                    const PlacementOptions& options) {
-  std::vector<Placement> placements(frames.size());
-  const bool altered = assembly && assembly->altered();
-  ParallelFor(frames.size(), options.threads, [&](std::size_t i) {
-    if (depths[i].failure) {
-      placements[i] = *depths[i].failure;
-    } else if (IsMirrored(assembly, i)) {
-      placements[i] = MirroredFrame();
-    } else if (altered && SeesManySides(labelled[i].initial.evidence, options.verdict)) {
-      placements[i] = ExplainAlteredStack(*assembly);
-    } else {
-      placements[i] =
-          PlaceSensor({views[i], frames[i].intrinsics, lenses.Of(i)}, labelled[i],
-                      HasStructureTerms(frames[i].name, options.refine), structure, options);
-      if (altered && std::holds_alternative<PlacedSensor>(placements[i]))
-        placements[i] = ExplainAlteredStack(*assembly);
+StackFinding InspectStack(const Seen& seen, const AssemblyOptions& assembly,
+                          const LocateOptions& options) {
+  StackFinding stack(seen.views.stills());
+  for (std::size_t still = 0; still < stack.size(); ++still) {
+    std::vector<AssemblySensor> sensors;
+    std::vector<std::size_t> frames;  // of each of them
+    for (std::size_t i = 0; i < seen.views.OfStill(still).size(); ++i) {
+      const Labelled& labelled = seen.labelled[{still, i}];
+      if (!SeesManySides(labelled.initial.patches, options.verdict)) continue;
+      sensors.push_back({&seen.views[{still, i}], &labelled.segmentation, &labelled.initial});
+      frames.push_back(i);
     }
-  });
-  GiveMoveHints(labelled, &placements);
-  return placements;
+    if (!assembly.enabled || sensors.empty()) continue;
+    stack[still] = InspectAssembly(sensors, seen.capture->structure, options.initial, assembly,
+                                   options.threads);
+    for (std::size_t& sensor : stack[still]->mirrored_frames) sensor = frames[sensor];
+  }
+  return stack;
 }
 
-std::vector<RefineFrame> FramesToRefine(const std::vector<SensorFrame>& frames,
-                                        const std::vector<LabelledView>& labelled,
-                                        const std::vector<Placement>& placements,
-                                        const LensSet& lenses, const RefineOptions& options) {
-  std::vector<RefineFrame> sensors;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (const auto* placed = std::get_if<PlacedSensor>(&placements[i])) {
-      const InitialPose& initial = labelled[i].initial;
-      const bool alone = !placed->by_neighbours;
-      sensors.push_back({&placed->points, alone ? initial.from_keypoints : placed->own_pose,
-                         placed->InitialPoseOf(initial), placed->own_pose,
-                         HasStructureTerms(frames[i].name, options), lenses.of_frame[i]});
-    }
+PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
+                                   const LocateOptions& options) {
+  PerFrame<LocateResult> results =
+      MapFrames(seen.views, options.threads, [&](FrameId id) -> LocateResult {
+        if (const std::optional<Finding>& failure = seen.depths[id].failure) return *failure;
+        const std::optional<AssemblyReport>& assembly = stack[id.still];
+        if (assembly && IsMirrored(*assembly, id.frame)) return MirroredFrame();
+        const bool altered = assembly && assembly->altered();
+        if (altered && SeesManySides(seen.labelled[id].initial.patches, options.verdict))
+          return ExplainAlteredStack(*assembly);
+        LocateResult result = LocateByItself(seen, id, options);
+        if (altered && std::holds_alternative<LocatedFrame>(result))
+          return ExplainAlteredStack(*assembly);
+        return result;
+      });
+  for (std::size_t still = 0; still < results.stills(); ++still)
+    GiveMoveHints(seen.labelled.OfStill(still), &results.OfStill(still));
+  return results;
+}
+
+SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results,
+                                      const RefineOptions& options) {
+  SomeFrames<FrameInput> frames;
+  for (const FrameId id : results.Ids()) {
+    const auto* located = std::get_if<LocatedFrame>(&results[id]);
+    if (!located) continue;
+    const InitialPose& initial = seen.labelled[id].initial;
+    frames[id] = {located->points,
+                  located->by_neighbours ? located->own_pose : initial.from_keypoints,
+                  located->InitialPoseOf(initial),
+                  located->own_pose,
+                  RoleOf((*seen.capture)[id].name, options),
+                  static_cast<int>(seen.lenses.of_frame[id]),
+                  static_cast<int>(seen.capture->sensor_of[id]),
+                  static_cast<int>(id.still)};
   }
-  return sensors;
+  return frames;
 }
 
 }  // namespace volalign

@@ -1,11 +1,10 @@
 #include "infer/checks/pose_quality.h"
 
-#include <algorithm>
 #include <cmath>
 #include <set>
 
-#include "core/visibility.h"
-#include "infer/pose/agreement.h"
+#include "core/geometry/visibility.h"
+#include "infer/initial/agreement.h"
 
 namespace volalign {
 
@@ -23,28 +22,26 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
   SurfaceFit fit;
   double squares = 0;
   int near = 0, inliers = 0;
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      if (labels(u, v) == 0 || !(view.depth(u, v) > 0)) continue;
-      ++fit.points;
-      const double distance =
-          DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
-      if (distance < kRmsDistance) {
-        squares += distance * distance;
-        ++near;
-      }
-      if (distance <= kInlierDistance) ++inliers;
+  view.VisitMeasured(1, [&](int u, int v) {
+    if (labels(u, v) == 0) return;
+    ++fit.points;
+    const double distance =
+        DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
+    if (distance < kRmsDistance) {
+      squares += distance * distance;
+      ++near;
     }
-  }
+    if (distance <= kInlierDistance) ++inliers;
+  });
   if (near > 0) fit.rms_m = std::sqrt(squares / near);
   if (fit.points > 0) fit.inlier_share = static_cast<double>(inliers) / fit.points;
   return fit;
 }
 
-std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideEvidence>& evidence,
+std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,
                                  const Structure& structure, const Pose& structure_from_sensor) {
   std::set<int> labels;
-  for (const SideEvidence& patch : evidence) {
+  for (const SidePatch& patch : patches) {
     const Side& side = structure.SideOfLabel(patch.label);
     std::size_t on_side = 0;
     for (const int pixel : patch.pixels) {
@@ -59,16 +56,19 @@ std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideE
 }
 
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
-                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const std::vector<SidePatch>& patches, const Structure& structure,
                            const Pose& structure_from_sensor, double min_confidence) {
-  PoseQuality quality;
-  quality.surface = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
+  const SurfaceFit fit = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
   const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
                                               min_confidence, kInlierDistance);
-  quality.miou = agreement.miou;
-  quality.label_iou = agreement.score();
-  quality.explained_share = agreement.explained_share();
-  for (const int label : ConfirmedLabels(view, evidence, structure, structure_from_sensor))
+  PoseQuality quality{{},
+                      fit.points,
+                      fit.rms_m,
+                      fit.inlier_share,
+                      agreement.miou,
+                      agreement.score(),
+                      agreement.explained_share()};
+  for (const int label : ConfirmedLabels(view, patches, structure, structure_from_sensor))
     quality.sides.push_back(structure.SideOfLabel(label).name);
   return quality;
 }
@@ -76,12 +76,9 @@ PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& seg
 std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelImage& labels,
                                             const Pose& structure_from_sensor) {
   std::vector<Eigen::Vector3d> points;
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      if (labels(u, v) > 0 && view.depth(u, v) > 0)
-        points.push_back(structure_from_sensor * view.Point(u, v));
-    }
-  }
+  view.VisitMeasured(1, [&](int u, int v) {
+    if (labels(u, v) > 0) points.push_back(structure_from_sensor * view.Point(u, v));
+  });
   return points;
 }
 

@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
-#include "core/metrics.h"
-#include "core/pose.h"
-#include "core/structure.h"
-#include "infer/pose/side_evidence.h"
-#include "infer/view/segmenter.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/side_patch.h"
+#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -27,21 +27,24 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
 
 /// How well a pose explains a frame.
 struct PoseQuality {
-  SurfaceFit surface;
-  double miou = 0;                 ///< predicted labels against those rendered at the pose
-  double label_iou = 0;            ///< Agreement::score
-  double explained_share = 0;      ///< of the pixels expected on the structure, whose depth matches
-  std::vector<std::string> sides;  ///< found, and most of their pixels on them
+  std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
+  // SurfaceFit.
+  int points = 0;
+  double rms_to_structure_m = 0;
+  double inlier_share = 0;
+  double miou = 0;             ///< predicted labels against those rendered at the pose
+  double label_iou = 0;        ///< Agreement::score
+  double explained_share = 0;  ///< of the pixels expected on the structure, whose depth matches
 };
 
-/// Of a pose of `structure`. `view`: with corrected depths. `evidence`: patches of the view's
+/// Of a pose of `structure`. `view`: with corrected depths. `patches`: patches of the view's
 /// sides. Only labels with `min_confidence` count for label_iou.
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
-                           const std::vector<SideEvidence>& evidence, const Structure& structure,
+                           const std::vector<SidePatch>& patches, const Structure& structure,
                            const Pose& structure_from_sensor, double min_confidence);
 
 /// Labels of the patches of which most pixels lie on their side, ascending.
-std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideEvidence>& evidence,
+std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,
                                  const Structure& structure, const Pose& structure_from_sensor);
 
 /// d1 and d2 of the paper (section "Results") between at most 100,000 of these points, evenly

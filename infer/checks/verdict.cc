@@ -9,6 +9,18 @@
 
 namespace volalign {
 
+namespace {
+
+double LargestSigma(const Eigen::Matrix3d& covariance) {
+  if (!covariance.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  return std::sqrt(
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly)
+          .eigenvalues()
+          .maxCoeff());
+}
+
+}  // namespace
+
 Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance) {
   return covariance.diagonal().head<3>().cwiseSqrt();
 }
@@ -28,67 +40,69 @@ Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d&
 }
 
 double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance) {
-  const Eigen::Matrix3d position = PositionCovariance(structure_from_sensor, covariance);
-  if (!position.allFinite()) return std::numeric_limits<double>::quiet_NaN();
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(position, Eigen::EigenvaluesOnly)
-                       .eigenvalues()
-                       .maxCoeff());
+  return LargestSigma(PositionCovariance(structure_from_sensor, covariance));
 }
 
-std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options) {
-  if (!evidence.unsolved.empty()) {
-    return Finding{SensorCode::kUnsolved, evidence.unsolved,
+double LargestSigmaRotationDeg(const Matrix6d& covariance) {
+  return LargestSigma(covariance.bottomRightCorner<3, 3>()) * 180 / M_PI;
+}
+
+std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOptions& options) {
+  if (!facts.unsolved.empty()) {
+    return Finding{SensorCode::kUnsolved, facts.unsolved,
                    "check the depths and intrinsics of this sensor and of its neighbours, and the "
                    "prior standard deviations (refine.*_sigma_*)"};
   }
-  if (!evidence.same_depth_as.empty()) {
+  if (!facts.same_depth_as.empty()) {
     return Finding{SensorCode::kDuplicateDepth,
-                   fmt::format("{} has the same depth map", evidence.same_depth_as),
+                   fmt::format("{} has the same depth map", facts.same_depth_as),
                    "check which of the two it belongs to"};
   }
-  if (evidence.suspect_intrinsics) return evidence.suspect_intrinsics;
-  if (evidence.suspect_lens) return evidence.suspect_lens;
-  if (evidence.by_neighbours) return evidence.by_neighbours;
-  if (!evidence.other_pose.empty() && !evidence.floor_would_tell) {
-    return Finding{
-        SensorCode::kAmbiguous,
-        fmt::format("its view fits the structure about as well {}", evidence.other_pose),
-        "let it see more of the structure, or stack the boxes so that they look different from "
-        "every side"};
+  if (facts.suspect_intrinsics) return facts.suspect_intrinsics;
+  if (facts.suspect_lens) return facts.suspect_lens;
+  if (facts.by_neighbours) return facts.by_neighbours;
+  if (!facts.other_pose.empty()) {
+    const std::string fits =
+        fmt::format("its view fits the structure about as well {}", facts.other_pose);
+    if (!facts.floor_would_tell) {
+      return Finding{
+          SensorCode::kAmbiguous, fits,
+          "let it see more of the structure, or stack the boxes so that they look different from "
+          "every side"};
+    }
+    return Finding{SensorCode::kAmbiguous, fits + ", and shows no floor that would tell",
+                   facts.known_turns
+                       ? "let it see the floor under the structure"
+                       : "let it see the floor under the structure, or give its quarter_turns"};
   }
-  if (!evidence.other_pose.empty()) {
-    return Finding{
-        SensorCode::kAmbiguous,
-        fmt::format(
-            "its view fits the structure about as well {}, and shows no floor that would tell",
-            evidence.other_pose),
-        evidence.known_turns ? "let it see the floor under the structure"
-                             : "let it see the floor under the structure, or give its "
-                               "quarter_turns"};
-  }
-  if (evidence.contradiction) {
+  if (facts.contradiction) {
     return Finding{
         SensorCode::kDisagrees,
         fmt::format(
             "what it saw contradicts the other sensors, as its pairs with {} show: they would move "
             "it by {:.1f} mm and {:.2f} deg; its own pose stands, and theirs rest on them alone",
-            fmt::join(evidence.contradiction->names, ", "),
-            1000 * evidence.contradiction->apart.translation_m,
-            evidence.contradiction->apart.rotation_deg),
+            fmt::join(facts.contradiction->names, ", "),
+            1000 * facts.contradiction->apart.translation_m,
+            facts.contradiction->apart.rotation_deg),
         "check its intrinsics, and that it saw the same stack, with no box moved in between"};
   }
-  const PoseQuality& quality = evidence.quality;
-  if (quality.surface.inlier_share < options.weak_inlier_share) {
+  if (!facts.unsettled.empty()) {
+    return Finding{SensorCode::kUnsettled,
+                   fmt::format("the joint solution has not settled: {}", facts.unsettled),
+                   "let the sensors see more of the stack, or raise refine.inner_iterations"};
+  }
+  const PoseQuality& quality = facts.quality;
+  if (quality.inlier_share < options.weak_inlier_share) {
     return Finding{SensorCode::kFewInliers,
                    fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
-                               100 * quality.surface.inlier_share),
+                               100 * quality.inlier_share),
                    "look at pictures/ for what else was labelled, and clear it away"};
   }
-  if (quality.surface.rms_m > options.weak_rms_m) {
-    return Finding{
-        SensorCode::kLargeResidual,
-        fmt::format("points are {:.1f} mm RMS off the structure", 1000 * quality.surface.rms_m),
-        "check the boxes' dimensions and placement, the intrinsics and the depth_scale"};
+  if (quality.rms_to_structure_m > options.weak_rms_m) {
+    return Finding{SensorCode::kLargeResidual,
+                   fmt::format("points are {:.1f} mm RMS off the structure",
+                               1000 * quality.rms_to_structure_m),
+                   "check the boxes' dimensions and placement, the intrinsics and the depth_scale"};
   }
   if (quality.label_iou < options.weak_label_iou) {
     return Finding{
@@ -97,20 +111,20 @@ std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const Verdic
                     100 * quality.label_iou),
         "look at pictures/: something may hide the structure, or the sensor be too near or far"};
   }
-  const double sigma_m = LargestSigmaPosition(evidence.structure_from_sensor, evidence.covariance);
-  const double sigma_deg = SigmaRotationDeg(evidence.covariance).maxCoeff();
-  if (!(sigma_m <= options.weak_sigma_translation_m) ||
+  const double sigma_m = LargestSigmaPosition(facts.structure_from_sensor, facts.covariance);
+  const double sigma_deg = LargestSigmaRotationDeg(facts.covariance);
+  if (!(sigma_m <= options.weak_sigma_position_m) ||
       !(sigma_deg <= options.weak_sigma_rotation_deg)) {
     return Finding{SensorCode::kUncertain,
                    fmt::format("the pose is known to {:.1f} mm and {:.2f} deg only", 1000 * sigma_m,
                                sigma_deg),
                    "let it see more sides, or more of what its neighbours see"};
   }
-  if (evidence.visible_by_geometry.value_or(1) < options.weak_visible_share) {
+  if (facts.visible_by_geometry.value_or(1) < options.weak_visible_share) {
     return Finding{SensorCode::kAmbiguous,
                    fmt::format("something hides {:.0f} % of the structure from it, and other boxes "
                                "could look like the rest",
-                               100 * (1 - *evidence.visible_by_geometry)),
+                               100 * (1 - *facts.visible_by_geometry)),
                    "look at pictures/, clear its view, or calibrate with a model"};
   }
   return std::nullopt;

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "core/config.h"
-#include "core/pose.h"
+#include "core/config/config.h"
+#include "core/geometry/pose.h"
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
@@ -52,9 +52,9 @@ struct VerdictOptions {
   // Of the sensor's own pose, for it to be placed.
   double min_on_side_share = 0.5;
   double min_explained_share = 0.4;
-  double max_see_through_share = 0.2;
+  double max_behind_share = 0.2;
   double min_label_iou = 0.25;
-  double max_sigma_translation_m = 0.25;
+  double max_sigma_position_m = 0.25;
   double some_on_side_share = 0.3;
   // Of a pose that neighbours give to a sensor whose own view fixes none.
   double max_sigma_by_neighbours_m = 0.03;
@@ -64,7 +64,7 @@ struct VerdictOptions {
   double weak_inlier_share = 0.9;
   double weak_label_iou = 0.5;
   double weak_rms_m = 0.02;
-  double weak_sigma_translation_m = 0.02;
+  double weak_sigma_position_m = 0.02;
   double weak_sigma_rotation_deg = 1.5;
   double weak_visible_share = 0.75;
   double same_place_m = 0.02;
@@ -111,30 +111,32 @@ struct VerdictOptions {
        "least share of the pixels expected on the structure whose measured depth matches; under a "
        "half leaves room for something that stands in front",
        Between(0, 1));
-    ar("max_see_through_share", max_see_through_share,
+    ar("max_behind_share", max_behind_share,
        "largest share of the pixels expected on the structure, those with something in front left "
        "out, that measured something behind it, which at a true pose happens along borders only",
-       Between(0, 1));
+       Between(0, 1), FormerlyNamed("max_see_through_share"));
     ar("min_label_iou", min_label_iou,
        "least intersection over union of side-labelled pixels, as predicted and as seen from the "
        "pose",
        Between(0, 1));
-    ar("max_sigma_translation_m", max_sigma_translation_m,
-       "standard deviation of the pose's translation at the structure's origin, m, above which the "
-       "sensor's own view fixes no pose",
-       Above(0));
+    ar("max_sigma_position_m", max_sigma_position_m,
+       "standard deviation of the sensor's position in the direction in which it is known least, "
+       "m, above which its own view fixes no pose",
+       Above(0), FormerlyNamed("max_sigma_translation_m"));
     ar("some_on_side_share", some_on_side_share,
        "share of labelled pixels on their sides from which on a frame with many sides that does "
        "not fit is called inconsistent rather than no_structure",
        Between(0, 1));
     ar("max_sigma_by_neighbours_m", max_sigma_by_neighbours_m,
-       "standard deviation of the pose's translation at the structure's origin, m, above which "
-       "overlap with placed sensors does not "
-       "fix "
-       "the pose of a sensor whose own view leaves it open",
+       "standard deviation of the sensor's position in the direction in which it is known least, "
+       "m, above which overlap with placed sensors does not fix the pose of a sensor whose own "
+       "view "
+       "leaves it open",
        Above(0));
     ar("max_sigma_by_neighbours_deg", max_sigma_by_neighbours_deg,
-       "standard deviation of the rotation, deg, above which it does not", Above(0));
+       "standard deviation of its rotation about the axis about which it is known least, deg, "
+       "above which it does not",
+       Above(0));
     ar("min_shared_share", min_shared_share,
        "least share of the points by which such a sensor and its neighbours can be compared that "
        "lie "
@@ -146,12 +148,14 @@ struct VerdictOptions {
        "that intersection over union below which a placed sensor is weak", Between(0, 1));
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
-    ar("weak_sigma_translation_m", weak_sigma_translation_m,
+    ar("weak_sigma_position_m", weak_sigma_position_m,
        "standard deviation of the sensor's position in the direction in which it is known least, "
        "m, above which it is weak",
-       Above(0));
+       Above(0), FormerlyNamed("weak_sigma_translation_m"));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
-       "standard deviation of its rotation, deg, above which it is weak", Above(0));
+       "standard deviation of its rotation about the axis about which it is known least, deg, "
+       "above which it is weak",
+       Above(0));
     ar("weak_visible_share", weak_visible_share,
        "share of the structure's view that nothing hides, below which a sensor is weak that "
        "geometry alone has placed",
@@ -172,7 +176,7 @@ struct ContradictedSensors {
 };
 
 /// What is known about a placed sensor when it is judged.
-struct PlacedEvidence {
+struct VerdictFacts {
   PoseQuality quality;                               ///< at the reported pose
   Pose structure_from_sensor = Pose::Identity();     ///< that pose
   Matrix6d covariance = Matrix6d::Zero();            ///< of it
@@ -181,29 +185,32 @@ struct PlacedEvidence {
   std::string same_depth_as;                         ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_intrinsics;         ///< where others fit better
   std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
-  std::optional<Finding> by_neighbours;              ///< PlacedSensor::by_neighbours
-  std::string other_pose;                            ///< LabelledView::other_pose
-  bool floor_would_tell = true;                      ///< LabelledView::floor_would_tell
+  std::optional<Finding> by_neighbours;              ///< LocatedFrame::by_neighbours
+  std::string other_pose;                            ///< Labelled::other_pose
+  bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
   bool known_turns = false;                          ///< the capture gives its quarter_turns
-  std::optional<double> visible_by_geometry;         ///< PlacedSensor::visible_by_geometry
+  std::optional<double> visible_by_geometry;         ///< LocatedFrame::visible_by_geometry
+  std::string unsettled;  ///< what the joint solution, all frames', still moved; or empty
 };
 
 /// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most
 /// telling first.
-std::optional<Finding> FindWeakness(const PlacedEvidence& evidence, const VerdictOptions& options);
+std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOptions& options);
 
 /// Standard deviations per axis, from a covariance of [translation; rotation vector], m and deg.
 /// SigmaTranslation is of a movement about the structure's origin.
 Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance);
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
 
-/// Covariance of the sensor's position, from that of delta in core/pose.h, PerturbLeft.
+/// Covariance of the sensor's position, from that of delta in core/geometry/pose.h, PerturbLeft.
 Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance);
 /// Its standard deviations along the structure's axes, m.
 Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
-/// Its standard deviation in the direction in which it is known least, m; NaN for a covariance that
-/// is not finite.
+/// Standard deviations in the direction in which the sensor's position, and about the axis about
+/// which its rotation, is known least, m and deg; NaN for a covariance that is not finite. These
+/// are what limits are for.
 double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
+double LargestSigmaRotationDeg(const Matrix6d& covariance);
 
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
 /// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.

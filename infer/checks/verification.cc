@@ -6,7 +6,7 @@
 #include <string>
 
 #include "infer/checks/hints.h"
-#include "infer/pose/sides_fix_pose.h"
+#include "infer/initial/sides_fix_pose.h"
 
 namespace volalign {
 
@@ -17,30 +17,30 @@ std::string CountSides(std::size_t count) {
 }
 
 /// Why a pose that does not explain the view does not.
-Finding ExplainMisfit(const OwnPoseEvidence& evidence, bool seen, const VerdictOptions& options) {
-  if (evidence.better_intrinsics) return SuspectIntrinsics(*evidence.better_intrinsics);
-  const Agreement& agreement = evidence.agreement;
-  const std::string facts = fmt::format(
+Finding ExplainMisfit(const LocateFacts& facts, bool seen, const VerdictOptions& options) {
+  if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
+  const Agreement& agreement = facts.agreement;
+  const std::string shares = fmt::format(
       "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
       "structure's view is measured on it and {:.0f} % of that is seen through",
       100 * agreement.on_side_share(), 100 * agreement.explained_share(),
-      100 * agreement.see_through_share());
-  if (SeesManySides(evidence.initial->evidence, options) &&
+      100 * agreement.behind_share());
+  if (SeesManySides(facts.initial->patches, options) &&
       (seen || agreement.on_side_share() > options.some_on_side_share)) {
     return {SensorCode::kInconsistent,
-            "the sides that were found do not fit the structure together: " + facts,
+            "the sides that were found do not fit the structure together: " + shares,
             "check that the boxes are stacked as the structure file says, and the intrinsics and "
             "depth_scale"};
   }
-  return {SensorCode::kNoStructure, "what looks like sides is not the structure: " + facts,
+  return {SensorCode::kNoStructure, "what looks like sides is not the structure: " + shares,
           kLookHint};
 }
 
 }  // namespace
 
-SureSides CountSureSides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options) {
+SureSides CountSureSides(const std::vector<SidePatch>& patches, const VerdictOptions& options) {
   SureSides sure;
-  for (const SideEvidence& patch : evidence) {
+  for (const SidePatch& patch : patches) {
     if (patch.mean_confidence < options.sure_confidence) continue;
     sure.area += patch.area;
     ++sure.count;
@@ -48,17 +48,17 @@ SureSides CountSureSides(const std::vector<SideEvidence>& evidence, const Verdic
   return sure;
 }
 
-bool SeesManySides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options) {
-  const SureSides sure = CountSureSides(evidence, options);
+bool SeesManySides(const std::vector<SidePatch>& patches, const VerdictOptions& options) {
+  const SureSides sure = CountSureSides(patches, options);
   return sure.count >= static_cast<std::size_t>(options.many_sides) &&
          sure.area > options.many_sides_area_m2;
 }
 
 Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options) {
-  if (CountSureSides(initial.evidence, options).area < options.min_sure_area_m2)
+  if (CountSureSides(initial.patches, options).area < options.min_sure_area_m2)
     return {SensorCode::kNoStructure, "no side of the structure was found", kLookHint};
   return {SensorCode::kDegenerateSides,
-          fmt::format("{} found; that fixes no pose", CountSides(initial.evidence.size())),
+          fmt::format("{} found; that fixes no pose", CountSides(initial.patches.size())),
           kLookHint};
 }
 
@@ -78,30 +78,30 @@ Finding SuspectIntrinsics(const BetterIntrinsics& better) {
           "give the intrinsics of this sensor at this resolution and orientation"};
 }
 
-std::optional<Finding> VerifyOwnPose(const OwnPoseEvidence& evidence, const Structure& structure,
+std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
                                      KeypointKind keypoints, const VerdictOptions& options) {
-  const Agreement& agreement = evidence.agreement;
+  const Agreement& agreement = facts.agreement;
   const bool seen = agreement.explained_share() >= options.min_explained_share &&
-                    agreement.see_through_share() <= options.max_see_through_share;
+                    agreement.behind_share() <= options.max_behind_share;
   if (!seen || agreement.on_side_share() < options.min_on_side_share)
-    return ExplainMisfit(evidence, seen, options);
-  if (!SidesFixPose(structure, evidence.confirmed, keypoints)) {
+    return ExplainMisfit(facts, seen, options);
+  if (!SidesFixPose(structure, facts.confirmed, keypoints)) {
     return Finding{
         SensorCode::kDegenerateSides,
         fmt::format(
             "{} found; their keypoints lie on a line and their planes leave a direction free",
-            CountSides(evidence.confirmed.size())),
+            CountSides(facts.confirmed.size())),
         kLookHint};
   }
-  if (agreement.score() < options.min_label_iou) return ExplainMisfit(evidence, seen, options);
-  if (!(evidence.sigma_translation_m <= options.max_sigma_translation_m)) {
+  if (agreement.score() < options.min_label_iou) return ExplainMisfit(facts, seen, options);
+  if (!(facts.sigma_position_m <= options.max_sigma_position_m)) {
     return Finding{SensorCode::kDegenerateSides,
                    fmt::format("{} found, which leave the sensor's position open to {:.2f} m",
-                               CountSides(evidence.confirmed.size()), evidence.sigma_translation_m),
+                               CountSides(facts.confirmed.size()), facts.sigma_position_m),
                    kLookHint};
   }
-  if (evidence.better_intrinsics && evidence.better_intrinsics->size >= options.far_off_intrinsics)
-    return SuspectIntrinsics(*evidence.better_intrinsics);
+  if (facts.better_intrinsics && facts.better_intrinsics->size >= options.far_off_intrinsics)
+    return SuspectIntrinsics(*facts.better_intrinsics);
   return std::nullopt;
 }
 

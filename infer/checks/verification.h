@@ -4,14 +4,13 @@
 #include <optional>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
-#include "infer/pose/agreement.h"
-#include "infer/pose/initial_pose.h"
-#include "infer/pose/side_evidence.h"
+#include "infer/initial/agreement.h"
+#include "infer/initial/initial_pose.h"
+#include "infer/initial/side_patch.h"
 
 namespace volalign {
 
@@ -20,10 +19,10 @@ struct SureSides {
   std::size_t count = 0;
   double area = 0;  ///< m^2
 };
-SureSides CountSureSides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options);
+SureSides CountSureSides(const std::vector<SidePatch>& patches, const VerdictOptions& options);
 
 /// Enough of what looks like sides to ask why they do not fit.
-bool SeesManySides(const std::vector<SideEvidence>& evidence, const VerdictOptions& options);
+bool SeesManySides(const std::vector<SidePatch>& patches, const VerdictOptions& options);
 
 /// Why a frame without an initial pose has none: one or two sides that the network is sure of are a
 /// structure seen too narrowly (degenerate_sides), less is none (no_structure).
@@ -33,16 +32,16 @@ Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& opt
 Finding ExplainMissingShape();
 
 /// What a sensor's own pose is verified by.
-struct OwnPoseEvidence {
-  Agreement agreement;             ///< at the own pose, tolerance kInlierDistance
-  std::vector<int> confirmed;      ///< ConfirmedLabels at the own pose
-  double sigma_translation_m = 0;  ///< of the own pose, its largest axis
+struct LocateFacts {
+  Agreement agreement;          ///< at the own pose, tolerance kInlierDistance
+  std::vector<int> confirmed;   ///< ConfirmedLabels at the own pose
+  double sigma_position_m = 0;  ///< LargestSigmaPosition of the own pose
   const InitialPose* initial = nullptr;
   const BetterIntrinsics* better_intrinsics = nullptr;  ///< null: none fit better
 };
 
 /// Nothing if what the sensor saw is consistent with its own pose, or why the sensor is not placed.
-std::optional<Finding> VerifyOwnPose(const OwnPoseEvidence& evidence, const Structure& structure,
+std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
                                      KeypointKind keypoints, const VerdictOptions& options);
 
 /// intrinsics_suspect, with what would fit better.

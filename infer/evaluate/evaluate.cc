@@ -8,9 +8,9 @@
 #include <set>
 #include <utility>
 
-#include "core/config.h"
-#include "core/error.h"
-#include "core/file_util.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/config/config.h"
 #include "infer/evaluate/storage.h"
 
 namespace volalign {
@@ -58,61 +58,17 @@ std::string Fingerprint(const EvaluationItem& item, const Combination& combinati
   return Sha256(all);
 }
 
-/// Results by their fingerprints, and which of them this run is to have.
-class Results {
- public:
-  Results(const std::vector<EvaluationItem>& items, const std::vector<EvaluationVariant>& variants,
-          const std::vector<EvaluationModel>& models, const std::vector<Combination>& combinations,
-          const EvaluateRun& run) {
-    if (std::filesystem::exists(run.output)) {
-      for (EvaluatedCase& one : ReadEvaluation(run.output)) {
-        const std::string fingerprint = one.fingerprint;
-        known_[fingerprint] = std::move(one);
-      }
-    }
-    for (const EvaluationItem& item : items) {
-      wanted_.emplace_back();
-      for (const Combination& one : combinations) {
-        wanted_.back().push_back(Fingerprint(item, one, models[one.model].checkpoint.sha256,
-                                             variants[one.variant].options, run));
-      }
-    }
-  }
+using Results = std::map<std::string, EvaluatedCase>;  // by fingerprint
 
-  /// Indices of the combinations with which an item has no result yet.
-  std::vector<std::size_t> Missing(std::size_t item) const {
-    std::vector<std::size_t> missing;
-    for (std::size_t j = 0; j < wanted_[item].size(); ++j) {
-      if (!known_.count(wanted_[item][j])) missing.push_back(j);
-    }
-    return missing;
+/// Those of these fingerprints, as far as they are there.
+std::vector<EvaluatedCase> Select(const Results& known, const std::vector<std::string>& wanted) {
+  std::vector<EvaluatedCase> cases;
+  for (const std::string& fingerprint : wanted) {
+    const auto found = known.find(fingerprint);
+    if (found != known.end()) cases.push_back(found->second);
   }
-  void Add(std::size_t item, std::size_t combination, EvaluatedCase one) {
-    one.fingerprint = wanted_[item][combination];
-    known_[one.fingerprint] = std::move(one);
-  }
-  /// Of one item, as far as they are there, in order of the combinations.
-  std::vector<EvaluatedCase> Of(std::size_t item) const {
-    std::vector<EvaluatedCase> cases;
-    for (const std::string& fingerprint : wanted_[item]) {
-      const auto found = known_.find(fingerprint);
-      if (found != known_.end()) cases.push_back(found->second);
-    }
-    return cases;
-  }
-  /// Of all items.
-  std::vector<EvaluatedCase> All() const {
-    std::vector<EvaluatedCase> cases;
-    for (std::size_t item = 0; item < wanted_.size(); ++item) {
-      for (EvaluatedCase& one : Of(item)) cases.push_back(std::move(one));
-    }
-    return cases;
-  }
-
- private:
-  std::map<std::string, EvaluatedCase> known_;
-  std::vector<std::vector<std::string>> wanted_;  // by item and combination
-};
+  return cases;
+}
 
 /// Throws DataError unless the still of `item` has the sides that the network knows.
 void RequireSides(const EvaluationItem& item, const Structure& of_still, const Structure& known) {
@@ -171,21 +127,39 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
                                     const std::vector<EvaluationModel>& models,
                                     const EvaluateRun& run) {
   const std::vector<Combination> combinations = Combine(models, variants);
-  Results results(items, variants, models, combinations, run);
+  Results known;
+  if (std::filesystem::exists(run.output)) {
+    for (const EvaluatedCase& one : ReadEvaluation(run.output)) known[one.fingerprint] = one;
+  }
+  std::vector<std::vector<std::string>> wanted(items.size());  // by item and combination
+  std::vector<std::string> all;
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    for (const Combination& one : combinations) {
+      wanted[i].push_back(Fingerprint(items[i], one, models[one.model].checkpoint.sha256,
+                                      variants[one.variant].options, run));
+    }
+    all.insert(all.end(), wanted[i].begin(), wanted[i].end());
+  }
   std::vector<CheckpointFile> files;
   for (const EvaluationModel& model : models) files.push_back(model.checkpoint);
-  const auto write = [&] { WriteEvaluation(run.output, results.All(), files); };
+  const auto write = [&] { WriteEvaluation(run.output, Select(known, all), files); };
   std::size_t made = 0;
   const auto start = std::chrono::steady_clock::now();
   for (std::size_t i = 0; i < items.size(); ++i) {
     const EvaluationItem& item = items[i];
-    const std::vector<std::size_t> missing = results.Missing(i);
+    std::vector<Combination> asked;
+    std::vector<std::string> missing;
+    for (std::size_t j = 0; j < combinations.size(); ++j) {
+      if (known.count(wanted[i][j])) continue;
+      asked.push_back(combinations[j]);
+      missing.push_back(wanted[i][j]);
+    }
     if (!missing.empty()) {
-      std::vector<Combination> asked;
-      for (const std::size_t j : missing) asked.push_back(combinations[j]);
       std::vector<EvaluatedCase> fresh = EvaluateItem(item, variants, models, asked);
-      for (std::size_t k = 0; k < fresh.size(); ++k)
-        results.Add(i, missing[k], std::move(fresh[k]));
+      for (std::size_t k = 0; k < fresh.size(); ++k) {
+        fresh[k].fingerprint = missing[k];
+        known[missing[k]] = std::move(fresh[k]);
+      }
       ++made;
       write();
     }
@@ -194,11 +168,11 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
     const double left = elapsed.count() / static_cast<double>(std::max<std::size_t>(made, 1)) *
                         static_cast<double>(items.size() - i - 1);
     run.progress(fmt::format(
-        "[{}/{}] {}{}", i + 1, items.size(), Placed(item, results.Of(i)),
+        "[{}/{}] {}{}", i + 1, items.size(), Placed(item, Select(known, wanted[i])),
         missing.empty() ? " (done before)" : fmt::format("; about {:.0f} s left", left)));
   }
   write();
-  return results.All();
+  return Select(known, all);
 }
 
 }  // namespace volalign

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/measure.h"
 #include "infer/evaluate/storage.h"
@@ -24,7 +24,7 @@ struct EvaluationModel {
 struct EvaluateRun {
   std::filesystem::path output;  ///< evaluation.json; what is in it is not done again
   std::string program;           ///< identifies the program's build
-  std::function<void(const std::string& line)> progress;  ///< a line a still
+  std::function<void(const std::string& line)> progress;  ///< one line per still
 };
 
 /// Evaluates every item with each model under every variant and writes `output` after each still

@@ -9,12 +9,13 @@
 #include <set>
 #include <utility>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/input_file.h"
-#include "core/procrustes.h"
-#include "core/structure_gltf.h"
-#include "infer/io/capture.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/input_file.h"
+#include "core/base/text.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/procrustes.h"
+#include "infer/capture/capture.h"
 #include "render/depth_renderer.h"
 
 namespace volalign {
@@ -187,11 +188,9 @@ std::vector<std::uint64_t> ParseSeeds(const std::string& text) {
     return seeds;
   }
   std::set<std::uint64_t> unique;
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t comma = std::min(text.find(',', begin), text.size());
-    seeds.push_back(number(text.substr(begin, comma - begin)));
+  for (const std::string& part : Split(text, ',')) {
+    seeds.push_back(number(part));
     if (!unique.insert(seeds.back()).second) throw fail();
-    begin = comma + 1;
   }
   return seeds;
 }

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "core/image.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/view/sensor_frame.h"
 #include "render/rig.h"
 

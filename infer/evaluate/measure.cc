@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <utility>
 
-#include "infer/calibrate.h"
-#include "infer/pose/initial_pose.h"
-#include "infer/pose/sides_fix_pose.h"
+#include "infer/calib/calibrate.h"
+#include "infer/initial/initial_pose.h"
+#include "infer/initial/sides_fix_pose.h"
 
 namespace volalign {
 
@@ -76,12 +76,12 @@ bool SeesAPose(const Structure& structure, const LabelImage& labels,
   }
   std::vector<int> seen;
   for (const auto& [label, count] : pixels) {
-    if (count >= options.evidence.min_pixels) seen.push_back(label);
+    if (count >= options.patch.min_pixels) seen.push_back(label);
   }
   return SidesFixPose(structure, seen, KeypointKind::kExposed);
 }
 
-EvaluatedErrors ErrorsOf(const SensorResult& sensor, const Pose& truth) {
+EvaluatedErrors ErrorsOf(const FrameResult& sensor, const Pose& truth) {
   EvaluatedErrors errors;
   errors.initial = ComparePoses(sensor.initial, truth);
   errors.refined = ComparePoses(*sensor.structure_from_sensor, truth);
@@ -109,7 +109,7 @@ std::vector<Still> StillsOf(const EvaluationStill& still) {
 }
 
 /// `i`: of the sensor's frame.
-EvaluatedSensor Measure(const SensorResult& result, std::size_t i, const EvaluationStill& still,
+EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const EvaluationStill& still,
                         const InitialPoseOptions& options) {
   const SensorFrame& frame = still.frames[i];
   EvaluatedSensor sensor;

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/pose.h"
+#include "core/geometry/pose.h"
 #include "infer/checks/outcome.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/variants.h"
@@ -28,7 +28,7 @@ struct EvaluatedSensor {
   SensorStatus status = SensorStatus::kFailed;
   SensorCode code = SensorCode::kNone;
   int sides = 0;
-  /// Whether the sides that it truly sees in one still, each with evidence.min_pixels, fix six
+  /// Whether the sides that it truly sees in one still, each with patch.min_pixels, fix six
   /// degrees of freedom (SidesFixPose).
   std::optional<bool> sides_fix_pose;
   double initial_rms_to_structure_m = 0, rms_to_structure_m = 0, inlier_share = 0;

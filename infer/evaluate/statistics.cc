@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/metrics.h"
+#include "core/geometry/metrics.h"
 
 namespace volalign {
 
@@ -93,45 +93,32 @@ bool HasTruth(const EvaluatedCase& one) {
   });
 }
 
-/// Values in order of appearance.
+/// Keeps values in order of appearance.
 template <class T>
-class Seen {
- public:
-  void Note(const T& value) {
-    if (std::find(values_.begin(), values_.end(), value) == values_.end()) values_.push_back(value);
-  }
-  const std::vector<T>& list() const { return values_; }
-
- private:
-  std::vector<T> values_;
-};
+void Note(const T& value, std::vector<T>* seen) {
+  if (std::find(seen->begin(), seen->end(), value) == seen->end()) seen->push_back(value);
+}
 
 /// The rows of a summary, in order.
 std::vector<Key> SummaryRows(const std::vector<const EvaluatedCase*>& cases) {
-  Seen<std::string> rigs, models;
-  Seen<std::pair<int, std::string>> settings;  // number of placements, variant
+  std::vector<std::string> rigs, models;
+  std::vector<std::pair<int, std::string>> settings;  // number of placements, variant
   for (const EvaluatedCase* one : cases) {
-    rigs.Note(one->rig);
-    models.Note(one->sensors);
-    settings.Note({one->placements, one->variant});
+    Note(one->rig, &rigs);
+    Note(one->sensors, &models);
+    Note({one->placements, one->variant}, &settings);
   }
+  if (rigs.size() > 1) rigs.emplace_back(kAllRigs);
   std::vector<Key> rows;
-  for (const std::string& rig : rigs.list()) {
-    for (const std::string& model : models.list()) {
-      for (const auto& [count, variant] : settings.list()) {
+  for (const std::string& rig : rigs) {
+    for (const std::string& model : models) {
+      for (const auto& [count, variant] : settings) {
         rows.emplace_back(rig, model, count, variant);
       }
     }
   }
-  if (rigs.list().size() > 1) {
-    for (const std::string& model : models.list()) {
-      for (const auto& [count, variant] : settings.list()) {
-        rows.emplace_back(kAllRigs, model, count, variant);
-      }
-    }
-  }
-  if (models.list().size() > 1) {
-    for (const auto& [count, variant] : settings.list()) {
+  if (models.size() > 1) {
+    for (const auto& [count, variant] : settings) {
       rows.emplace_back(kAllRigs, kAllSensors, count, variant);
     }
   }

@@ -4,9 +4,9 @@
 
 #include <optional>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/json_archive.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/json/json_archive.h"
 #include "infer/evaluate/statistics.h"
 
 namespace volalign {

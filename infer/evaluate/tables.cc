@@ -19,36 +19,25 @@ std::string Percent(double share, int count) {
   return count == 0 ? "-" : fmt::format("{:.0f} %", 100 * share);
 }
 
-/// Heads and first cells of a summary's rows. Placements have a column where a row has several.
-class SummaryRow {
- public:
-  explicit SummaryRow(const std::vector<EvaluationSummary>& summaries)
-      : several_(std::any_of(summaries.begin(), summaries.end(),
-                             [](const EvaluationSummary& s) { return s.placements > 1; })) {}
-
-  std::string Head() const {
-    return several_ ? "| rig | sensors | placements | variant |" : "| rig | sensors | variant |";
-  }
-  std::string Rule() const { return several_ ? "|---|---|---|---|" : "|---|---|---|"; }
-  std::string Cells(const EvaluationSummary& s) const {
-    if (!several_) return fmt::format("| {} | {} | {} |", s.rig, s.sensors, s.variant);
-    return fmt::format("| {} | {} | {} | {} |", s.rig, s.sensors, s.placements, s.variant);
-  }
-
- private:
-  bool several_;
-};
-
 std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
-  const SummaryRow row(summaries);
+  // Placements have a column where a row has several.
+  const bool several = std::any_of(summaries.begin(), summaries.end(),
+                                   [](const EvaluationSummary& s) { return s.placements > 1; });
+  const std::string head =
+      several ? "| rig | sensors | placements | variant |" : "| rig | sensors | variant |";
+  const std::string rule = several ? "|---|---|---|---|" : "|---|---|---|";
+  const auto cells = [several](const EvaluationSummary& s) {
+    return fmt::format("| {} | {} |{} {} |", s.rig, s.sensors,
+                       several ? fmt::format(" {} |", s.placements) : "", s.variant);
+  };
   std::string text =
       "Errors of placed sensors, median / 95 % / largest. As built: in the frame in which the "
       "boxes' "
       "own displacements average out.\n\n" +
-      row.Head() + " initial, mm | deg | refined, mm | deg | as built, mm | deg |\n" + row.Rule() +
+      head + " initial, mm | deg | refined, mm | deg | as built, mm | deg |\n" + rule +
       "---|---|---|---|---|---|\n";
   for (const EvaluationSummary& s : summaries) {
-    text += fmt::format("{} {} | {} | {} | {} | {} | {} |\n", row.Cells(s),
+    text += fmt::format("{} {} | {} | {} | {} | {} | {} |\n", cells(s),
                         Cell(s.initial_mm, s.measured, 1), Cell(s.initial_deg, s.measured, 2),
                         Cell(s.refined_mm, s.measured, 1), Cell(s.refined_deg, s.measured, 2),
                         Cell(s.built_refined_mm, s.measured, 1),
@@ -60,11 +49,10 @@ std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
       "off. Intervals: share of the pose components (three of translation, three of rotation) "
       "within "
       "the covariance's 68 % and 95 % intervals.\n\n" +
-      row.Head() +
-      " placed | weak | lost | wrong | 68 % | 95 % | 68 %, as built | 95 %, as built |\n" +
-      row.Rule() + "---|---|---|---|---|---|---|---|\n";
+      head + " placed | weak | lost | wrong | 68 % | 95 % | 68 %, as built | 95 %, as built |\n" +
+      rule + "---|---|---|---|---|---|---|---|\n";
   for (const EvaluationSummary& s : summaries) {
-    text += fmt::format("{} {} of {} | {} | {} of {} | {} | {} | {} | {} | {} |\n", row.Cells(s),
+    text += fmt::format("{} {} of {} | {} | {} of {} | {} | {} | {} | {} | {} |\n", cells(s),
                         s.placed, s.count, s.weak, s.lost, s.fixable, s.wrong,
                         Percent(s.cover68, s.measured), Percent(s.cover95, s.measured),
                         Percent(s.built_cover68, s.measured), Percent(s.built_cover95, s.measured));

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <set>
 
-#include "core/error.h"
+#include "core/base/error.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -19,16 +19,13 @@ std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source,
   }
   std::vector<EvaluationVariant> variants;
   std::set<std::string> names;
-  for (std::size_t begin = equals + 1; begin <= compare.size();) {
-    const std::size_t comma = std::min(compare.find(',', begin), compare.size());
-    const std::string value = compare.substr(begin, comma - begin);
+  for (const std::string& value : Split(compare.substr(equals + 1), ',')) {
     if (!names.insert(value).second) {
       throw ConfigError(fmt::format("--compare {}: {} stands twice", compare, value));
     }
     ConfigSource own = source;
     own.Set(compare.substr(0, equals + 1) + value);
     variants.push_back({value, ReadConfig<CalibrateOptions>(own)});
-    begin = comma + 1;
   }
   return variants;
 }

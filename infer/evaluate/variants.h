@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "core/config.h"
-#include "infer/calibrate.h"
+#include "core/config/config.h"
+#include "infer/calib/calibrate.h"
 
 namespace volalign {
 

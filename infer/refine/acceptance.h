@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "infer/refine/estimates.h"
-#include "infer/refine/evidence.h"
+#include "infer/refine/frame_observations.h"
 #include "infer/refine/problem.h"
 
 namespace volalign::refine_internal {
@@ -20,9 +20,9 @@ struct PoseFit {
   int observations = 0;  ///< that it was judged by
 };
 
-/// Of a sensor with structure terms at `pose`. `evidence` has its covariance set.
+/// Of a sensor with structure terms at `pose`. `observed` has its covariance set.
 PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
-                       std::size_t sensor, const Pose& pose, const SensorEvidence& evidence);
+                       std::size_t sensor, const Pose& pose, const FrameObservations& observed);
 
 /// Of one sensor at `pose` against what the others see, by its points of one use.
 /// Both measures are the mean robust cost.
@@ -49,11 +49,10 @@ inline bool IsNoWorse(const PoseFit& after, const PoseFit& before) {
 
 /// Observations for BlockUse::kAccept that lie on the structure from either pose of a sensor,
 /// refined or to be beaten, trusted as `solution` trusts its own.
-std::vector<SensorEvidence> GatherHeldOut(const JointProblem& problem, const Solution& solution);
+std::vector<FrameObservations> GatherHeldOut(const JointProblem& problem, const Solution& solution);
 
 struct Acceptance {
   Solution solution;  ///< in which sensors that were not accepted are kept at their fallbacks
-  std::vector<PoseFit> before, after;
   std::vector<Vector6d> refused;  ///< from the fallback to the refused pose, m and rad; or zero
 };
 

@@ -33,7 +33,7 @@ bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector
   return found;
 }
 
-bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const SidePoint& point,
+bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const SidePoint& point,
                    double gate) {
   const Side& side = structure.SideOfLabel(point.label);
   const Eigen::Vector3d p = sensor.InStructure(point.p);
@@ -44,7 +44,7 @@ bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const 
          (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kNormalAgrees;
 }
 
-bool LiesOnAnEdge(const Structure& structure, const SensorState& sensor, const EdgePoint& edge,
+bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
                   double gate, EdgeLine* line) {
   const Side& side = structure.SideOfLabel(edge.label);
   const Eigen::Matrix3d rotation = sensor.structure_from_sensor.linear();

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
 
@@ -32,11 +32,11 @@ bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector
 
 /// Does a labelled point lie on the side that it is labelled with, within `gate`, m, and face as it
 /// does? A point that is not finite does not.
-bool LiesOnItsSide(const Structure& structure, const SensorState& sensor, const SidePoint& point,
+bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const SidePoint& point,
                    double gate);
 
 /// Does a silhouette point lie on an edge of its side, and on which?
-bool LiesOnAnEdge(const Structure& structure, const SensorState& sensor, const EdgePoint& edge,
+bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
                   double gate, EdgeLine* line);
 
 }  // namespace volalign::refine_internal

@@ -2,8 +2,8 @@
 
 // How the structure was really built, as parameters. Not for callers of Refine.
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 
 namespace volalign::refine_internal {
 

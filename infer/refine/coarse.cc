@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
-#include "core/statistics.h"
+#include "core/base/statistics.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/solver.h"
 
@@ -43,46 +42,42 @@ struct Coarse {
 
 void AddStructureTerms(const Coarse& coarse, std::size_t i) {
   const JointProblem& problem = coarse.problem;
-  const SensorState sensor = coarse.state->Sensor(i);
+  const FrameState sensor = coarse.state->Frame(i);
   const double sigma = std::max(coarse.sigmas[i], coarse.least_scale);
   double* pose = coarse.state->poses[i].values;
-  double* offset = &coarse.state->offsets[i];
   for (const SidePoint& point : problem.frames[i].points->side_points) {
     if (point.use != BlockUse::kFit ||
         !LiesOnItsSide(coarse.state->Built(i), sensor, point, coarse.gates.side))
       continue;
     coarse.ceres->problem->AddResidualBlock(
-        new SideCost(point.p, problem.structure.SideOfLabel(point.label), 1 / sigma),
-        coarse.ceres->loss.get(), pose, offset);
+        new SideCost(sensor.Corrected(point.p), problem.structure.SideOfLabel(point.label),
+                     1 / sigma),
+        coarse.ceres->loss.get(), pose);
   }
-  const double weight = std::sqrt(problem.options.edge_weight);
+  const double weight = std::sqrt(problem.setup.schedule.edge_weight);
   for (const EdgePoint& edge : problem.frames[i].points->edge_points) {
     EdgeLine line;
     if (edge.use != BlockUse::kFit ||
         !LiesOnAnEdge(coarse.state->Built(i), sensor, edge, coarse.gates.side, &line))
       continue;
     coarse.ceres->problem->AddResidualBlock(
-        new LineCost(edge.p, line.direction, line.offset,
+        new LineCost(sensor.Corrected(edge.p), line.direction, line.offset,
                      weight / std::hypot(sigma, edge.sigma, kEdgeTolerance)),
-        coarse.ceres->loss.get(), pose, offset);
+        coarse.ceres->loss.get(), pose);
   }
 }
 
-/// a's points against the planes that b measured.
-void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
+/// a's points against the planes that b measured. `matches`: of the two.
+void AddMatches(const Coarse& coarse, std::size_t a, std::size_t b, const OverlapEnd& from_view,
+                const OverlapEnd& to_view, const std::vector<Match>& matches) {
   const JointProblem& problem = coarse.problem;
-  const OverlapView from_view = problem.Overlap(a, *coarse.state),
-                    to_view = problem.Overlap(b, *coarse.state);
-  const std::vector<Match> matches =
-      FindMatches(from_view, to_view, coarse.gates.overlap, coarse.gates.min_cosine);
-  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return;
   const double sigma = std::max(std::hypot(coarse.sigmas[a], coarse.sigmas[b]), coarse.least_scale);
-  const double weight = std::sqrt(problem.options.overlap_weight) / sigma;
+  const double weight = std::sqrt(problem.setup.schedule.overlap_weight) / sigma;
   const auto add = [&](const Eigen::Vector3d& p, const CloudPoint& to, double its_weight) {
-    State& state = *coarse.state;
     coarse.ceres->problem->AddResidualBlock(
-        new OverlapCost(p, to.p, to.normal, its_weight), coarse.ceres->loss.get(),
-        state.poses[a].values, state.poses[b].values, &state.offsets[a], &state.offsets[b]);
+        new OverlapCost(from_view.state.Corrected(p), to_view.state.Corrected(to.p), to.normal,
+                        its_weight),
+        coarse.ceres->loss.get(), coarse.state->poses[a].values, coarse.state->poses[b].values);
   };
   for (const Match& match : matches) {
     const CloudPoint &from = from_view.Cloud(match.from), &to = to_view.Cloud(match.to);
@@ -98,7 +93,8 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
     const Eigen::Vector3d p = b_from_a * from_view.state.Corrected(edge.p);
     // Just behind the edge, where the other face is nearer than the common one.
     const Eigen::Vector3d probe = p - b_from_a.linear() * edge.normal * kRoundTheCorner;
-    const int j = to_view.points->Nearest(probe, coarse.gates.overlap + kRoundTheCorner);
+    const int j = to_view.points->Nearest(to_view.state.AsMeasured(probe),
+                                          coarse.gates.overlap + kRoundTheCorner);
     if (j < 0) continue;
     const CloudPoint& to = to_view.Cloud(j);
     if (to.use != BlockUse::kFit) continue;
@@ -108,10 +104,20 @@ void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
   }
 }
 
+void AddOverlapTerms(const Coarse& coarse, std::size_t a, std::size_t b) {
+  const OverlapEnd view_a = coarse.problem.Overlap(a, *coarse.state),
+                   view_b = coarse.problem.Overlap(b, *coarse.state);
+  const SharedPoints shared =
+      FindShared(view_a, view_b, coarse.gates.overlap, coarse.gates.min_cosine);
+  if (!shared.IsPair(coarse.problem.setup.schedule.min_overlap)) return;
+  AddMatches(coarse, a, b, view_a, view_b, shared.of_a);
+  AddMatches(coarse, b, a, view_b, view_a, shared.of_b);
+}
+
 /// Standard deviation, m, of a sensor's points about the structure.
 double MeasureSigma(const JointProblem& problem, const State& state, std::size_t i,
                     double side_gate) {
-  const SensorState sensor = state.Sensor(i);
+  const FrameState sensor = state.Frame(i);
   std::vector<double> distances;
   for (const SidePoint& point : problem.frames[i].points->side_points) {
     if (!LiesOnItsSide(state.Built(i), sensor, point, side_gate)) continue;
@@ -130,32 +136,30 @@ Gates CoarseGates(int iteration) {
           std::cos(std::max(kAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
 }
 
-State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_initial, State state) {
+State SolveCoarse(const JointProblem& problem, const std::vector<char>& held, State state) {
   std::vector<double> sigmas(problem.size(), kStartSigma);
-  for (int iteration = 0; iteration < problem.options.outer_iterations; ++iteration) {
+  for (int iteration = 0; iteration < problem.setup.schedule.outer_iterations; ++iteration) {
     CeresProblem ceres;
     const Coarse coarse{problem, sigmas, CoarseGates(iteration), LeastScale(iteration),
                         &state,  &ceres};
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      double *pose = state.poses[i].values, *offset = &state.offsets[i];
+      double* pose = state.poses[i].values;
       ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
       ceres.problem->AddResidualBlock(new PosePriorCost(state.poses[i].ToPose(), 1, 1), nullptr,
                                       pose);
-      ceres.problem->AddParameterBlock(offset, 1);
-      ceres.problem->SetParameterBlockConstant(offset);
-      if (kept_initial[i]) {
+      if (held[i]) {
         ceres.problem->SetParameterBlockConstant(pose);
       } else if (problem.HasStructureTerms(i)) {
         AddStructureTerms(coarse, i);
       }
     }
     for (std::size_t a = 0; a < problem.size(); ++a) {
-      for (std::size_t b = 0; b < problem.size(); ++b) {
+      for (std::size_t b = a + 1; b < problem.size(); ++b) {
         if (problem.OverlapCounts(a, b)) AddOverlapTerms(coarse, a, b);
       }
     }
     // The fine stage, which begins where this one ends, can do without it.
-    if (!Minimise(problem.options, ceres.problem.get())) break;
+    if (!Minimise(problem.setup.schedule, ceres.problem.get()).usable) break;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (problem.HasStructureTerms(i))
         sigmas[i] = MeasureSigma(problem, state, i, coarse.gates.side);

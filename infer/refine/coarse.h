@@ -15,8 +15,8 @@ Gates CoarseGates(int iteration);
 /// Moves the poses alone: labelled points to the finite rectangles of their sides (infinite planes
 /// would let a sensor that sees parallel sides slide), silhouettes to edge lines, and symmetric
 /// point-to-plane terms between sensors that see the same surfaces, under Cauchy's loss.
-/// Correspondences are renewed before each of options.outer_iterations solutions. Sensors marked in
-/// `kept_initial` stay where they are and hold the others by overlap alone.
-State SolveCoarse(const JointProblem& problem, const std::vector<char>& kept_initial, State state);
+/// Correspondences are renewed before each of RefineSchedule::outer_iterations solutions. Sensors
+/// marked in `held` stay where they are and hold the others by overlap alone.
+State SolveCoarse(const JointProblem& problem, const std::vector<char>& held, State state);
 
 }  // namespace volalign::refine_internal

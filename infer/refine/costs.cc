@@ -4,9 +4,9 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <algorithm>
-#include <cmath>
 #include <utility>
+
+#include "infer/refine/parameters.h"
 
 namespace volalign::refine_internal {
 
@@ -20,10 +20,6 @@ Row7 DotJacobian(const double* pose, const Eigen::Vector3d& p, const Eigen::Vect
   row.head<4>() = a.transpose() * RotatedPointJacobian(pose, p);
   row.tail<3>() = a.transpose();
   return row;
-}
-
-Eigen::Vector3d Shifted(const Eigen::Vector3d& p, double offset) {
-  return p * (1 + offset / p.z());
 }
 
 /// R v, without the translation.
@@ -91,8 +87,7 @@ ceres::CostFunction* DriftCost(double sigma) {
 bool SideCost::Evaluate(double const* const* parameters, double* residuals,
                         double** jacobians) const {
   const double* pose = parameters[0];
-  const Eigen::Vector3d p = Shifted(p_, parameters[1][0]);
-  const Eigen::Vector3d d = Transform(pose, p) - side_->centre;
+  const Eigen::Vector3d d = Transform(pose, p_) - side_->centre;
   const double eu = Excess(side_->axis_u.dot(d), side_->half_u);
   const double ev = Excess(side_->axis_v.dot(d), side_->half_v);
   residuals[0] = weight_ * eu;
@@ -101,15 +96,9 @@ bool SideCost::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians && jacobians[0]) {
     Eigen::Map<Eigen::Matrix<double, 3, 7, Eigen::RowMajor>> j(jacobians[0]);
     j.setZero();
-    if (eu != 0) j.row(0) = weight_ * DotJacobian(pose, p, side_->axis_u);
-    if (ev != 0) j.row(1) = weight_ * DotJacobian(pose, p, side_->axis_v);
-    j.row(2) = weight_ * DotJacobian(pose, p, side_->normal);
-  }
-  if (jacobians && jacobians[1]) {
-    const Eigen::Vector3d along = weight_ * Rotate(pose, p_ / p_.z());
-    jacobians[1][0] = eu != 0 ? side_->axis_u.dot(along) : 0;
-    jacobians[1][1] = ev != 0 ? side_->axis_v.dot(along) : 0;
-    jacobians[1][2] = side_->normal.dot(along);
+    if (eu != 0) j.row(0) = weight_ * DotJacobian(pose, p_, side_->axis_u);
+    if (ev != 0) j.row(1) = weight_ * DotJacobian(pose, p_, side_->axis_v);
+    j.row(2) = weight_ * DotJacobian(pose, p_, side_->normal);
   }
   return true;
 }
@@ -117,14 +106,10 @@ bool SideCost::Evaluate(double const* const* parameters, double* residuals,
 bool LineCost::Evaluate(double const* const* parameters, double* residuals,
                         double** jacobians) const {
   const double* pose = parameters[0];
-  const Eigen::Vector3d p = Shifted(p_, parameters[1][0]);
-  residuals[0] = weight_ * (direction_.dot(Transform(pose, p)) - offset_);
+  residuals[0] = weight_ * (direction_.dot(Transform(pose, p_)) - offset_);
   if (jacobians && jacobians[0]) {
     Eigen::Map<Row7> j(jacobians[0]);
-    j = weight_ * DotJacobian(pose, p, direction_);
-  }
-  if (jacobians && jacobians[1]) {
-    jacobians[1][0] = weight_ * direction_.dot(Rotate(pose, p_ / p_.z()));
+    j = weight_ * DotJacobian(pose, p_, direction_);
   }
   return true;
 }
@@ -132,52 +117,57 @@ bool LineCost::Evaluate(double const* const* parameters, double* residuals,
 bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,
                            double** jacobians) const {
   const double *a = parameters[0], *b = parameters[1];
-  const Eigen::Vector3d p = Shifted(p_, parameters[2][0]), q = Shifted(q_, parameters[3][0]);
-  const Eigen::Vector3d from_b = Transform(a, p) - Eigen::Vector3d(b[4], b[5], b[6]);
+  const Eigen::Vector3d from_b = Transform(a, p_) - Eigen::Vector3d(b[4], b[5], b[6]);
   const Eigen::Vector3d normal = Rotate(b, n_);
-  residuals[0] = weight_ * (normal.dot(from_b) - n_.dot(q));
+  residuals[0] = weight_ * (normal.dot(from_b) - n_.dot(q_));
   if (!jacobians) return true;
   if (jacobians[0]) {
     Eigen::Map<Row7> j(jacobians[0]);
-    j = weight_ * DotJacobian(a, p, normal);
+    j = weight_ * DotJacobian(a, p_, normal);
   }
   if (jacobians[1]) {
     Eigen::Map<Row7> j(jacobians[1]);
     j.head<4>() = weight_ * from_b.transpose() * RotatedPointJacobian(b, n_);
     j.tail<3>() = -weight_ * normal.transpose();
   }
-  if (jacobians[2]) jacobians[2][0] = weight_ * normal.dot(Rotate(a, p_ / p_.z()));
-  if (jacobians[3]) jacobians[3][0] = -weight_ * n_.dot(q_) / q_.z();
   return true;
 }
 
-OverlapThroughLensCost::OverlapThroughLensCost(const LensPoint& a, const LensPoint& b,
-                                               const Eigen::Vector3d& n_b, double weight,
-                                               bool shared)
+MeasuredOverlapCost::MeasuredOverlapCost(const LensPoint& a, const LensPoint& b,
+                                         const Eigen::Vector3d& n_b, double weight, bool shared)
     : a_(a), b_(b), n_(n_b), weight_(weight), shared_(shared) {
   set_num_residuals(1);
-  *mutable_parameter_block_sizes() = {7, 7, 1, 1, kLensParameters};
+  *mutable_parameter_block_sizes() = {7, 7, 1, 1, 1, 1, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
-bool OverlapThroughLensCost::Evaluate(double const* const* parameters, double* residuals,
-                                      double** jacobians) const {
-  constexpr int kLensA = 4;
-  const int lens_b = shared_ ? kLensA : kLensA + 1;
-  const Eigen::Vector3d p = a_.Through(parameters[kLensA]), q = b_.Through(parameters[lens_b]);
+bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* residuals,
+                                   double** jacobians) const {
+  constexpr int kOffset = 2, kGain = 4, kLens = 6;  // of a; those of b follow
+  const int lens_b = shared_ ? kLens : kLens + 1;
+  const Eigen::Vector3d seen_a = a_.Through(parameters[kLens]),
+                        seen_b = b_.Through(parameters[lens_b]);
+  const auto corrected = [&](const Eigen::Vector3d& seen, int b) {
+    return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0]);
+  };
+  const Eigen::Vector3d p = corrected(seen_a, 0), q = corrected(seen_b, 1);
   if (!OverlapCost(p, q, n_, weight_).Evaluate(parameters, residuals, jacobians)) return false;
   if (!jacobians) return true;
-  const auto by_lens = [&](int block) { return Eigen::Map<Eigen::RowVector3d>(jacobians[block]); };
+  if (shared_ && jacobians[kLens]) std::fill_n(jacobians[kLens], kLensParameters, 0.0);
+  // `by_point`: derivative by where the corrected point is.
+  const auto add = [&](const Eigen::RowVector3d& by_point, const LensPoint& point,
+                       const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
+    if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_point.dot(seen) / seen.z();
+    if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen);
+    if (!jacobians[lens]) return;
+    Eigen::Map<Eigen::RowVector3d> by_lens(jacobians[lens]);
+    if (!shared_) by_lens.setZero();
+    by_lens += true_depth * by_point.head<2>() * point.by_lens;
+  };
   const Eigen::Vector3d normal_in_a =
       Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], n_);
-  if (jacobians[kLensA]) {
-    by_lens(kLensA) =
-        weight_ * (p.z() + parameters[2][0]) * normal_in_a.head<2>().transpose() * a_.by_lens;
-  }
-  if (!shared_ && jacobians[lens_b]) by_lens(lens_b).setZero();
-  if (jacobians[lens_b]) {
-    by_lens(lens_b) -= weight_ * (q.z() + parameters[3][0]) * n_.head<2>().transpose() * b_.by_lens;
-  }
+  add(weight_ * normal_in_a.transpose(), a_, seen_a, p.z(), 0, kLens);
+  add(-weight_ * n_.transpose(), b_, seen_b, q.z(), 1, lens_b);
   return true;
 }
 

@@ -9,18 +9,17 @@
 #include <cmath>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/lens/sensor_lens.h"
 #include "infer/refine/pose_block.h"
-#include "infer/view/sensor_lens.h"
 
 namespace volalign::refine_internal {
 
 /// weight * (T p - closest point of the finite side), in the side's axes (u, v, normal): in-plane
 /// parts vanish where the foot lies inside, so that it is point-to-plane there and point-to-edge or
-/// point-to-corner outside. The sensor's depth offset o is a parameter block of one: z is read as
-/// z + o, so that p becomes p + o p / p.z.
-class SideCost : public ceres::SizedCostFunction<3, 7, 1> {
+/// point-to-corner outside.
+class SideCost : public ceres::SizedCostFunction<3, 7> {
  public:
   SideCost(const Eigen::Vector3d& p, const Side& side, double weight)
       : p_(p), side_(&side), weight_(weight) {}
@@ -34,8 +33,8 @@ class SideCost : public ceres::SizedCostFunction<3, 7, 1> {
 };
 
 /// weight * (direction . T p - offset): a silhouette point against the line of its side's edge, or
-/// a point of the floor against its plane. Depth offset as in SideCost.
-class LineCost : public ceres::SizedCostFunction<1, 7, 1> {
+/// a point of the floor against its plane.
+class LineCost : public ceres::SizedCostFunction<1, 7> {
  public:
   LineCost(const Eigen::Vector3d& p, const Eigen::Vector3d& direction, double offset, double weight)
       : p_(p), direction_(direction), offset_(offset), weight_(weight) {}
@@ -49,7 +48,7 @@ class LineCost : public ceres::SizedCostFunction<1, 7, 1> {
 
 /// weight * n_b . (T_b^-1 T_a p_a - q_b): point of sensor a against the plane at q_b that sensor b
 /// measured.
-class OverlapCost : public ceres::SizedCostFunction<1, 7, 7, 1, 1> {
+class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {
  public:
   OverlapCost(const Eigen::Vector3d& p_a, const Eigen::Vector3d& q_b, const Eigen::Vector3d& n_b,
               double weight)
@@ -76,12 +75,13 @@ struct LensPoint {
   }
 };
 
-/// OverlapCost, the sensors' lenses being parameter blocks too, a single one where `shared`. The
-/// normal stays as it was measured.
-class OverlapThroughLensCost : public ceres::CostFunction {
+/// OverlapCost of points as the sensors' own errors have them. Parameters: the poses of a and b,
+/// their depth offsets, their depth gains - 1 (see Corrected), and their lenses, a single one where
+/// `shared`. The normal stays as it was measured.
+class MeasuredOverlapCost : public ceres::CostFunction {
  public:
-  OverlapThroughLensCost(const LensPoint& a, const LensPoint& b, const Eigen::Vector3d& n_b,
-                         double weight, bool shared);
+  MeasuredOverlapCost(const LensPoint& a, const LensPoint& b, const Eigen::Vector3d& n_b,
+                      double weight, bool shared);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 

@@ -21,13 +21,13 @@ struct Disagreement {
   Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, by its own measurements
 };
 /// Of one that takes part in the solution, by a linear approximation; all zero of one without
-/// faces. What is not in `asked_for` is as it is in the solution.
+/// faces, or where it cannot be computed. What is not in `asked_for` is as it is in the solution.
 Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
                                  const FreeSet& asked_for, std::size_t frame);
 
 /// How much less probable, as half a square in standard deviations, what two frames of one still
 /// saw of the boxes and of their size is if these are the same for both than if each had its own,
-/// by the same approximation.
+/// by the same approximation. 0 where it cannot be computed.
 double MeasureContradiction(const JointProblem& problem, const Solution& solution,
                             const FreeSet& asked_for, std::size_t a, std::size_t b);
 
@@ -36,9 +36,9 @@ double MeasureContradiction(const JointProblem& problem, const Solution& solutio
 /// and Hilferty have it, "The Distribution of Chi-Square", 1931).
 double UnlikelyCost(std::size_t unknowns);
 
-/// Is it more than the noise of both would make? The size and three unknowns of each of the boxes
-/// are what sensors have in common.
-bool Disagrees(const Disagreement& disagreement, std::size_t boxes);
+/// Is it more than the noise of both would make? `unknowns`: how many the sensors have in common.
+/// Where they have none, nothing disagrees.
+bool Disagrees(const Disagreement& disagreement, std::size_t unknowns);
 
 /// What a frame that was set aside would have had to accept.
 struct SetAside {
@@ -53,10 +53,13 @@ struct Agreed {
   std::vector<Disagreement> measured;
 };
 /// Sets aside, one after the other, the frame that disagrees most: it stays where its own
-/// measurements have it, and the others are solved again without its evidence, beginning with
+/// measurements have it, and the others are solved again without its observations, beginning with
 /// everything in `asked_for` free. Takes at least three frames, as between two nothing tells which
-/// one is wrong, and leaves a majority. Where the boxes or their size are not to be estimated, none
-/// is set aside.
+/// one is wrong, and leaves a majority.
+///
+/// Whether sensors saw one stack is asked with the boxes and their size free, as far as their
+/// priors leave them open, also where `asked_for` holds them; the solution then holds them still.
+/// Where both priors are zero, sensors cannot have seen different stacks, and none is set aside.
 Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
                            Solution solution);
 

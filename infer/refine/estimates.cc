@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <optional>
-#include <utility>
 
-#include "infer/refine/fine.h"
 #include "infer/refine/model_choice.h"
 
 namespace volalign::refine_internal {
@@ -16,8 +14,6 @@ namespace {
 constexpr double kObservable = 0.7;
 constexpr double kGaugeOnly = 1e-12;  // m^2, a prior variance that is none: of a single box
 
-double Square(double x) { return x * x; }
-
 void Clear(std::vector<char>* flags) { std::fill(flags->begin(), flags->end(), 0); }
 
 /// Solves again with less free, from where the solution is.
@@ -25,10 +21,8 @@ std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& fr
                                   Solution solution) {
   solution.free = free;
   problem.layout.SetNominal(free, &solution.state);
-  UpdateLineTolerance(problem, solution.state, free, &solution.evidence);
-  std::optional<State> solved = SolveFine(problem, solution);
-  if (!solved) return std::nullopt;
-  solution.state = std::move(*solved);
+  UpdateLineTolerance(problem, &solution);
+  if (!SolveFine(problem, &solution)) return std::nullopt;
   return solution;
 }
 
@@ -91,17 +85,16 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   // The tolerance of edges stays: boxes that are found where the structure has them have their
   // edges there too.
   Solution chosen = *kept;
-  const PriorScales scales =
+  const std::optional<PriorScales> scales =
       MostProbableScales(CostAround(problem, *kept), problem.layout, kept->free);
-  chosen.state.scales = scales;
-  if (scales.places == 0 && scales.turns == 0) Clear(&chosen.free.boxes);
-  if (scales.size == 0) chosen.free.size = false;
-  if (scales.gain == 0) Clear(&chosen.free.gain);
-  if (scales.offset == 0) Clear(&chosen.free.offset);
+  if (!scales) return *kept;
+  chosen.state.scales = *scales;
+  if (scales->places == 0 && scales->turns == 0) Clear(&chosen.free.boxes);
+  if (scales->size == 0) chosen.free.size = false;
+  if (scales->gain == 0) Clear(&chosen.free.gain);
+  if (scales->offset == 0) Clear(&chosen.free.offset);
   problem.layout.SetNominal(chosen.free, &chosen.state);
-  std::optional<State> solved = SolveFine(problem, chosen);
-  if (!solved) return *kept;
-  chosen.state = std::move(*solved);
+  if (!SolveFine(problem, &chosen)) return *kept;
   return chosen;
 }
 

@@ -4,8 +4,6 @@
 
 #include <vector>
 
-#include "infer/refine/evidence.h"
-#include "infer/refine/fine.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/problem.h"
 

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "core/parallel_for.h"
+#include "core/base/parallel_for.h"
 #include "infer/refine/fine_problem.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
@@ -21,68 +21,73 @@ constexpr double kHeldEdge = 0.012;
 
 double LineTolerance(const FreeSet& free) { return free.AllBoxes() ? 0 : kHeldEdge; }
 
-std::vector<SensorEvidence> GatherEvidence(const JointProblem& problem, const State& state,
-                                           const FreeSet& free,
-                                           std::vector<SensorEvidence> previous) {
-  std::vector<SensorEvidence> evidence = std::move(previous);
-  evidence.resize(problem.size());
+std::vector<FrameObservations> GatherObservations(const JointProblem& problem, const State& state,
+                                                  const FreeSet& free,
+                                                  std::vector<FrameObservations> previous) {
+  std::vector<FrameObservations> observed = std::move(previous);
+  const std::size_t known = observed.size();
+  observed.resize(problem.size());
+  for (std::size_t i = known; i < problem.size(); ++i)
+    observed[i].noise = UsualNoise(problem.KindOf(i));
   const Gates gates = FineGates();
-  ParallelFor(problem.size(), problem.options.threads, [&](std::size_t i) {
+  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
-    evidence[i].noise.line = LineTolerance(free);
+    observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
-                       {state.poses[i].ToPose()}, gates, &evidence[i]);
-    WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
-    FitNoise(problem.model, state.Parameters(i), problem.PriorsOf(i), &evidence[i]);
+                       {state.poses[i].ToPose()}, gates, &observed[i]);
+    WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
+    FitNoise(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
   });
-  return evidence;
+  return observed;
 }
 
-void UpdateLineTolerance(const JointProblem& problem, const State& state, const FreeSet& free,
-                         std::vector<SensorEvidence>* evidence) {
+void UpdateLineTolerance(const JointProblem& problem, Solution* solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!problem.HasStructureTerms(i)) continue;
-    (*evidence)[i].noise.line = LineTolerance(free);
-    SetCovariance(problem.model, state.poses[i].ToPose(), &(*evidence)[i]);
+    solution->observed[i].noise.line = LineTolerance(solution->free);
+    SetCovariance(problem.model, solution->state.poses[i].ToPose(), &solution->observed[i]);
   }
 }
 
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution.kept_initial[i] || solution.state.StillOf(i) != still) continue;
-    for (const FaceObservation& face : solution.evidence[i].faces) {
+    if (solution.held[i] || solution.state.StillOf(i) != still) continue;
+    for (const FaceObservation& face : solution.observed[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }
   }
   return false;
 }
 
-std::optional<State> SolveFine(const JointProblem& problem, const Solution& solution) {
-  State state = solution.state;
+bool SolveFine(const JointProblem& problem, Solution* solution) {
+  State state = solution->state;
   const CeresProblem ceres =
-      BuildFineProblem(problem, solution.evidence, solution.kept_initial,
-                       problem.layout.Constant(solution.free, solution.kept_initial), &state);
-  if (!Minimise(problem.options, ceres.problem.get())) return std::nullopt;
+      BuildFineProblem(problem, solution->observed, solution->held,
+                       problem.layout.Constant(solution->free, solution->held), &state);
+  const Minimum minimum = Minimise(problem.setup.schedule, ceres.problem.get());
+  if (!minimum.usable) return false;
+  state.converged = minimum.converged;
   state.UpdateBuilt(problem.model);
-  return state;
+  solution->state = std::move(state);
+  return true;
 }
 
 bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame) {
-  const SensorEvidence& evidence = solution.evidence[frame];
+  const FrameObservations& observed = solution.observed[frame];
   if (!solution.state.poses[frame].ToPose().matrix().allFinite()) return false;
   Eigen::VectorXd r;
-  Residuals(problem.model, evidence, solution.state.Parameters(frame), &r, nullptr);
-  return r.allFinite() && evidence.face_root.allFinite() && evidence.edge_root.allFinite();
+  Residuals(problem.model, observed, solution.state.Parameters(frame), &r, nullptr);
+  return r.allFinite() && observed.face_root.allFinite() && observed.edge_root.allFinite();
 }
 
 void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution) {
   solution->state.poses[frame] = PoseBlock(problem.frames[frame].fallback);
-  solution->kept_initial[frame] = 1;
+  solution->held[frame] = 1;
   State& state = solution->state;
   state.offsets[frame] = 0;
   state.nuisances[frame] = {};
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->kept_initial[i]) return;
+    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
   }
   state.gains[state.SensorOf(frame)] = 0;
 }
@@ -90,20 +95,17 @@ void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solut
 Solution IterateFine(const JointProblem& problem, Solution solution) {
   const auto exclude = [&](std::size_t i) {
     KeepInitial(problem, i, &solution);
-    solution.evidence[i] = SensorEvidence();
+    solution.observed[i].Forget();
   };
-  for (int iteration = 0; iteration < problem.options.fine_iterations; ++iteration) {
-    solution.evidence =
-        GatherEvidence(problem, solution.state, solution.free, std::move(solution.evidence));
+  for (int iteration = 0; iteration < problem.setup.schedule.fine_iterations; ++iteration) {
+    solution.observed =
+        GatherObservations(problem, solution.state, solution.free, std::move(solution.observed));
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (solution.kept_initial[i] || !IsUsable(problem, solution, i)) exclude(i);
+      if (solution.held[i] || !IsUsable(problem, solution, i)) exclude(i);
     }
-    std::optional<State> solved = SolveFine(problem, solution);
-    if (!solved) {
-      for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
-      break;
-    }
-    solution.state = std::move(*solved);
+    if (SolveFine(problem, &solution)) continue;
+    for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
+    break;
   }
   return solution;
 }

@@ -6,8 +6,8 @@
 #include <set>
 #include <utility>
 
-#include "core/statistics.h"
-#include "core/visibility.h"
+#include "core/base/statistics.h"
+#include "core/geometry/visibility.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/residuals.h"
 
@@ -27,11 +27,19 @@ constexpr double kLeastWarp = 1e-3;  // m at 2 m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
-/// Two points of the same surface, seen by two sensors.
-struct WeightedMatch {
-  const CloudPoint *from, *to;
+/// A point of one sensor of a pair, and what the other one measured of the same surface.
+struct PairMatch {
+  std::size_t from, to;  // frames
+  const CloudPoint *point, *plane;
   double sigma;     // m
   double residual;  // m
+};
+
+/// The matches of two frames, both ways, that say more than the structure does, and how many
+/// independent measurements they are.
+struct PairMatches {
+  std::vector<PairMatch> matches;
+  double cells = 0;
 };
 
 /// Standard deviation, m, of a cloud point's depth.
@@ -40,76 +48,100 @@ double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
                     kIntrinsicsError * p.head<2>().norm());
 }
 
-/// Matches of a's points with b's that say more than the structure does.
-std::vector<WeightedMatch> InformativeMatches(const JointProblem& problem,
-                                              const std::vector<SensorEvidence>& evidence,
-                                              const State& state, std::size_t a, std::size_t b) {
-  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
-  const OverlapView from_view = problem.Overlap(a, state), to_view = problem.Overlap(b, state);
-  std::vector<WeightedMatch> informative;
-  const std::vector<Match> matches =
-      FindMatches(from_view, to_view, kOverlapGate, FineGates().min_cosine);
-  if (!SeeEnough(matches.size(), from_view, problem.options.min_overlap)) return informative;
-  for (const Match& match : matches) {
-    const CloudPoint& from = from_view.Cloud(match.from);
-    const CloudPoint& to = to_view.Cloud(match.to);
-    if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
-    const double sigma =
-        std::hypot(PointSigma(evidence[a].noise, from.p), PointSigma(evidence[b].noise, to.p));
-    if (both_on_structure) {
-      if (sigma > kOverlapGate / 2) continue;
-      const Eigen::Vector3d p = from_view.state.InStructure(from.p);
-      if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
-    }
-    informative.push_back({&from, &to, sigma, match.residual});
-  }
-  return informative;
-}
+/// One sensor's part in a pair, and what its errors are in the points that matched: the sum of
+/// their variances, m^2, and the cells of one correlation length that they lie in.
+struct PairEnd {
+  std::size_t frame;
+  OverlapEnd view;
+  const NoiseModel& noise;
+  double variance = 0;
+  std::set<std::pair<int, int>> cells = {};
 
-/// Cells of one correlation length of the depth errors, rad, that the points of `from` lie in.
-std::size_t CountCells(const std::vector<WeightedMatch>& matches, double cell) {
-  std::set<std::pair<int, int>> cells;
-  for (const WeightedMatch& match : matches) {
-    const Eigen::Vector3d& p = match.from->p;
-    cells.insert({static_cast<int>(std::floor(p.x() / p.z() / cell)),
-                  static_cast<int>(std::floor(p.y() / p.z() / cell))});
+  void Count(const Eigen::Vector3d& p) {
+    const double sigma = PointSigma(noise, p);
+    variance += sigma * sigma;
+    const Eigen::Vector2d at = p.head<2>() / p.z() / noise.warp_length;
+    cells.insert({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y()))});
   }
-  return cells.size();
+};
+
+PairMatches InformativeMatches(const JointProblem& problem,
+                               const std::vector<FrameObservations>& observed, const State& state,
+                               std::size_t a, std::size_t b) {
+  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
+  PairEnd end_a{a, problem.Overlap(a, state), observed[a].noise};
+  PairEnd end_b{b, problem.Overlap(b, state), observed[b].noise};
+  const SharedPoints shared =
+      FindShared(end_a.view, end_b.view, kOverlapGate, FineGates().min_cosine);
+  PairMatches informative;
+  if (!shared.IsPair(problem.setup.schedule.min_overlap)) return informative;
+  const auto add = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches) {
+    for (const Match& match : matches) {
+      const CloudPoint& from = from_end->view.Cloud(match.from);
+      const CloudPoint& to = to_end->view.Cloud(match.to);
+      if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
+      const double sigma =
+          std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
+      if (both_on_structure) {
+        if (sigma > kOverlapGate / 2) continue;
+        const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
+        if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
+      }
+      informative.matches.push_back(
+          {from_end->frame, to_end->frame, &from, &to, sigma, match.residual});
+      from_end->Count(from.p);
+      to_end->Count(to.p);
+    }
+  };
+  add(&end_a, &end_b, shared.of_a);
+  add(&end_b, &end_a, shared.of_b);
+  if (informative.matches.empty()) return informative;
+  // As many independent residuals have a mean as uncertain as that of these, each sensor's errors
+  // being independent from cell to cell.
+  const auto of_mean = [](const PairEnd& end) {
+    return end.variance / static_cast<double>(end.cells.size());
+  };
+  informative.cells = (end_a.variance + end_b.variance) / (of_mean(end_a) + of_mean(end_b));
+  return informative;
 }
 
 /// Points that two sensors see, and that the structure does not hold already. Errors within a
 /// correlation length are one error.
-void AddOverlapTerms(const JointProblem& problem, const std::vector<SensorEvidence>& evidence,
-                     const std::vector<char>& kept_initial, std::size_t a, std::size_t b,
-                     State* state, CeresProblem* ceres) {
-  if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b) &&
-      (kept_initial[a] || kept_initial[b]))
-    return;
-  const std::vector<WeightedMatch> matches = InformativeMatches(problem, evidence, *state, a, b);
+void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObservations>& observed,
+                     const std::vector<char>& held, std::size_t a, std::size_t b, State* state,
+                     CeresProblem* ceres) {
+  if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b])) return;
+  const auto [matches, cells] = InformativeMatches(problem, observed, *state, a, b);
   if (matches.size() < kFewestMatches) return;  // for their spread
-  const std::size_t cells =
-      CountCells(matches, std::max(evidence[a].noise.warp_length, evidence[b].noise.warp_length));
   std::vector<double> sizes;
   sizes.reserve(matches.size());
-  for (const WeightedMatch& match : matches)
-    sizes.push_back(std::abs(match.residual) / match.sigma);
+  for (const PairMatch& match : matches) sizes.push_back(std::abs(match.residual) / match.sigma);
   const double excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
-  const double share =
-      std::sqrt(static_cast<double>(cells) / static_cast<double>(matches.size())) / excess;
-  for (const WeightedMatch& match : matches) {
-    const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
-      const SensorPoints& points = *problem.frames[i].points;
-      return LensPoint{p, points.RayByLensAt(p), points.lens};
-    };
-    const bool shared = state->LensOf(a) == state->LensOf(b);
-    std::vector<double*> blocks = {state->poses[a].values, state->poses[b].values,
-                                   &state->offsets[a], &state->offsets[b], state->Lens(a).data()};
-    if (!shared) blocks.push_back(state->Lens(b).data());
+  ceres::LossFunction* loss = ceres->Weighted(cells / static_cast<double>(matches.size()));
+  const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
+    const SensorPoints& points = *problem.frames[i].points;
+    return LensPoint{p, points.RayByLensAt(p), points.lens};
+  };
+  for (const PairMatch& match : matches) {
+    const std::size_t i = match.from, j = match.to;
+    const bool shared = state->LensOf(i) == state->LensOf(j);
+    std::vector<double*> blocks = {
+        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
+        state->Gain(i),         state->Gain(j),         state->Lens(i).data()};
+    if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(
-        new OverlapThroughLensCost(through_lens(a, match.from->p), through_lens(b, match.to->p),
-                                   match.to->normal, share / match.sigma, shared),
-        ceres->loss.get(), blocks);
+        new MeasuredOverlapCost(through_lens(i, match.point->p), through_lens(j, match.plane->p),
+                                match.plane->normal, 1 / (excess * match.sigma), shared),
+        loss, blocks);
   }
+}
+
+/// Priors of a block whose columns begin at `column`.
+void AddPriors(const Eigen::VectorXd& sigmas, Eigen::Index column, std::size_t count,
+               double* values, CeresProblem* ceres) {
+  const double* first = sigmas.data() + column;
+  ceres->problem->AddResidualBlock(new PriorCost(std::vector<double>(first, first + count)),
+                                   nullptr, values);
 }
 
 /// Priors of the errors of frames whose poses are sought, and of their sensors.
@@ -119,25 +151,20 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (constant[static_cast<std::size_t>(problem.layout.Pose(i))]) continue;
     sought.insert(problem.frame_of[i].sensor);
-    ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.Offset(i)]}), nullptr,
-                                     &state->offsets[i]);
-    const double* of_nuisances = sigmas.data() + problem.layout.Nuisance(i, 0);
-    ceres->problem->AddResidualBlock(
-        new PriorCost(std::vector<double>(of_nuisances, of_nuisances + kNuisances)), nullptr,
-        state->nuisances[i].data());
+    AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
+    AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
-    ceres->problem->AddResidualBlock(new PriorCost({sigmas[problem.layout.GainOfSensor(s)]}),
-                                     nullptr, &state->gains[s]);
+    AddPriors(sigmas, problem.layout.GainOfSensor(s), 1, &state->gains[s], ceres);
   }
 }
 
 /// Residuals of one frame.
-void AddStructureTerms(const JointProblem& problem, const SensorEvidence& evidence, std::size_t i,
-                       State* state, CeresProblem* ceres) {
-  if (!problem.HasStructureTerms(i) || evidence.faces.empty()) return;
-  ceres->problem->AddResidualBlock(new SensorCost(problem.model, evidence), nullptr,
+void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
+                       std::size_t i, State* state, CeresProblem* ceres) {
+  if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
+  ceres->problem->AddResidualBlock(new SensorCost(problem.model, observed), nullptr,
                                    state->poses[i].values, &state->offsets[i], state->Gain(i),
                                    state->nuisances[i].data(), state->Lens(i).data(), &state->size,
                                    state->boxes[state->StillOf(i)].data());
@@ -145,20 +172,20 @@ void AddStructureTerms(const JointProblem& problem, const SensorEvidence& eviden
 
 /// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
 /// tied to its first that counts.
-void AddTies(const JointProblem& problem, const std::vector<char>& kept_initial, State* state,
+void AddTies(const JointProblem& problem, const std::vector<char>& held, State* state,
              CeresProblem* ceres) {
   std::map<int, std::size_t> first_of;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (kept_initial[i]) continue;
+    if (held[i]) continue;
     const auto [entry, is_first] = first_of.emplace(problem.frame_of[i].sensor, i);
     if (is_first) continue;
     const std::size_t first = entry->second;
     ceres->problem->AddResidualBlock(
-        TieCost(problem.options.sensor_moved_sigma_m,
-                problem.options.sensor_moved_sigma_deg * M_PI / 180),
+        TieCost(problem.setup.prior.sensor_moved_sigma_m,
+                problem.setup.prior.sensor_moved_sigma_deg * M_PI / 180),
         nullptr, state->placements[state->StillOf(first)].values, state->poses[first].values,
         state->placements[state->StillOf(i)].values, state->poses[i].values);
-    ceres->problem->AddResidualBlock(DriftCost(problem.options.depth_drift_sigma_m), nullptr,
+    ceres->problem->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,
                                      &state->offsets[first], &state->offsets[i]);
   }
 }
@@ -184,13 +211,11 @@ void AddPlacements(const ParameterLayout& layout, const Eigen::VectorXd& sigmas,
 void AddBuild(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, State* state,
               CeresProblem* ceres) {
   ceres->problem->AddParameterBlock(&state->size, 1);
-  ceres->problem->AddResidualBlock(new PriorCost({sigmas[layout.Size()]}), nullptr, &state->size);
+  AddPriors(sigmas, layout.Size(), 1, &state->size, ceres);
   for (std::size_t still = 0; still < layout.stills(); ++still) {
     std::vector<double>& boxes = state->boxes[still];
-    const double* prior = sigmas.data() + layout.Boxes(still);
     ceres->problem->AddParameterBlock(boxes.data(), static_cast<int>(boxes.size()));
-    ceres->problem->AddResidualBlock(
-        new PriorCost(std::vector<double>(prior, prior + boxes.size())), nullptr, boxes.data());
+    AddPriors(sigmas, layout.Boxes(still), boxes.size(), boxes.data(), ceres);
   }
 }
 
@@ -198,10 +223,8 @@ void AddBuild(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, Stat
 void AddLensTerms(const JointProblem& problem, const Eigen::VectorXd& sigmas, State* state,
                   CeresProblem* ceres) {
   for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
-    const double* prior = sigmas.data() + problem.layout.Lens(lens);
     double* change = state->lenses[lens].data();
-    ceres->problem->AddResidualBlock(
-        new PriorCost(std::vector<double>(prior, prior + kLensParameters)), nullptr, change);
+    AddPriors(sigmas, problem.layout.Lens(lens), kLensParameters, change, ceres);
     ceres->problem->AddResidualBlock(new LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
                                      change);
   }
@@ -224,20 +247,20 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 Gates FineGates() { return {kSideGate, kPairGate, std::cos(kAngleGate * M_PI / 180)}; }
 
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
-                            const std::vector<SensorEvidence>& evidence) {
+                            const std::vector<FrameObservations>& observed) {
   std::vector<double> multipath;
-  multipath.reserve(evidence.size());
-  for (const SensorEvidence& of : evidence) multipath.push_back(of.noise.multipath);
+  multipath.reserve(observed.size());
+  for (const FrameObservations& of : observed) multipath.push_back(of.noise.multipath);
   return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
 }
 
 CeresProblem BuildFineProblem(const JointProblem& problem,
-                              const std::vector<SensorEvidence>& evidence,
-                              const std::vector<char>& kept_initial,
-                              const std::vector<char>& constant, State* state) {
+                              const std::vector<FrameObservations>& observed,
+                              const std::vector<char>& held, const std::vector<char>& constant,
+                              State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
-  const Eigen::VectorXd sigmas = PriorSigmas(problem, evidence)
+  const Eigen::VectorXd sigmas = PriorSigmas(problem, observed)
                                      .cwiseProduct(layout.Scales(state->scales))
                                      .unaryExpr(&Positive);
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -252,18 +275,18 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
         new PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr,
         pose);
     if (!constant[static_cast<std::size_t>(column)])
-      AddStructureTerms(problem, evidence[i], i, state, &ceres);
+      AddStructureTerms(problem, observed[i], i, state, &ceres);
   }
   AddPlacements(layout, sigmas, state, &ceres);
   AddSensorPriors(problem, sigmas, constant, state, &ceres);
-  AddTies(problem, kept_initial, state, &ceres);
+  AddTies(problem, held, state, &ceres);
   AddLensTerms(problem, sigmas, state, &ceres);
   AddBuild(layout, sigmas, state, &ceres);
   HoldConstant(layout, constant, state, &ceres);
   for (std::size_t a = 0; a < problem.size(); ++a) {
-    for (std::size_t b = 0; b < problem.size(); ++b) {
+    for (std::size_t b = a + 1; b < problem.size(); ++b) {
       if (problem.OverlapCounts(a, b))
-        AddOverlapTerms(problem, evidence, kept_initial, a, b, state, &ceres);
+        AddOverlapTerms(problem, observed, held, a, b, state, &ceres);
     }
   }
   return ceres;

@@ -54,7 +54,7 @@ void CentreBoxes(const JointProblem& problem, Solution* solution) {
     state->placements[still] = PoseBlock(placement);
   }
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution->kept_initial[i]) continue;
+    if (solution->held[i]) continue;
     Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->StillOf(i)];
   }
   state->UpdateBuilt(problem.model);

@@ -1,12 +1,12 @@
 #include "infer/refine/model_choice.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "core/geometry/factor.h"
 #include "infer/refine/fine_problem.h"
 
 namespace volalign::refine_internal {
@@ -60,11 +60,12 @@ Narrowed Narrow(const QuadraticCost& cost, const Eigen::VectorXd& scales,
 }  // namespace
 
 QuadraticCost CostAround(const JointProblem& problem, const Solution& solution) {
-  return {ComputeNormalEquations(problem, solution), PriorSigmas(problem, solution.evidence),
+  return {ComputeNormalEquations(problem, solution), PriorSigmas(problem, solution.observed),
           problem.layout.Values(solution.state)};
 }
 
-ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool with_covariance) {
+std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales,
+                                 bool with_covariance) {
   ModelFit fit;
   fit.step = Eigen::VectorXd::Zero(scales.size());
   std::vector<Eigen::Index> open;
@@ -79,87 +80,95 @@ ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool
   const Eigen::VectorXd moved = narrowed.information * fit.step;
   const double held_cost = fit.step.dot(narrowed.gradient + 0.5 * moved);
   const Eigen::VectorXd pull = (narrowed.gradient + moved)(open);
-  const Eigen::MatrixXd inner = narrowed.information(open, open);
-  const Eigen::LLT<Eigen::MatrixXd> root(inner);
-  if (root.info() != Eigen::Success || !inner.allFinite() || !pull.allFinite()) {
-    fit.log_evidence = -std::numeric_limits<double>::infinity();
-    return fit;
-  }
-  const Eigen::VectorXd step = -root.solve(pull);
-  const double log_root = root.matrixLLT().diagonal().array().log().sum();
-  fit.log_evidence =
-      -(narrowed.constant + held_cost + 0.5 * pull.dot(step)) - log_root - narrowed.log_priors;
+  const std::optional<CholeskyFactor> factor = Factor(narrowed.information(open, open));
+  if (!factor) return std::nullopt;
+  const Eigen::VectorXd step = -factor->solve(pull);
+  fit.log_evidence = -(narrowed.constant + held_cost + 0.5 * pull.dot(step)) - LogRoot(*factor) -
+                     narrowed.log_priors;
+  if (!step.allFinite() || !std::isfinite(fit.log_evidence)) return std::nullopt;
   for (std::size_t i = 0; i < open.size(); ++i)
     fit.step[open[i]] = step[static_cast<Eigen::Index>(i)];
   if (!with_covariance) return fit;
-  const Eigen::MatrixXd inverse = root.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
+  const Eigen::MatrixXd inverse =
+      factor->solve(Eigen::MatrixXd::Identity(factor->rows(), factor->cols()));
   fit.covariance = Eigen::MatrixXd::Zero(scales.size(), scales.size());
   fit.covariance(open, open) = inverse;
   return fit;
 }
 
-MarginalCost WithoutAlwaysFree(const QuadraticCost& cost, const ParameterLayout& layout) {
+std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
+                                              const ParameterLayout& layout) {
   std::vector<Eigen::Index> free, others;
   for (Eigen::Index k = 0; k < layout.size(); ++k)
     (layout.IsAlwaysFree(k) ? free : others).push_back(k);
   const Eigen::MatrixXd& h = cost.normal.information;
   const Eigen::VectorXd& g = cost.normal.gradient;
   const Eigen::MatrixXd cross = h(free, others);
-  const Eigen::LLT<Eigen::MatrixXd> root(h(free, free));
+  const std::optional<CholeskyFactor> factor = Factor(h(free, free));
+  if (!factor) return std::nullopt;
   MarginalCost marginal;
-  marginal.cost.normal.information = h(others, others) - cross.transpose() * root.solve(cross);
+  marginal.cost.normal.information = h(others, others) - cross.transpose() * factor->solve(cross);
   marginal.cost.normal.gradient =
-      g(others) - cross.transpose() * root.solve(Eigen::VectorXd(g(free)));
+      g(others) - cross.transpose() * factor->solve(Eigen::VectorXd(g(free)));
   marginal.cost.prior_sigmas = cost.prior_sigmas(others);
   marginal.cost.values = cost.values(others);
   marginal.columns = std::move(others);
   return marginal;
 }
 
-PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
-                               const FreeSet& free) {
+std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
+                                              const ParameterLayout& layout, const FreeSet& free) {
   const std::vector<char> constant = layout.Constant(free);
-  const MarginalCost marginal = WithoutAlwaysFree(cost, layout);
-  PriorScales best{0, 0, 0, 0, 0};
+  const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
+  if (!marginal) return std::nullopt;
+  std::optional<PriorScales> best;
   double most = -std::numeric_limits<double>::infinity();
   for (const PriorScales& scales : AllScales()) {
     Eigen::VectorXd of_all = layout.Scales(scales);
     for (Eigen::Index k = 0; k < of_all.size(); ++k) {
       if (constant[static_cast<std::size_t>(k)]) of_all[k] = 0;
     }
-    const double evidence = FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence;
-    if (evidence > most) {
-      most = evidence;
+    const std::optional<ModelFit> fit = FitModel(marginal->cost, of_all(marginal->columns), false);
+    if (fit && fit->log_evidence > most) {
+      most = fit->log_evidence;
       best = scales;
     }
   }
   return best;
 }
 
-Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterLayout& layout) {
-  const std::vector<PriorScales> all = AllScales();
-  std::vector<double> evidence;
-  evidence.reserve(all.size());
-  const MarginalCost marginal = WithoutAlwaysFree(cost, layout);
-  for (const PriorScales& scales : all) {
+std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
+                                                    const ParameterLayout& layout) {
+  const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
+  if (!marginal) return std::nullopt;
+  struct Weighed {
+    Eigen::VectorXd scales;
+    double log_evidence;
+  };
+  std::vector<Weighed> models;
+  double most = -std::numeric_limits<double>::infinity();
+  for (const PriorScales& scales : AllScales()) {
     const Eigen::VectorXd of_all = layout.Scales(scales);
-    evidence.push_back(FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence);
+    const std::optional<ModelFit> fit = FitModel(marginal->cost, of_all(marginal->columns), false);
+    if (!fit) continue;
+    models.push_back({of_all, fit->log_evidence});
+    most = std::max(most, fit->log_evidence);
   }
-  const double most = *std::max_element(evidence.begin(), evidence.end());
-  if (!std::isfinite(most)) return {};
   const Eigen::VectorXd common =
       CommonShiftPull(cost.normal.information, layout, cost.prior_sigmas);
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(layout.size(), layout.size());
   double weights = 0;
-  for (std::size_t m = 0; m < all.size(); ++m) {
-    const double weight = std::exp(evidence[m] - most);
+  for (const Weighed& model : models) {
+    const double weight = std::exp(model.log_evidence - most);
     if (weight < kNegligible) continue;
-    const ModelFit fit = FitModel(cost, layout.Scales(all[m]), true);
-    const Eigen::VectorXd follows = fit.covariance * common;
-    sum +=
-        weight * (fit.covariance + fit.step * fit.step.transpose() + follows * follows.transpose());
+    const std::optional<ModelFit> fit = FitModel(cost, model.scales, true);
+    if (!fit) continue;
+    const Eigen::VectorXd follows = fit->covariance * common;
+    sum += weight *
+           (fit->covariance + fit->step * fit->step.transpose() + follows * follows.transpose());
     weights += weight;
   }
+  if (weights == 0 || !sum.allFinite()) return std::nullopt;
   return sum / weights;
 }
 

@@ -4,6 +4,7 @@
 // prior says, less, or not at all. Not for callers of Refine.
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "infer/refine/fine.h"
@@ -25,15 +26,15 @@ QuadraticCost CostAround(const JointProblem& problem, const Solution& solution);
 struct ModelFit {
   /// Natural logarithm of the probability of the measurements, all parameters being unknown, by
   /// Laplace's approximation (MacKay, "Information Theory, Inference, and Learning Algorithms",
-  /// chapter 28); up to a constant that is the same for all scales. -infinity where it cannot be
-  /// computed.
+  /// chapter 28); up to a constant that is the same for all scales.
   double log_evidence = 0;
   Eigen::VectorXd step;        ///< from the solution to the most probable values
   Eigen::MatrixXd covariance;  ///< of all parameters; zero of those that are held
 };
-/// `scales`: factors on the priors' standard deviations, one a parameter; 0 holds it at its prior's
-/// mean. Without `with_covariance` there is none.
-ModelFit FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales, bool with_covariance);
+/// `scales`: factors on the priors' standard deviations, one per parameter; 0 holds it at its
+/// prior's mean. Without `with_covariance` there is none. Nothing where it cannot be computed.
+std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales,
+                                 bool with_covariance);
 
 /// A cost of some of the parameters, all others being unknown: FitModel's evidence of it differs
 /// from that of the cost of all by the same constant for all scales.
@@ -41,16 +42,21 @@ struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
 };
-/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree).
-MarginalCost WithoutAlwaysFree(const QuadraticCost& cost, const ParameterLayout& layout);
+/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
+/// where it cannot be computed.
+std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
+                                              const ParameterLayout& layout);
 
-/// The scales under which the measurements are most probable, where only `free` may stray.
-PriorScales MostProbableScales(const QuadraticCost& cost, const ParameterLayout& layout,
-                               const FreeSet& free);
+/// The scales under which the measurements are most probable, where only `free` may stray. Nothing
+/// where that cannot be computed.
+std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
+                                              const ParameterLayout& layout, const FreeSet& free);
 
 /// Covariance of the parameters about the solution: the mean over all scales, weighted by their
 /// evidence, of the covariance under these scales, of the square of the step to their most probable
-/// values, and of what CommonShiftPull adds. Empty where it cannot be computed.
-Eigen::MatrixXd CovarianceOverModels(const QuadraticCost& cost, const ParameterLayout& layout);
+/// values, and of what CommonShiftPull adds. Scales under which it cannot be computed take no part;
+/// nothing, or a finite covariance.
+std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
+                                                    const ParameterLayout& layout);
 
 }  // namespace volalign::refine_internal

@@ -7,7 +7,7 @@
 #include <map>
 #include <utility>
 
-#include "core/statistics.h"
+#include "core/base/statistics.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
@@ -30,10 +30,8 @@ constexpr double kLeastFaceSpread = 1e-3, kLeastEdgeSpread = 0.3;
 constexpr double kOutlier = 2.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
-double Square(double x) { return x * x; }
-
 /// One image block's points on one side, without those that lie apart from the others.
-FaceObservation FaceOf(const Structure& nominal, const Structure& built, const SensorState& sensor,
+FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
                        int label, const std::vector<const SidePoint*>& points) {
   const Side& side = built.SideOfLabel(label);
   std::vector<double> distances;
@@ -93,28 +91,28 @@ double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count
 }
 
 /// What one unit of each residual is worth: 1 m of a face, 1 px of a silhouette.
-Eigen::VectorXd Units(const SensorEvidence& evidence) {
+Eigen::VectorXd Units(const FrameObservations& observed) {
   Eigen::VectorXd units = Eigen::VectorXd::Ones(
-      static_cast<Eigen::Index>(evidence.faces.size() + evidence.edges.size()));
-  for (std::size_t e = 0; e < evidence.edges.size(); ++e)
-    units[static_cast<Eigen::Index>(evidence.faces.size() + e)] = evidence.edges[e].pixel;
+      static_cast<Eigen::Index>(observed.faces.size() + observed.edges.size()));
+  for (std::size_t e = 0; e < observed.edges.size(); ++e)
+    units[static_cast<Eigen::Index>(observed.faces.size() + e)] = observed.edges[e].pixel;
   return units;
 }
 
 /// Residuals of a sensor's observations, m, after least squares of its own parameters, reweighted
 /// by Cauchy's function.
-Eigen::VectorXd RobustResiduals(const BuildModel& model, const SensorEvidence& evidence,
-                                const SensorParameters& parameters, const Priors& priors) {
+Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations& observed,
+                                const FrameParameters& parameters, const Priors& priors) {
   Eigen::VectorXd r;
   Eigen::MatrixXd over_blocks;
-  Residuals(model, evidence, parameters, &r, &over_blocks);
-  const Eigen::MatrixXd j = SensorColumns::InTangentSpace(over_blocks, parameters.pose);
+  Residuals(model, observed, parameters, &r, &over_blocks);
+  const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
   const auto boxes = static_cast<int>(model.structure().boxes().size());
   Eigen::VectorXd prior(j.cols());
   prior << Eigen::VectorXd::Constant(6, kRobustPose),
       SharedPriorSigmas(priors, kRobustMultipath, boxes).unaryExpr(&Positive);
-  const Eigen::VectorXd units = Units(evidence);
-  const std::size_t faces = evidence.faces.size(), edges = evidence.edges.size();
+  const Eigen::VectorXd units = Units(observed);
+  const std::size_t faces = observed.faces.size(), edges = observed.edges.size();
   Eigen::VectorXd left = r;
   for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
     const Eigen::VectorXd sizes = left.cwiseAbs().cwiseQuotient(units);
@@ -155,14 +153,14 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
                         const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
-                        const Gates& gates, SensorEvidence* evidence) {
+                        const Gates& gates, FrameObservations* observed) {
   const Structure& built = state.Built(sensor);
-  std::vector<SensorState> places;
+  std::vector<FrameState> places;
   places.reserve(poses.size());
-  for (const Pose& pose : poses) places.push_back(state.Sensor(sensor, pose));
+  for (const Pose& pose : poses) places.push_back(state.Frame(sensor, pose));
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
-    const auto lies_on_it = [&](const SensorState& at) {
+    const auto lies_on_it = [&](const FrameState& at) {
       return LiesOnItsSide(built, at, point, gates.side);
     };
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
@@ -172,29 +170,29 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
     EdgeLine line;
-    const auto lies_on_one = [&](const SensorState& at) {
+    const auto lies_on_one = [&](const FrameState& at) {
       return LiesOnAnEdge(built, at, edge, gates.side, &line);
     };
     if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
       lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
   }
-  evidence->lens = points.lens;
-  evidence->faces.clear();
+  observed->lens = points.lens;
+  observed->faces.clear();
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
-      evidence->faces.push_back(FaceOf(nominal, built, places.front(), key.first, of));
+      observed->faces.push_back(FaceOf(nominal, built, places.front(), key.first, of));
   }
-  for (FaceObservation& face : evidence->faces) face.by_lens = points.RayByLensAt(face.p);
-  evidence->edges.clear();
-  for (const auto& [key, of] : lines) evidence->edges.push_back(EdgeOf(key[0], key[1], key[3], of));
-  for (EdgeObservation& edge : evidence->edges) edge.by_lens = points.RayByLensAt(edge.p);
+  for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
+  observed->edges.clear();
+  for (const auto& [key, of] : lines) observed->edges.push_back(EdgeOf(key[0], key[1], key[3], of));
+  for (EdgeObservation& edge : observed->edges) edge.by_lens = points.RayByLensAt(edge.p);
 }
 
-void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,
-                   const Priors& priors, SensorEvidence* evidence) {
-  const std::size_t faces = evidence->faces.size();
-  Eigen::VectorXd sizes = RobustResiduals(model, *evidence, parameters, priors).cwiseAbs();
-  sizes = sizes.cwiseQuotient(Units(*evidence)).eval();
+void WidenOutliers(const BuildModel& model, const FrameParameters& parameters, const Priors& priors,
+                   FrameObservations* observed) {
+  const std::size_t faces = observed->faces.size();
+  Eigen::VectorXd sizes = RobustResiduals(model, *observed, parameters, priors).cwiseAbs();
+  sizes = sizes.cwiseQuotient(Units(*observed)).eval();
   const auto widen = [&](std::size_t first, std::size_t count, double least_spread,
                          const auto& variance) {
     const double limit = kOutlier * std::max(least_spread, Spread(sizes, first, count));
@@ -203,9 +201,9 @@ void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,
       if (size > limit) *variance(k) += kWidening * (size * size - limit * limit);
     }
   };
-  widen(0, faces, kLeastFaceSpread, [&](std::size_t k) { return &evidence->faces[k].variance; });
-  widen(faces, evidence->edges.size(), kLeastEdgeSpread,
-        [&](std::size_t k) { return &evidence->edges[k].variance; });
+  widen(0, faces, kLeastFaceSpread, [&](std::size_t k) { return &observed->faces[k].variance; });
+  widen(faces, observed->edges.size(), kLeastEdgeSpread,
+        [&](std::size_t k) { return &observed->edges[k].variance; });
 }
 
 }  // namespace volalign::refine_internal

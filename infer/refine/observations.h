@@ -5,9 +5,9 @@
 
 #include <vector>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/refine/association.h"
-#include "infer/refine/evidence.h"
+#include "infer/refine/frame_observations.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
 
@@ -24,14 +24,14 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
 /// Gathers the points of one use into one observation for each image block and side
 /// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor
 /// each; the first is where errors are measured. `nominal`: the structure as described, `state` has
-/// it as built. Replaces evidence->faces and ->edges, leaves its noise model.
+/// it as built. Replaces observed->faces and ->edges, leaves its noise model.
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
                         const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
-                        const Gates& gates, SensorEvidence* evidence);
+                        const Gates& gates, FrameObservations* observed);
 
 /// Widens the variances of observations that lie much farther off than the sensor's others, after a
 /// robust fit of this sensor alone.
-void WidenOutliers(const BuildModel& model, const SensorParameters& parameters,
-                   const Priors& priors, SensorEvidence* evidence);
+void WidenOutliers(const BuildModel& model, const FrameParameters& parameters, const Priors& priors,
+                   FrameObservations* observed);
 
 }  // namespace volalign::refine_internal

@@ -3,47 +3,56 @@
 #include <string>
 #include <vector>
 
-#include "core/config.h"
+#include "core/config/config.h"
 
 namespace volalign {
 
 /// What may be estimated beside the poses (`refine.estimate`).
 struct EstimateSet {
   bool boxes = false, size = false, depth_gain = false, depth_offset = false, lens = false;
+  /// False leaves all of it free, whether the capture tells it or not, for callers that want a pose
+  /// and its covariance alone.
+  bool where_told = true;
 };
 /// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, lens, separated by
 /// commas.
 /// Throws ConfigError for anything else.
 EstimateSet ParseEstimate(const std::string& text);
 
-struct RefineOptions {
-  std::string estimate = "auto";
+/// What is known before anything is measured: standard deviations of priors.
+struct PriorOptions {
   double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
   double depth_gain_sigma_percent = 0.3;
   double depth_offset_sigma_m = 0.007;
   double edge_shift_sigma_px = 0.7;
-  bool lens_per_sensor = false;
   double sensor_moved_sigma_m = 2e-4;
   double sensor_moved_sigma_deg = 0.005;
   double depth_drift_sigma_m = 0.002;
+};
+
+/// How a refinement goes about it: its rounds, their limits, and the weights of the coarse stage.
+struct RefineSchedule {
+  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
+  bool coarse = true;
   int outer_iterations = 5;
   int inner_iterations = 6;
   int fine_iterations = 3;
-  int max_side_points = 3000;
-  int max_edge_points = 600;
   int max_overlap_points = 700;
   double overlap_weight = 2;
   double min_overlap = 0.05;
   double edge_weight = 30;
-  std::vector<std::string> without_structure;
   int threads = 2;
-  /// Not a config key: false leaves all that is to be estimated free, whether the capture tells it
-  /// or not, for callers that want a pose and its covariance alone.
-  bool choose_estimates = true;
-  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
-  bool coarse = true;
+};
+
+/// The config's keys, and what of a capture is refined in which way.
+struct RefineOptions : PriorOptions, RefineSchedule {
+  std::string estimate = "auto";
+  bool lens_per_sensor = false;
+  int max_side_points = 3000;
+  int max_edge_points = 600;
+  std::vector<std::string> without_structure;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -114,6 +123,18 @@ struct RefineOptions {
        "sensors that are held by their neighbours' overlap alone");
     ar("threads", threads, "threads of Ceres", AtLeast(1));
   }
+};
+
+/// A refinement: what is free, what is known of it, and in which steps it is sought.
+struct RefineSetup {
+  RefineSetup() : RefineSetup(RefineOptions()) {}
+  /// As the config has it. Throws ConfigError for a bad `estimate`.
+  RefineSetup(const RefineOptions& options)  // NOLINT(google-explicit-constructor)
+      : free(ParseEstimate(options.estimate)), prior(options), schedule(options) {}
+
+  EstimateSet free;
+  PriorOptions prior;
+  RefineSchedule schedule;
 };
 
 }  // namespace volalign

@@ -1,7 +1,8 @@
 #include "infer/refine/overlap.h"
 
-#include <algorithm>
 #include <cmath>
+
+#include "core/base/lists.h"
 
 namespace volalign::refine_internal {
 
@@ -31,20 +32,14 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   }
   std::vector<int> chosen;
   const auto take = [&](const std::vector<int>& from, std::size_t count) {
-    count = std::min(count, from.size());
-    for (std::size_t j = 0; j < count; ++j) chosen.push_back(from[j * from.size() / count]);
+    for (const int j : Thinned(from, count)) chosen.push_back(j);
   };
   take(near, static_cast<std::size_t>(most) * kTenthsFromAround / 10);
   take(far, static_cast<std::size_t>(most) - chosen.size());
   return chosen;
 }
 
-bool SeeEnough(std::size_t matches, const OverlapView& from, double min_overlap) {
-  return matches >= kFewestMatches &&
-         static_cast<double>(matches) >= min_overlap * static_cast<double>(from.chosen->size());
-}
-
-std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, double gate,
+std::vector<Match> FindMatches(const OverlapEnd& a, const OverlapEnd& b, double gate,
                                double min_cosine) {
   const Pose b_from_a = b.state.structure_from_sensor.inverse() * a.state.structure_from_sensor;
   std::vector<Match> matches;
@@ -52,7 +47,7 @@ std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, doubl
     const CloudPoint& from = a.Cloud(i);
     const Eigen::Vector3d p = b_from_a * a.state.Corrected(from.p);
     if (p.z() <= 0) continue;
-    const int j = b.points->Nearest(p, gate);
+    const int j = b.points->Nearest(b.state.AsMeasured(p), gate);
     if (j < 0) continue;
     const CloudPoint& to = b.Cloud(j);
     if ((b_from_a.linear() * from.normal).dot(to.normal) < min_cosine) continue;
@@ -61,24 +56,21 @@ std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, doubl
   return matches;
 }
 
-std::vector<Pair> FindPairs(const std::vector<OverlapView>& views, double gate, double min_cosine,
-                            double min_overlap) {
-  std::vector<Pair> pairs;
-  for (std::size_t a = 0; a < views.size(); ++a) {
-    for (std::size_t b = a + 1; b < views.size(); ++b) {
-      std::vector<Match> matches = FindMatches(views[a], views[b], gate, min_cosine);
-      const std::vector<Match> back = FindMatches(views[b], views[a], gate, min_cosine);
-      matches.insert(matches.end(), back.begin(), back.end());
-      const auto offered = static_cast<double>(views[a].chosen->size() + views[b].chosen->size());
-      const auto count = static_cast<double>(matches.size());
-      if (matches.empty() || count < min_overlap * offered) continue;
-      double squares = 0;
-      for (const Match& match : matches) squares += match.residual * match.residual;
-      pairs.push_back(
-          {static_cast<int>(a), static_cast<int>(b), count / offered, std::sqrt(squares / count)});
-    }
+SharedPoints FindShared(const OverlapEnd& a, const OverlapEnd& b, double gate, double min_cosine) {
+  SharedPoints shared{FindMatches(a, b, gate, min_cosine), FindMatches(b, a, gate, min_cosine)};
+  const std::size_t offered = a.chosen->size() + b.chosen->size();
+  if (offered > 0) {
+    shared.overlap =
+        static_cast<double>(shared.of_a.size() + shared.of_b.size()) / static_cast<double>(offered);
   }
-  return pairs;
+  return shared;
+}
+
+double SharedPoints::rms() const {
+  double squares = 0;
+  for (const Match& match : of_a) squares += match.residual * match.residual;
+  for (const Match& match : of_b) squares += match.residual * match.residual;
+  return std::sqrt(squares / static_cast<double>(of_a.size() + of_b.size()));
 }
 
 }  // namespace volalign::refine_internal

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "core/structure.h"
+#include "core/geometry/structure.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
 
@@ -16,10 +16,10 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
                                      const Pose& structure_from_sensor, int most);
 
 /// One sensor as others see it.
-struct OverlapView {
+struct OverlapEnd {
   const SensorPoints* points;
   const std::vector<int>* chosen;  ///< indices into the cloud
-  SensorState state;
+  FrameState state;
 
   const CloudPoint& Cloud(int i) const { return points->cloud()[static_cast<std::size_t>(i)]; }
 };
@@ -33,24 +33,22 @@ struct Match {
 /// Fewest matches from which two sensors' overlap, or its spread, can be told.
 inline constexpr std::size_t kFewestMatches = 20;
 
-/// Does another sensor see enough of what one offers, for the two to be a pair: at least
-/// `min_overlap` of its chosen points, and kFewestMatches?
-bool SeeEnough(std::size_t matches, const OverlapView& from, double min_overlap);
-
 /// Which of a's chosen points b sees: the nearest cloud point of b's lies within `gate`, m, and
 /// faces the same way.
-std::vector<Match> FindMatches(const OverlapView& a, const OverlapView& b, double gate,
+std::vector<Match> FindMatches(const OverlapEnd& a, const OverlapEnd& b, double gate,
                                double min_cosine);
 
-/// An edge of the overlap graph.
-struct Pair {
-  int a, b;        ///< indices of the sensors, a < b
-  double overlap;  ///< share of the chosen points, of both, that the other one sees too
-  double rms;      ///< m, point to plane over them
-};
+/// What two sensors see of each other.
+struct SharedPoints {
+  std::vector<Match> of_a, of_b;  ///< a's chosen points that b sees, and b's that a sees
+  double overlap = 0;             ///< share of the chosen points, of both, that the other one sees
 
-/// Pairs of sensors of which at least `min_overlap` of the chosen points match.
-std::vector<Pair> FindPairs(const std::vector<OverlapView>& views, double gate, double min_cosine,
-                            double min_overlap);
+  /// Is it enough for the two to be a pair: at least `min_overlap`, and kFewestMatches?
+  bool IsPair(double min_overlap) const {
+    return of_a.size() + of_b.size() >= kFewestMatches && overlap >= min_overlap;
+  }
+  double rms() const;  ///< m, point to plane over all of them
+};
+SharedPoints FindShared(const OverlapEnd& a, const OverlapEnd& b, double gate, double min_cosine);
 
 }  // namespace volalign::refine_internal

@@ -1,6 +1,5 @@
 #include "infer/refine/parameters.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -15,8 +14,8 @@ constexpr double kPoseSigma = 1;
 
 }  // namespace
 
-Eigen::MatrixXd SensorColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
-                                              const double* pose) {
+Eigen::MatrixXd FrameColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
+                                             const double* pose) {
   Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
   LeftPoseManifold().PlusJacobian(pose, plus.data());
   Eigen::MatrixXd columns(over_blocks.rows(), over_blocks.cols() - 1);
@@ -25,7 +24,7 @@ Eigen::MatrixXd SensorColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks
   return columns;
 }
 
-Priors PriorsOf(const RefineOptions& options) {
+Priors PriorsOf(const PriorOptions& options) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
   priors.gain = options.depth_gain_sigma_percent / 100;
@@ -52,19 +51,13 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
   return sigmas;
 }
 
-Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes) {
+Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes) {
   Eigen::VectorXd values(2 + kNuisances + kLensParameters + 1 + 3 * boxes);
   values << *parameters.offset, *parameters.gain,
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
       *parameters.build.size,
       Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
   return values;
-}
-
-std::vector<FrameOf> EachItsOwn(std::size_t frames) {
-  std::vector<FrameOf> each(frames);
-  for (std::size_t i = 0; i < frames; ++i) each[i].sensor = static_cast<int>(i);
-  return each;
 }
 
 void State::UpdateBuilt(const BuildModel& model) {
@@ -76,7 +69,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
                    const std::vector<Pose>& placements) {
   State state;
-  state.frame_of = frame_of.empty() ? EachItsOwn(poses.size()) : std::move(frame_of);
+  state.frame_of = std::move(frame_of);
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   for (const Pose& placement : placements) state.placements.emplace_back(placement);
   std::size_t sensors = 0;
@@ -162,17 +155,17 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
 }
 
 std::vector<char> ParameterLayout::Constant(const FreeSet& free,
-                                            const std::vector<char>& kept_initial) const {
+                                            const std::vector<char>& held) const {
   std::vector<char> constant(static_cast<std::size_t>(size()), 0);
   const auto hold = [&](Eigen::Index first, int count) {
     std::fill_n(constant.begin() + first, count, 1);
   };
-  std::vector<char> is_moved(sensors_, kept_initial.empty());
+  std::vector<char> is_moved(sensors_, held.empty());
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset[i]) hold(Offset(i), 1);
     if (!free.gain[i]) hold(Gain(i), 1);
-    if (kept_initial.empty()) continue;
-    if (kept_initial[i]) {
+    if (held.empty()) continue;
+    if (held[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
       hold(Nuisance(i, 0), kNuisances);

@@ -9,12 +9,12 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
-#include "infer/view/sensor_lens.h"
 
 namespace volalign::refine_internal {
 
@@ -28,12 +28,10 @@ inline constexpr int kMultipath = 0, kEdgeShift = 1;
 struct FrameOf {
   int sensor = 0, still = 0, lens = 0;
 };
-/// Of so many frames, each of a sensor of its own, all in one still, with one lens.
-std::vector<FrameOf> EachItsOwn(std::size_t frames);
 
 /// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
 /// sensor's depth gain - 1 (1), its nuisances, its lens (LensChange), and the build of its still.
-struct SensorParameters {
+struct FrameParameters {
   const double* pose;
   const double* offset;
   const double* gain;
@@ -44,7 +42,7 @@ struct SensorParameters {
 
 /// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
 /// pose has 7 columns as a block and 6 in its tangent space.
-struct SensorColumns {
+struct FrameColumns {
   static constexpr Eigen::Index kPose = 0, kOffset = 7, kGain = 8, kNuisance = 9,
                                 kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
                                 kBoxes = kSize + 1;
@@ -63,18 +61,20 @@ struct Priors {
   /// Of the LensChange of the sensor that they are for; zero: the lens is known.
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
 };
-Priors PriorsOf(const RefineOptions& options);
+Priors PriorsOf(const PriorOptions& options);
 
 /// A standard deviation of zero stands for "known"; this is the least with which one can divide.
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 
+inline double Square(double x) { return x * x; }
+
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// SensorColumns: offset, gain, nuisances, lens, size, boxes. `multipath`, m, belongs to the
+/// FrameColumns: offset, gain, nuisances, lens, size, boxes. `multipath`, m, belongs to the
 /// frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.
-Eigen::VectorXd SharedValues(const SensorParameters& parameters, int boxes);
+Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes);
 
 /// How far each kind of what is estimated beside the poses strays from its nominal value, as a
 /// factor on its prior standard deviation; 0: not at all.
@@ -83,13 +83,24 @@ struct PriorScales {
   double size = 1, gain = 1, offset = 1;
 };
 
+/// A measured point where it really is, sensor frame, m. True depth = measured * (1 + gain_error) +
+/// offset along the same ray.
+inline Eigen::Vector3d Corrected(const Eigen::Vector3d& measured, double gain_error,
+                                 double offset) {
+  return measured * (1 + gain_error + offset / measured.z());
+}
+
 /// How a sensor stands and how it measures depth.
-struct SensorState {
+struct FrameState {
   Pose structure_from_sensor;
-  double gain_error = 0, offset = 0;  ///< true depth = measured * (1 + gain_error) + offset, m
+  double gain_error = 0, offset = 0;  ///< see Corrected
 
   Eigen::Vector3d Corrected(const Eigen::Vector3d& measured) const {
-    return measured * (1 + gain_error + offset / measured.z());
+    return refine_internal::Corrected(measured, gain_error, offset);
+  }
+  /// Where a point would have been measured.
+  Eigen::Vector3d AsMeasured(const Eigen::Vector3d& point) const {
+    return point * ((1 - offset / point.z()) / (1 + gain_error));
   }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& measured) const {
     return structure_from_sensor * Corrected(measured);
@@ -111,6 +122,7 @@ struct State {
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
   std::vector<Structure> built;
+  bool converged = true;  ///< the solution that led here ended by its tolerances
 
   std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
   std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].still); }
@@ -121,13 +133,13 @@ struct State {
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   double* Gain(std::size_t i) { return &gains[SensorOf(i)]; }
-  SensorState Sensor(std::size_t i) const { return Sensor(i, poses[i].ToPose()); }
+  FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
-  SensorState Sensor(std::size_t i, const Pose& pose) const {
+  FrameState Frame(std::size_t i, const Pose& pose) const {
     return {pose, gains[SensorOf(i)], offsets[i]};
   }
   BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
-  SensorParameters Parameters(std::size_t i) const {
+  FrameParameters Parameters(std::size_t i) const {
     return {poses[i].values,     &offsets[i],    &gains[SensorOf(i)],
             nuisances[i].data(), Lens(i).data(), Build(StillOf(i))};
   }
@@ -135,12 +147,10 @@ struct State {
   void UpdateBuilt(const BuildModel& model);
 };
 /// Everything nominal, the frames at `poses`, the stills at `placements`. Lenses begin at
-/// SensorLens::change. By default there is one still, each frame is of a sensor of its own, and all
-/// have one lens, which is known.
+/// SensorLens::change.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
-                   const std::vector<SensorLens>& lenses = {SensorLens()},
-                   std::vector<FrameOf> frame_of = {},
-                   const std::vector<Pose>& placements = {Pose::Identity()});
+                   const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
+                   const std::vector<Pose>& placements);
 
 /// What is estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
@@ -166,9 +176,6 @@ class ParameterLayout {
   /// `boxes`: of one still.
   ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, std::size_t boxes,
                   std::size_t lenses);
-  /// One still, each frame of a sensor of its own.
-  ParameterLayout(std::size_t frames, std::size_t boxes, std::size_t lenses = 1)
-      : ParameterLayout(EachItsOwn(frames), 1, boxes, lenses) {}
 
   std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
@@ -231,9 +238,9 @@ class ParameterLayout {
   Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where the frames marked in
-  /// `kept_initial` (none where that is empty) stand where they are, with their offsets and all of
+  /// `held` (none where that is empty) stand where they are, with their offsets and all of
   /// a sensor that has no others.
-  std::vector<char> Constant(const FreeSet& free, const std::vector<char>& kept_initial = {}) const;
+  std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
   /// Gives what `free` leaves out its nominal value, zero.
   void SetNominal(const FreeSet& free, State* state) const;

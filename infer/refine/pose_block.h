@@ -7,7 +7,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "core/pose.h"
+#include "core/geometry/pose.h"
 
 namespace volalign::refine_internal {
 

@@ -1,12 +1,14 @@
 #include "infer/refine/posterior.h"
-#include "infer/refine/fine_problem.h"
 
 #include <ceres/crs_matrix.h>
 #include <ceres/problem.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <optional>
+
+#include "core/geometry/factor.h"
+#include "infer/refine/fine_problem.h"
 
 namespace volalign::refine_internal {
 
@@ -14,8 +16,6 @@ namespace {
 
 /// px, standard deviation of the shift of silhouettes that all frames have in common.
 constexpr double kCommonEdgeShift = 0.3;
-
-double Square(double x) { return x * x; }
 
 /// J^T J, dense.
 Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
@@ -38,12 +38,9 @@ Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
 class Inverse {
  public:
   Inverse(const Eigen::MatrixXd& information, const Eigen::VectorXd& prior_sigmas) {
-    if (information.allFinite()) {
-      root_.compute(information);
-      exact_ = root_.info() == Eigen::Success &&
-               root_.solve(Eigen::VectorXd::Ones(information.rows())).allFinite();
-    }
-    if (exact_) return;
+    factor_ = Factor(information);
+    if (factor_ && factor_->solve(Eigen::VectorXd::Ones(information.rows())).allFinite()) return;
+    factor_.reset();
     Eigen::MatrixXd scaled = prior_sigmas.asDiagonal() * information * prior_sigmas.asDiagonal();
     for (Eigen::Index k = 0; k < scaled.rows(); ++k) {
       if (scaled.row(k).allFinite() && scaled.col(k).allFinite()) continue;
@@ -57,15 +54,14 @@ class Inverse {
     // Failing even that, the priors.
     if (!inverse_.allFinite()) inverse_ = prior_sigmas.cwiseAbs2().asDiagonal();
   }
-  bool exact() const { return exact_; }
+  bool exact() const { return factor_.has_value(); }
   Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const {
-    return exact_ ? Eigen::MatrixXd(root_.solve(b)) : Eigen::MatrixXd(inverse_ * b);
+    return factor_ ? Eigen::MatrixXd(factor_->solve(b)) : Eigen::MatrixXd(inverse_ * b);
   }
 
  private:
-  Eigen::LLT<Eigen::MatrixXd> root_;
+  std::optional<CholeskyFactor> factor_;
   Eigen::MatrixXd inverse_;
-  bool exact_ = false;
 };
 
 }  // namespace
@@ -75,15 +71,15 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   state.scales = PriorScales();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
   const CeresProblem ceres =
-      BuildFineProblem(problem, solution.evidence, solution.kept_initial, none, &state);
+      BuildFineProblem(problem, solution.observed, solution.held, none, &state);
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : problem.layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);
-  evaluation.num_threads = problem.options.threads;
+  evaluation.num_threads = problem.setup.schedule.threads;
   ceres::CRSMatrix jacobian;
   std::vector<double> gradient;
   if (!ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian)) {
-    const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.evidence);
+    const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.observed);
     return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
             false};
   }

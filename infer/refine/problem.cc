@@ -9,20 +9,20 @@ namespace {
 
 /// With one more, that is known, where a sensor needs it.
 std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
-                                      const std::vector<RefineFrame>& frames) {
+                                      const std::vector<FrameInput>& frames) {
   if (std::any_of(frames.begin(), frames.end(), [](const auto& f) { return f.lens < 0; }))
     lenses.emplace_back();
   return lenses;
 }
 
 /// `known_lens`: index of the one that is known. Sensors are numbered as they first occur.
-std::vector<FrameOf> WhatFramesAreOf(const std::vector<RefineFrame>& frames,
+std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames,
                                      std::size_t known_lens) {
   std::vector<FrameOf> frame_of;
   frame_of.reserve(frames.size());
   std::map<int, int> numbers;
   int count = 0;
-  for (const RefineFrame& frame : frames) {
+  for (const FrameInput& frame : frames) {
     FrameOf of;
     of.still = frame.still;
     of.lens = frame.lens < 0 ? static_cast<int>(known_lens) : frame.lens;
@@ -36,24 +36,26 @@ std::vector<FrameOf> WhatFramesAreOf(const std::vector<RefineFrame>& frames,
 
 }  // namespace
 
-JointProblem::JointProblem(const Structure& structure_in, const std::vector<RefineFrame>& frames_in,
-                           const RefineOptions& options_in,
-                           const std::vector<SensorLens>& lenses_in, std::size_t stills)
+JointProblem::JointProblem(const Structure& structure_in, const std::vector<FrameInput>& frames_in,
+                           const RefineSetup& setup_in, const std::vector<SensorLens>& lenses_in,
+                           std::size_t stills)
     : structure(structure_in),
       frames(frames_in),
-      options(options_in),
+      setup(setup_in),
       model(structure_in),
-      priors(refine_internal::PriorsOf(options_in)),
+      priors(refine_internal::PriorsOf(setup_in.prior)),
       lenses(WithKnownLens(lenses_in, frames_in)),
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
       layout(frame_of, stills, structure_in.boxes().size(), lenses.size()) {
-  for (const RefineFrame& frame : frames)
+  const int overlap_each = frames.size() > 1 ? setup.schedule.max_overlap_points : 0;
+  for (const FrameInput& frame : frames)
     overlap_points.push_back(
-        ChooseOverlapPoints(structure, *frame.points, frame.start, options.max_overlap_points));
+        ChooseOverlapPoints(structure, *frame.points, frame.start, overlap_each));
 }
 
 bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {
-  if (options.max_overlap_points == 0 || a == b || frame_of[a].still != frame_of[b].still)
+  if (setup.schedule.max_overlap_points == 0 || frame_of[a].sensor == frame_of[b].sensor ||
+      frame_of[a].still != frame_of[b].still)
     return false;
   const auto is_in = [&](int sensor, int still) {
     return std::any_of(frame_of.begin(), frame_of.end(),

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
+#include <string>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/refine/options.h"
 #include "infer/refine/overlap.h"
 #include "infer/refine/parameters.h"
@@ -12,18 +14,20 @@
 
 namespace volalign {
 
+/// What ties a frame to the structure: its own points on it, or only what it shares with others.
+enum class FrameRole { kStructure, kOverlap };
+
 /// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the
 /// structure where it stands in that still.
-struct RefineFrame {
-  const SensorPoints* points = nullptr;
+struct FrameInput {
+  std::shared_ptr<const SensorPoints> points;
   /// What a refined pose has to explain held-out points better than. A pose that was fitted to the
   /// sensor's own points would win against better ones: it has absorbed the sensor's warp and where
   /// the boxes really stand.
   Pose to_beat = Pose::Identity();
   Pose fallback = Pose::Identity();  ///< what stands where the refined pose is refused
   Pose start = Pose::Identity();     ///< where the solution begins
-  /// False: nothing ties the sensor to the structure but its neighbours.
-  bool use_structure_terms = true;
+  FrameRole role = FrameRole::kStructure;
   /// Index into the lenses; -1: its lens is known.
   int lens = -1;
   /// Index of the sensor among those of all stills; -1: one of its own.
@@ -38,13 +42,13 @@ inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 
 /// What is given and stays as it is while the parameters are sought. Refers to its arguments.
 struct JointProblem {
-  JointProblem(const Structure& structure, const std::vector<RefineFrame>& frames,
-               const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
+  JointProblem(const Structure& structure, const std::vector<FrameInput>& frames,
+               const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
                std::size_t stills = 1);
 
   const Structure& structure;  ///< as described
-  const std::vector<RefineFrame>& frames;
-  const RefineOptions& options;
+  const std::vector<FrameInput>& frames;
+  RefineSetup setup;
   BuildModel model;
   Priors priors;  ///< without a lens's
   /// Those given, then one for all sensors whose lens is known, where there are any.
@@ -62,14 +66,18 @@ struct JointProblem {
     own.lens = lenses[lens].prior_sigmas.cwiseMin(kFoundLens);
     return own;
   }
-  bool HasStructureTerms(std::size_t i) const { return frames[i].use_structure_terms; }
+  /// The kind of device that a frame is of, see SensorFrame::sensor; empty: not known.
+  const std::string& KindOf(std::size_t i) const {
+    return lenses[static_cast<std::size_t>(frame_of[i].lens)].sensor;
+  }
+  bool HasStructureTerms(std::size_t i) const { return frames[i].role == FrameRole::kStructure; }
   /// Does the overlap of two frames count? They have to be of one still, and no earlier one may
   /// have both sensors: what stands about the structure would be measured again with the same
   /// errors.
   bool OverlapCounts(std::size_t a, std::size_t b) const;
   /// One frame's part in its overlap with others.
-  OverlapView Overlap(std::size_t i, const State& state) const {
-    return {frames[i].points, &overlap_points[i], state.Sensor(i)};
+  OverlapEnd Overlap(std::size_t i, const State& state) const {
+    return {frames[i].points.get(), &overlap_points[i], state.Frame(i)};
   }
 };
 

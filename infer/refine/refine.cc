@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/coarse.h"
 #include "infer/refine/disagreement.h"
@@ -28,7 +28,7 @@ using namespace refine_internal;  // NOLINT(google-build-using-namespace): its o
 Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
-  for (const RefineFrame& frame : problem.frames) starts.push_back(frame.start);
+  for (const FrameInput& frame : problem.frames) starts.push_back(frame.start);
   Solution solution{
       asked_for,
       NominalState(problem.structure, starts, problem.lenses, problem.frame_of, placements),
@@ -40,7 +40,7 @@ Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
   return solution;
 }
 
-void CheckPoses(const std::vector<RefineFrame>& frames) {
+void CheckPoses(const std::vector<FrameInput>& frames) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (frames[i].to_beat.matrix().allFinite() && frames[i].fallback.matrix().allFinite()) continue;
     throw DataError(fmt::format(
@@ -55,9 +55,9 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
   const QuadraticCost cost = CostAround(problem, solution);
   Posterior posterior = ComputePosterior(cost.normal, problem.layout,
                                          problem.layout.Constant(asked_for), cost.prior_sigmas);
-  if (!problem.options.choose_estimates || !posterior.exact) return posterior;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(cost, problem.layout);
-  if (covariance.size() > 0 && covariance.allFinite()) posterior.covariance = covariance;
+  if (!problem.setup.free.where_told || !posterior.exact) return posterior;
+  if (std::optional<Eigen::MatrixXd> over_models = CovarianceOverModels(cost, problem.layout))
+    posterior.covariance = *std::move(over_models);
   return posterior;
 }
 
@@ -88,10 +88,9 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
   return names;
 }
 
-RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& frames,
-                    const RefineOptions& options, const std::vector<SensorLens>& lenses,
+RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& frames,
+                    const RefineSetup& setup, const std::vector<SensorLens>& lenses,
                     const std::vector<Pose>& placements) {
-  const EstimateSet asked = ParseEstimate(options.estimate);
   if (frames.empty()) {
     RefineResult nothing;
     for (const Pose& placement : placements) {
@@ -102,19 +101,19 @@ RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& 
     return nothing;
   }
   CheckPoses(frames);
-  const JointProblem problem(structure, frames, options, lenses, placements.size());
-  const FreeSet asked_for = AskedFor(asked, problem.priors, frames.size(),
+  const JointProblem problem(structure, frames, setup, lenses, placements.size());
+  const FreeSet asked_for = AskedFor(setup.free, problem.priors, frames.size(),
                                      placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
-  if (options.coarse) {
-    solution.state = SolveCoarse(problem, solution.kept_initial, std::move(solution.state));
+  if (setup.schedule.coarse) {
+    solution.state = SolveCoarse(problem, solution.held, std::move(solution.state));
   }
   solution = IterateFine(problem, std::move(solution));
-  const std::vector<char> unsolved = solution.kept_initial;
+  const std::vector<char> unsolved = solution.held;
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};
-  if (options.choose_estimates) {
+  if (setup.free.where_told) {
     agreed = SetAsideDisagreeing(problem, asked_for,
                                  ChooseEstimates(problem, std::move(agreed.solution)));
   }

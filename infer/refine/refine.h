@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/refine/options.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/sensor_points.h"
@@ -22,7 +22,7 @@ struct RefusedFit {
 /// Of a frame; poses in the structure of its still.
 struct RefinedFrame {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted = false;  ///< false: the pose is RefineFrame::fallback
+  bool accepted = false;  ///< false: the pose is FrameInput::fallback
   /// Of a frame that disagrees with the others. Its pose and depth errors are then those that its
   /// own measurements and the priors make most probable, and the others are solved without it; it
   /// counts as accepted.
@@ -36,9 +36,6 @@ struct RefinedFrame {
   double rms_together = 0, rms_alone = 0;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
-  /// Mean square of held-out points' residuals in standard deviations, as errors are correlated; of
-  /// a sensor without structure terms, mean robust cost against its neighbours.
-  double held_out_before = 0, held_out_after = 0;
   /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.
   Matrix6d covariance = Matrix6d::Zero();
   /// The same in the structure of the first still.
@@ -89,6 +86,9 @@ struct RefineResult {
   std::vector<RefinedLens> lenses;           ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  /// Whether the last solution of all parameters ended by its tolerances, not by
+  /// RefineSchedule::inner_iterations.
+  bool converged = true;
 };
 
 /// Directions in which a pose with this covariance (structure frame, m and rad) is open: each
@@ -107,15 +107,15 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// gain, and an error in concave seams; silhouettes may be shifted outwards. Together with each
 /// box's place and turn and the size of all boxes these are parameters with priors. Between
 /// sensors, what both see off the structure is compared. A sensor without structure terms is held
-/// by its overlap alone. Sensors whose RefineFrame::lens is an index into `lenses` look through
+/// by its overlap alone. Sensors whose FrameInput::lens is an index into `lenses` look through
 /// that lens, whose change from SensorLens::change is a parameter, too, with the evidence that
 /// large planes give; sensors may share one.
 ///
-/// Several stills of the same sensors have the stack in several places. `placements`, one a still,
-/// are about first_from_placement, the first the identity. Each is a parameter, as are the boxes of
-/// each still; a sensor's depth gain, its lens and the size are the same in all. The frames of a
-/// sensor (RefineFrame::sensor) have a pose each, which differ by the placements and by as little
-/// as options.sensor_moved_sigma_m and _deg allow.
+/// Several stills of the same sensors have the stack in several places. `placements`, one per
+/// still, are about first_from_placement, the first the identity. Each is a parameter, as are the
+/// boxes of each still; a sensor's depth gain, its lens and the size are the same in all. The
+/// frames of a sensor (FrameInput::sensor) have a pose each, which differ by the placements and by
+/// as little as PriorOptions::sensor_moved_sigma_m and _deg allow.
 ///
 /// A parameter is estimated where its posterior is clearly tighter than its prior and the
 /// measurements are more probable if parameters of its kind stray from their nominal values than if
@@ -125,13 +125,13 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// and the others are solved again without it.
 ///
 /// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
-/// whether options.estimate asks for it or not; with choose_estimates false, of that with
-/// everything free, widened by how far the poses would move if it were. That of a sensor which goes
-/// back to its fallback is widened by how far the refused pose was from it. A prior of 1 m and 1
-/// rad bounds directions that nothing constrains. Throws ConfigError for a bad options.estimate,
-/// DataError for a pose to beat or to fall back to that is not finite.
-RefineResult Refine(const Structure& structure, const std::vector<RefineFrame>& frames,
-                    const RefineOptions& options, const std::vector<SensorLens>& lenses = {},
+/// whether EstimateSet asks for it or not; where that is not to be chosen (where_told), of that
+/// with everything free, widened by how far the poses would move if it were. That of a sensor which
+/// goes back to its fallback is widened by how far the refused pose was from it. A prior of 1 m and
+/// 1 rad bounds directions that nothing constrains. Throws DataError for a pose to beat or to fall
+/// back to that is not finite.
+RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& frames,
+                    const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
                     const std::vector<Pose>& placements = {Pose::Identity()});
 
 }  // namespace volalign

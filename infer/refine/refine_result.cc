@@ -33,21 +33,19 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
   return (in_first + in_first.transpose()) / 2;
 }
 
-RefinedFrame FrameResult(const JointProblem& problem, const Acceptance& accepted,
-                         const std::vector<char>& unsolved, const Posterior& posterior,
-                         const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, evidence, kept_initial] = accepted.solution;
+RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accepted,
+                            const std::vector<char>& unsolved, const Posterior& posterior,
+                            const Agreed& agreed, std::size_t i) {
+  const auto& [free, state, observed, held] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedFrame frame;
-  frame.accepted = !kept_initial[i];
+  frame.accepted = !held[i];
   frame.structure_from_sensor =
       frame.accepted ? state.poses[i].ToPose() : problem.frames[i].fallback;
   if (free.offset[i] && frame.accepted) frame.depth_offset = state.offsets[i];
   if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
   frame.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
   frame.sigma_depth_gain = posterior.Sigma(layout.Gain(i));
-  frame.held_out_before = accepted.before[i].misfit;
-  frame.held_out_after = accepted.after[i].misfit;
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
   frame.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
@@ -91,22 +89,16 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
   return boxes;
 }
 
-/// Still by still.
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
   const Gates gates = FineGates();
   std::vector<RefinedPair> pairs;
-  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
-    std::vector<OverlapView> views;
-    std::vector<int> frames;  // of each view
-    for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (state.StillOf(i) != still) continue;
-      views.push_back(problem.Overlap(i, state));
-      frames.push_back(static_cast<int>(i));
-    }
-    for (const Pair& pair :
-         FindPairs(views, gates.overlap, gates.min_cosine, problem.options.min_overlap)) {
-      pairs.push_back({frames[static_cast<std::size_t>(pair.a)],
-                       frames[static_cast<std::size_t>(pair.b)], pair.overlap, pair.rms});
+  for (std::size_t a = 0; a < problem.size(); ++a) {
+    for (std::size_t b = a + 1; b < problem.size(); ++b) {
+      if (state.StillOf(a) != state.StillOf(b)) continue;
+      const SharedPoints shared = FindShared(problem.Overlap(a, state), problem.Overlap(b, state),
+                                             gates.overlap, gates.min_cosine);
+      if (!shared.IsPair(problem.setup.schedule.min_overlap)) continue;
+      pairs.push_back({static_cast<int>(a), static_cast<int>(b), shared.overlap, shared.rms()});
     }
   }
   return pairs;
@@ -136,15 +128,16 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
                         const Agreed& agreed, std::size_t given_lenses) {
-  const auto& [free, state, evidence, kept_initial] = accepted.solution;
+  const auto& [free, state, observed, held] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.frames.push_back(FrameResult(problem, accepted, unsolved, posterior, agreed, i));
+    result.frames.push_back(RefinedFrameOf(problem, accepted, unsolved, posterior, agreed, i));
   result.placements = PlacementResults(problem, accepted, posterior);
   result.size_estimated =
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
                                [](const RefinedFrame& frame) { return frame.accepted; });
   result.size_scale = 1 + state.size;
+  result.converged = state.converged;
   result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
   result.pairs = PairResults(problem, state);
   for (std::size_t lens = 0; lens < given_lenses; ++lens) {

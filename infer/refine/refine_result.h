@@ -3,7 +3,6 @@
 // What a refinement gives, from its solution and posterior. Not for callers of Refine.
 
 #include <cstddef>
-#include <optional>
 #include <vector>
 
 #include "infer/refine/acceptance.h"

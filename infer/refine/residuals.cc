@@ -20,11 +20,11 @@ struct MovedPlane {
 /// One sensor at its parameters, against the structure as they build it.
 class Scene {
  public:
-  /// `seen_through`: the lens of the observations.
-  Scene(const BuildModel& model, const SensorParameters& parameters, const LensChange& seen_through)
+  /// `observed_lens`: the lens of the observations.
+  Scene(const BuildModel& model, const FrameParameters& parameters, const LensChange& observed_lens)
       : model_(model),
         parameters_(parameters),
-        lens_(Eigen::Map<const LensChange>(parameters.lens) - seen_through),
+        lens_(Eigen::Map<const LensChange>(parameters.lens) - observed_lens),
         rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
         translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
         growth_(*parameters.build.size) {}
@@ -32,7 +32,7 @@ class Scene {
   const Eigen::Matrix3d& rotation() const { return rotation_; }
   const double* pose() const { return parameters_.pose; }
   double nuisance(int which) const { return parameters_.nuisance[which]; }
-  Eigen::Index columns() const { return SensorColumns::kBoxes + model_.box_parameters(); }
+  Eigen::Index columns() const { return FrameColumns::kBoxes + model_.box_parameters(); }
   const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
     return rotation_ * p + translation_;
@@ -50,9 +50,10 @@ class Scene {
     return direction.transpose() * rotation_.leftCols<2>() * by_lens;
   }
 
-  double TrueDepth(const FaceObservation& face) const {
-    return face.p.z() * (1 + parameters_.gain[0]) + parameters_.offset[0] -
-           nuisance(kMultipath) * face.multipath;
+  /// Along `ray`, of unit depth, at the true depth.
+  Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
+    return Corrected(face.p.z() * ray, parameters_.gain[0],
+                     parameters_.offset[0] - nuisance(kMultipath) * face.multipath);
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -68,11 +69,11 @@ class Scene {
   /// Derivative of Distance(plane, R p + t), p fixed. at = R p + t.
   Eigen::RowVectorXd Derivative(const MovedPlane& plane, const Eigen::Vector3d& p,
                                 const Eigen::Vector3d& at) const {
-    constexpr Eigen::Index kBoxes = SensorColumns::kBoxes;
+    constexpr Eigen::Index kBoxes = FrameColumns::kBoxes;
     Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(columns());
     row.head<4>() = plane.normal.transpose() * RotatedPointJacobian(parameters_.pose, p);
     row.segment<3>(4) = plane.normal.transpose();
-    row[SensorColumns::kSize] = -plane.normal.y() * plane.height - plane.half;
+    row[FrameColumns::kSize] = -plane.normal.y() * plane.height - plane.half;
     row[kBoxes + BuildModel::X(plane.box)] = -plane.normal.x();
     row[kBoxes + BuildModel::Z(plane.box)] = -plane.normal.z();
     row[kBoxes + BuildModel::Yaw(plane.box)] = VerticalCross(plane.normal).dot(at - plane.centre);
@@ -98,7 +99,7 @@ class Scene {
   }
 
   const BuildModel& model_;
-  const SensorParameters& parameters_;
+  const FrameParameters& parameters_;
   const LensChange lens_;  // from the one that was looked through
   const Eigen::Matrix3d rotation_;
   const Eigen::Vector3d translation_;
@@ -110,14 +111,14 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
                     Eigen::MatrixXd* jacobian) {
   const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
   const Eigen::Vector3d ray = scene.Ray(face.p, face.by_lens);
-  const Eigen::Vector3d p = scene.TrueDepth(face) * ray, at = scene.InStructure(p);
+  const Eigen::Vector3d p = scene.TruePoint(face, ray), at = scene.InStructure(p);
   if (jacobian) {
     jacobian->row(row) = scene.Derivative(plane, p, at);
     const double along = plane.normal.dot(scene.rotation() * ray);
-    (*jacobian)(row, SensorColumns::kOffset) = along;
-    (*jacobian)(row, SensorColumns::kGain) = along * face.p.z();
-    (*jacobian)(row, SensorColumns::kNuisance + kMultipath) = -along * face.multipath;
-    jacobian->row(row).segment<kLensParameters>(SensorColumns::kLens) =
+    (*jacobian)(row, FrameColumns::kOffset) = along;
+    (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
+    (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
+    jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
   }
   return scene.Distance(plane, at);
@@ -139,12 +140,12 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
     const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
     jacobian->row(row).head<4>() -=
         behind * turn.transpose() * RotatedPointJacobian(scene.pose(), ray);
-    (*jacobian)(row, SensorColumns::kBoxes + BuildModel::Yaw(side.box)) -=
+    (*jacobian)(row, FrameColumns::kBoxes + BuildModel::Yaw(side.box)) -=
         behind *
         (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
         (nv * nv);
-    (*jacobian)(row, SensorColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
-    jacobian->row(row).segment<kLensParameters>(SensorColumns::kLens) =
+    (*jacobian)(row, FrameColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
+    jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         scene.ByLens(p.z() * (line.normal - slope * plane.normal) - behind * turn, edge.by_lens);
   }
   return scene.Distance(line, at) - slope * behind -
@@ -153,27 +154,27 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
 
 }  // namespace
 
-void Residuals(const BuildModel& model, const SensorEvidence& evidence,
-               const SensorParameters& parameters, Eigen::VectorXd* residuals,
+void Residuals(const BuildModel& model, const FrameObservations& observed,
+               const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian) {
-  const Scene scene(model, parameters, evidence.lens);
-  const auto rows = static_cast<Eigen::Index>(evidence.faces.size() + evidence.edges.size());
+  const Scene scene(model, parameters, observed.lens);
+  const auto rows = static_cast<Eigen::Index>(observed.faces.size() + observed.edges.size());
   residuals->resize(rows);
   if (jacobian) jacobian->setZero(rows, scene.columns());
   Eigen::Index row = 0;
-  for (const FaceObservation& face : evidence.faces) {
+  for (const FaceObservation& face : observed.faces) {
     (*residuals)[row] = FaceResidual(scene, face, row, jacobian);
     ++row;
   }
-  for (const EdgeObservation& edge : evidence.edges) {
+  for (const EdgeObservation& edge : observed.edges) {
     (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
     ++row;
   }
 }
 
-SensorCost::SensorCost(const BuildModel& model, const SensorEvidence& evidence)
-    : model_(model), evidence_(evidence) {
-  set_num_residuals(static_cast<int>(evidence.faces.size() + evidence.edges.size()));
+SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observed)
+    : model_(model), observed_(observed) {
+  set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
   *mutable_parameter_block_sizes() = {
       7, 1, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
 }
@@ -182,7 +183,7 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
   Eigen::VectorXd r;
   Eigen::MatrixXd j;
-  Residuals(model_, evidence_,
+  Residuals(model_, observed_,
             {parameters[0],
              parameters[1],
              parameters[2],
@@ -190,10 +191,10 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
              parameters[4],
              {parameters[5], parameters[6]}},
             &r, jacobians ? &j : nullptr);
-  const auto faces = static_cast<Eigen::Index>(evidence_.faces.size());
-  const auto edges = static_cast<Eigen::Index>(evidence_.edges.size());
-  const auto face_root = evidence_.face_root.triangularView<Eigen::Lower>();
-  const auto edge_root = evidence_.edge_root.triangularView<Eigen::Lower>();
+  const auto faces = static_cast<Eigen::Index>(observed_.faces.size());
+  const auto edges = static_cast<Eigen::Index>(observed_.edges.size());
+  const auto face_root = observed_.face_root.triangularView<Eigen::Lower>();
+  const auto edge_root = observed_.edge_root.triangularView<Eigen::Lower>();
   Eigen::Map<Eigen::VectorXd> out(residuals, faces + edges);
   out.head(faces) = face_root.solve(r.head(faces));
   out.tail(edges) = edge_root.solve(r.tail(edges));

@@ -7,28 +7,28 @@
 #include <Eigen/Core>
 
 #include "infer/refine/build_model.h"
-#include "infer/refine/evidence.h"
+#include "infer/refine/frame_observations.h"
 #include "infer/refine/parameters.h"
 
 namespace volalign::refine_internal {
 
 /// Signed distances, m: faces (to the infinite plane of the side as built), then edges (bearing
 /// against the edge, measured in the side's plane). True depth = measured * gain + offset -
-/// multipath * seam share. `jacobian`, if wanted, has SensorColumns.
-void Residuals(const BuildModel& model, const SensorEvidence& evidence,
-               const SensorParameters& parameters, Eigen::VectorXd* residuals,
+/// multipath * seam share. `jacobian`, if wanted, has FrameColumns.
+void Residuals(const BuildModel& model, const FrameObservations& observed,
+               const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian);
 
 /// All residuals of a sensor, whitened by their joint covariance. Refers to both arguments.
 class SensorCost : public ceres::CostFunction {
  public:
-  SensorCost(const BuildModel& model, const SensorEvidence& evidence);
+  SensorCost(const BuildModel& model, const FrameObservations& observed);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
   const BuildModel& model_;
-  const SensorEvidence& evidence_;
+  const FrameObservations& observed_;
 };
 
 }  // namespace volalign::refine_internal

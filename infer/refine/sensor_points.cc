@@ -1,14 +1,14 @@
 #include "infer/refine/sensor_points.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <map>
 #include <utility>
 
-#include "core/random.h"
+#include "core/base/lists.h"
+#include "core/base/random.h"
 #include "infer/refine/silhouettes.h"
 
 namespace volalign {
@@ -17,16 +17,6 @@ namespace {
 
 constexpr int kNormalRadius = 3;    // px, of the neighbourhood that a normal is taken from
 constexpr double kMostBent = 0.08;  // smallest by middle variance of a flat neighbourhood
-
-/// Keeps at most `most` elements, evenly spread.
-template <class T>
-void Thin(std::vector<T>* items, std::size_t most) {
-  if (items->size() <= most) return;
-  std::vector<T> kept;
-  kept.reserve(most);
-  for (std::size_t i = 0; i < most; ++i) kept.push_back((*items)[i * items->size() / most]);
-  *items = std::move(kept);
-}
 
 template <class Key>
 void SortByKey(std::vector<int>* items, const Key& key) {
@@ -39,13 +29,10 @@ void SortByKey(std::vector<int>* items, const Key& key) {
 
 std::vector<std::vector<int>> PixelsByLabel(const ConfidentSides& sides) {
   std::vector<std::vector<int>> by_label(sides.classes);
-  for (int v = 0; v < sides.view.height(); ++v) {
-    for (int u = 0; u < sides.view.width(); ++u) {
-      const int label = sides.At(u, v);
-      if (label > 0)
-        by_label[static_cast<std::size_t>(label)].push_back(v * sides.view.width() + u);
-    }
-  }
+  sides.view.VisitMeasured(1, [&](int u, int v) {
+    const int label = sides.At(u, v);
+    if (label > 0) by_label[static_cast<std::size_t>(label)].push_back(v * sides.view.width() + u);
+  });
   return by_label;
 }
 
@@ -86,16 +73,14 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
 
 std::vector<CloudPoint> SampleCloud(const SensorView& view, int stride, double max_range) {
   std::vector<CloudPoint> cloud;
-  for (int v = stride / 2; v < view.height(); v += stride) {
-    for (int u = stride / 2; u < view.width(); u += stride) {
-      CloudPoint point;
-      if (view.depth(u, v) > max_range || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
-        continue;
-      point.p = view.Point(u, v);
-      point.use = UseOfBlock(u, v);
-      cloud.push_back(point);
-    }
-  }
+  view.VisitMeasured(stride, [&](int u, int v) {
+    CloudPoint point;
+    if (view.depth(u, v) > max_range || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
+      return;
+    point.p = view.Point(u, v);
+    point.use = UseOfBlock(u, v);
+    cloud.push_back(point);
+  });
   return cloud;
 }
 
@@ -152,11 +137,10 @@ SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segm
   const ConfidentSides sides{view, segmentation, static_cast<std::size_t>(structure.num_classes()),
                              options.min_confidence};
   const auto most_edges = static_cast<std::size_t>(options.max_edge_points);
-  Silhouettes silhouettes = FindSilhouettes(sides);
-  std::vector<EdgePoint> edges = std::move(silhouettes.two_sided);
-  Thin(&edges, most_edges);
-  Thin(&silhouettes.one_sided, most_edges);
-  edges.insert(edges.end(), silhouettes.one_sided.begin(), silhouettes.one_sided.end());
+  const Silhouettes silhouettes = FindSilhouettes(sides);
+  std::vector<EdgePoint> edges = Thinned(silhouettes.two_sided, most_edges);
+  const std::vector<EdgePoint> one_sided = Thinned(silhouettes.one_sided, most_edges);
+  edges.insert(edges.end(), one_sided.begin(), one_sided.end());
   return {SampleSidePoints(sides, options.max_side_points), std::move(edges),
           SampleCloud(view, options.cloud_stride, options.max_range)};
 }

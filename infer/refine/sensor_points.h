@@ -4,11 +4,11 @@
 #include <optional>
 #include <vector>
 
-#include "core/kd_tree.h"
-#include "core/structure.h"
+#include "core/geometry/kd_tree.h"
+#include "core/geometry/structure.h"
+#include "infer/lens/sensor_lens.h"
 #include "infer/view/held_out.h"
-#include "infer/view/segmenter.h"
-#include "infer/view/sensor_lens.h"
+#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

@@ -197,36 +197,34 @@ Silhouettes FindSilhouettes(const ConfidentSides& sides) {
   const LabelImage& labels = sides.segmentation.labels;
   Silhouettes found;
   std::vector<Candidate> candidates;
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      const int label = sides.At(u, v);
-      if (label == 0) continue;
-      for (const auto& [du, dv] : kSteps) {
-        const int x = u + du, y = v + dv;
-        if (!view.depth.Contains(x, y) || labels(x, y) == label) continue;
-        // The normal is taken inside the side, where its neighbourhood is whole.
-        const int in_u = u - kNormalRadius * du, in_v = v - kNormalRadius * dv;
-        Plane plane;
-        if (!view.depth.Contains(in_u, in_v) || labels(in_u, in_v) != label ||
-            !PixelNormal(view, in_u, in_v, kNormalRadius, &plane.normal)) {
-          continue;
-        }
-        plane.offset = plane.normal.dot(view.Point(in_u, in_v));
-        Candidate candidate;
-        candidate.walk = {u, v, du, dv, 0, u, v};
-        candidate.edge.label = label;
-        const Walk& walk = candidate.walk;
-        if (!WalkToEnd(sides, plane, &candidate.walk) || !SeesPast(view, walk, plane)) continue;
-        const int gap = std::min(walk.gap, kMaxGap);
-        if (!EdgeAt(view, walk, plane, 0.5 + gap * kShareOfGap, gap + 1, &candidate.edge)) continue;
-        if (walk.gap <= kMaxGap) {
-          found.two_sided.push_back(candidate.edge);
-        } else {
-          candidates.push_back(std::move(candidate));
-        }
+  view.VisitMeasured(1, [&](int u, int v) {
+    const int label = sides.At(u, v);
+    if (label == 0) return;
+    for (const auto& [du, dv] : kSteps) {
+      const int x = u + du, y = v + dv;
+      if (!view.depth.Contains(x, y) || labels(x, y) == label) continue;
+      // The normal is taken inside the side, where its neighbourhood is whole.
+      const int in_u = u - kNormalRadius * du, in_v = v - kNormalRadius * dv;
+      Plane plane;
+      if (!view.depth.Contains(in_u, in_v) || labels(in_u, in_v) != label ||
+          !PixelNormal(view, in_u, in_v, kNormalRadius, &plane.normal)) {
+        continue;
+      }
+      plane.offset = plane.normal.dot(view.Point(in_u, in_v));
+      Candidate candidate;
+      candidate.walk = {u, v, du, dv, 0, u, v};
+      candidate.edge.label = label;
+      const Walk& walk = candidate.walk;
+      if (!WalkToEnd(sides, plane, &candidate.walk) || !SeesPast(view, walk, plane)) continue;
+      const int gap = std::min(walk.gap, kMaxGap);
+      if (!EdgeAt(view, walk, plane, 0.5 + gap * kShareOfGap, gap + 1, &candidate.edge)) continue;
+      if (walk.gap <= kMaxGap) {
+        found.two_sided.push_back(candidate.edge);
+      } else {
+        candidates.push_back(std::move(candidate));
       }
     }
-  }
+  });
   found.one_sided = Straight(view, candidates, found.two_sided);
   return found;
 }

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "infer/refine/sensor_points.h"
-#include "infer/view/segmenter.h"
+#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

@@ -23,6 +23,12 @@ CeresProblem::CeresProblem()
       manifold(std::make_unique<LeftPoseManifold>()),
       problem(std::make_unique<ceres::Problem>(Borrowing())) {}
 
+ceres::LossFunction* CeresProblem::Weighted(double factor) {
+  weighted.push_back(
+      std::make_unique<ceres::ScaledLoss>(loss.get(), factor, ceres::DO_NOT_TAKE_OWNERSHIP));
+  return weighted.back().get();
+}
+
 void CeresProblem::HoldConstant(double* block, int size, const std::vector<int>& elements) {
   if (elements.empty()) return;
   if (static_cast<int>(elements.size()) == size) return problem->SetParameterBlockConstant(block);
@@ -30,17 +36,17 @@ void CeresProblem::HoldConstant(double* block, int size, const std::vector<int>&
   problem->SetManifold(block, subsets.back().get());
 }
 
-bool Minimise(const RefineOptions& options, ceres::Problem* problem) {
+Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem) {
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  solver.max_num_iterations = options.inner_iterations;
-  solver.num_threads = options.threads;
+  solver.max_num_iterations = schedule.inner_iterations;
+  solver.num_threads = schedule.threads;
   solver.function_tolerance = kFunctionTolerance;
   solver.parameter_tolerance = kParameterTolerance;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, problem, &summary);
-  return summary.IsSolutionUsable();
+  return {summary.IsSolutionUsable(), summary.termination_type == ceres::CONVERGENCE};
 }
 
 }  // namespace volalign::refine_internal

@@ -17,17 +17,27 @@ namespace volalign::refine_internal {
 struct CeresProblem {
   CeresProblem();
 
-  std::unique_ptr<ceres::LossFunction> loss;   ///< of terms over single points
+  std::unique_ptr<ceres::LossFunction> loss;  ///< of terms over single points, in sigmas
+  std::vector<std::unique_ptr<ceres::LossFunction>> weighted;
   std::unique_ptr<LeftPoseManifold> manifold;  ///< of poses
   std::vector<std::unique_ptr<ceres::Manifold>> subsets;
   std::unique_ptr<ceres::Problem> problem;  ///< last: it refers to the others
+
+  /// `loss` times a factor, for points that say less than as many independent ones would.
+  ceres::LossFunction* Weighted(double factor);
 
   /// Holds those elements of a block that are not a pose constant.
   void HoldConstant(double* block, int size, const std::vector<int>& elements);
 };
 
-/// Moves the parameters to the least cost that the options' number of steps reaches. Returns false,
-/// and leaves them where they are, if the cost cannot be evaluated or no step can be computed.
-bool Minimise(const RefineOptions& options, ceres::Problem* problem);
+/// How a solution ended.
+struct Minimum {
+  bool usable = false;     ///< false: the cost cannot be evaluated or no step can be computed
+  bool converged = false;  ///< by its tolerances, not by the number of steps
+};
+
+/// Moves the parameters to the least cost that the schedule's number of steps reaches. Where that
+/// is not usable, they stay where they are.
+Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem);
 
 }  // namespace volalign::refine_internal

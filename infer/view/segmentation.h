@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/image.h"
+#include "core/base/image.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {

@@ -1,13 +1,9 @@
 #pragma once
 
-#include <filesystem>
-#include <memory>
-#include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
 #include "infer/view/segmentation.h"
 
 namespace volalign {
@@ -33,23 +29,5 @@ class Segmenter {
     return Segment({SegmentationRequest{&depth, &intrinsics, quarter_turns}}).front();
   }
 };
-
-/// The shipped network as a Segmenter.
-class NetworkSegmenter : public Segmenter {
- public:
-  using Segmenter::Segment;
-  /// The structure that the network was trained on.
-  virtual const Structure& structure() const = 0;
-  virtual const std::string& file() const = 0;
-  virtual const std::string& sha256() const = 0;  ///< of the checkpoint file
-};
-
-/// Loads a checkpoint (core/checkpoint.h). `structure`, where given, must have the topology and
-/// labels that the network was trained on. It runs on `device` (core/torch_device.h). Threads of
-/// LibTorch are the program's to set (core/torch_threads.h). Throws IoError, DataError, or
-/// ConfigError for a device that is not there.
-std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
-                                                       const Structure* structure = nullptr,
-                                                       const std::string& device = "cpu");
 
 }  // namespace volalign

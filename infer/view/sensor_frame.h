@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/pose.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
 
 namespace volalign {
 

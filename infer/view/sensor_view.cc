@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
-#include "core/lens.h"
-#include "core/parallel_for.h"
+#include "core/base/error.h"
+#include "core/geometry/lens.h"
 
 namespace volalign {
 
@@ -16,12 +16,22 @@ namespace {
 constexpr double kGrazing = 0.087;  // cos 85 deg: pixels at larger angles count as this one
 constexpr float kNearest = 1e-3f;   // m: a corrected depth is a depth still
 
+/// Of finite rays; 0 elsewhere.
+Image<float> RayAreas(const Intrinsics& intrinsics, const RayTable& rays) {
+  Image<float> areas(rays.width, rays.height);
+  for (std::size_t i = 0; i < areas.size(); ++i) {
+    if (!rays.rays[i].allFinite()) continue;
+    const BentRay bent = BendRay(intrinsics, rays.rays[i].cast<double>());
+    areas[i] = static_cast<float>(1 / (intrinsics.fx * intrinsics.fy * bent.by_ray.determinant()));
+  }
+  return areas;
+}
+
 }  // namespace
 
-double SensorView::PixelArea(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const {
-  const double z = p.z();
-  const double cosine = std::max(std::abs(normal.dot(p)) / p.norm(), kGrazing);
-  return z * z * z * pixel_solid_angle / (p.norm() * cosine);
+double SensorView::PixelArea(int u, int v, double z, const Eigen::Vector3d& normal) const {
+  const Eigen::Vector3d ray = rays.at(u, v).cast<double>().homogeneous();
+  return z * z * ray_areas(u, v) / std::max(std::abs(normal.dot(ray)), kGrazing * ray.norm());
 }
 
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics) {
@@ -33,7 +43,7 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
   SensorView view;
   view.depth = depth;
   view.rays = ComputeRays(intrinsics);
-  view.pixel_solid_angle = 1 / (intrinsics.fx * intrinsics.fy);
+  view.ray_areas = RayAreas(intrinsics, view.rays);
   for (std::size_t i = 0; i < view.depth.size(); ++i) {
     const bool has_ray = view.rays.rays[i].allFinite();
     if (!has_ray) view.rays.rays[i].setZero();
@@ -42,20 +52,16 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
   return view;
 }
 
-std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads) {
-  std::vector<SensorView> views(frames.size());
-  ParallelFor(frames.size(), threads, [&](std::size_t i) {
-    const SensorFrame& frame = frames[i];
-    views[i] = MakeSensorView(frame.depth, frame.intrinsics);
-    if (frame.depth_sigma.empty()) return;
-    if (frame.depth_sigma.width() != frame.depth.width() ||
-        frame.depth_sigma.height() != frame.depth.height()) {
-      throw DataError(
-          fmt::format("{}: the standard errors are not of the depth map's size", frame.name));
-    }
-    views[i].depth_sigma = frame.depth_sigma;
-  });
-  return views;
+SensorView MakeSensorView(const SensorFrame& frame, const Intrinsics& intrinsics) {
+  SensorView view = MakeSensorView(frame.depth, intrinsics);
+  if (frame.depth_sigma.empty()) return view;
+  if (frame.depth_sigma.width() != frame.depth.width() ||
+      frame.depth_sigma.height() != frame.depth.height()) {
+    throw DataError(
+        fmt::format("{}: the standard errors are not of the depth map's size", frame.name));
+  }
+  view.depth_sigma = frame.depth_sigma;
+  return view;
 }
 
 SensorView Corrected(SensorView view, double gain, double offset) {
@@ -78,7 +84,8 @@ SensorView Decimate(const SensorView& view, int stride) {
       small.rays.rays.push_back(view.rays.at(stride / 2 + u * stride, stride / 2 + v * stride));
     }
   }
-  small.pixel_solid_angle = view.pixel_solid_angle * stride * stride;
+  small.ray_areas = DecimateImage(view.ray_areas, stride);
+  for (float& area : small.ray_areas) area *= static_cast<float>(stride * stride);
   return small;
 }
 

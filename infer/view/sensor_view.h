@@ -2,10 +2,9 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -13,10 +12,12 @@ namespace volalign {
 /// A frame as geometry: a depth map with the ray of every pixel. Every geometric step of
 /// calibration works on it.
 struct SensorView {
-  DepthImage depth;              ///< m; 0 where nothing usable was measured
-  Image<float> depth_sigma;      ///< m, see SensorFrame; may be empty
-  RayTable rays;                 ///< finite everywhere
-  double pixel_solid_angle = 0;  ///< 1 / (fx fy): area of a pixel on the plane z = 1
+  DepthImage depth;          ///< m; 0 where nothing usable was measured
+  Image<float> depth_sigma;  ///< m, see SensorFrame; may be empty
+  RayTable rays;             ///< finite everywhere
+  /// What each pixel covers of the plane z = 1, m^2: 1 / (fx fy |J|), J being the lens's derivative
+  /// at the pixel's ray (BendRay); 0 where it has no ray.
+  Image<float> ray_areas;
 
   int width() const { return depth.width(); }
   int height() const { return depth.height(); }
@@ -26,18 +27,29 @@ struct SensorView {
     const double z = depth(u, v);
     return {z * ray.x(), z * ray.y(), z};
   }
-  /// Surface area, m^2, that a pixel at p covers on a surface of this unit normal: z^2 / (fx fy
-  /// |n . r|) with r = p / z. The angle of incidence is limited to 85 deg.
-  double PixelArea(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const;
+  /// Calls visit(u, v) for the pixels with depth, row by row: every `stride`-th of every
+  /// `stride`-th row, from stride / 2 on.
+  template <class Visit>
+  void VisitMeasured(int stride, const Visit& visit) const {
+    for (int v = stride / 2; v < height(); v += stride) {
+      for (int u = stride / 2; u < width(); u += stride) {
+        if (depth(u, v) > 0) visit(u, v);
+      }
+    }
+  }
+  /// Area, m^2, that a pixel covers at the depth z on a surface of this unit normal: z^2 a / |n .
+  /// r|, where r = (x/z, y/z, 1) is its ray and a what it covers of the plane z = 1. The angle of
+  /// incidence is limited to 85 deg.
+  double PixelArea(int u, int v, double z, const Eigen::Vector3d& normal) const;
 };
 
 /// The view of a frame, without depths that are not finite and positive and without those of pixels
 /// that have no ray. Throws DataError if the image and the intrinsics differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
 
-/// MakeSensorView of every frame, on `threads` threads, with the frames' depth_sigma. Throws
+/// The view of a frame with its depth_sigma, through these intrinsics instead of its own. Throws
 /// DataError also where that is of another size.
-std::vector<SensorView> MakeSensorViews(const std::vector<SensorFrame>& frames, int threads);
+SensorView MakeSensorView(const SensorFrame& frame, const Intrinsics& intrinsics);
 
 /// The view with every measured depth z replaced by z * gain + offset (m).
 SensorView Corrected(SensorView view, double gain, double offset);

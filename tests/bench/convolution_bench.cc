@@ -11,7 +11,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "core/winograd.h"
+#include "core/nn/cpu/winograd.h"
 
 namespace volalign {
 namespace {

@@ -1,4 +1,4 @@
-"""The network of core/network.h, its loss and its step, as one writes them in PyTorch: the contestant of training_step.py.
+"""The network of core/nn/network.h, its loss and its step, as one writes them in PyTorch: the contestant of training_step.py.
 
 As a program it serves training_step.py: for each line of its standard input it takes one training step and prints its times, s, as
 `forward loss backward optimiser`. Run with --profile it prints the operations of a step instead.

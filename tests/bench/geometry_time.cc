@@ -1,5 +1,5 @@
-// How long the search for a first pose without a network takes (infer/pose/geometry_search.h), one
-// frame at a time on one thread.
+// How long the search for a first pose without a network takes (infer/initial/geometry_search.h),
+// one frame at a time on one thread.
 //
 //   geometry_time CAPTURE.json...
 //
@@ -17,9 +17,9 @@
 #include <string>
 #include <vector>
 
-#include "core/structure_gltf.h"
-#include "infer/io/capture.h"
-#include "infer/pose/geometry_search.h"
+#include "core/formats/structure_gltf.h"
+#include "infer/capture/capture.h"
+#include "infer/initial/geometry_search.h"
 
 namespace volalign {
 namespace {

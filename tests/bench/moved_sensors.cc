@@ -22,14 +22,14 @@
 #include <string>
 #include <vector>
 
-#include "core/random.h"
-#include "core/torch_threads.h"
-#include "infer/calibrate.h"
-#include "infer/checks/movement.h"
+#include "core/base/random.h"
+#include "core/nn/cpu/torch_threads.h"
+#include "infer/calib/calibrate.h"
 #include "infer/evaluate/items.h"
-#include "infer/view/segmenter.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "infer/rigcheck/movement.h"
+#include "infer/segment/load.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 
 namespace volalign {
 namespace {
@@ -70,7 +70,7 @@ Rig ReadRigOf(const Values& values, std::uint64_t seed) {
 }
 
 struct Placed {
-  std::vector<StandingSensor> standing;
+  std::vector<SensorEstimate> standing;
   std::vector<std::string> ok;
 };
 
@@ -78,7 +78,7 @@ Placed Place(const RigCapture& capture, Segmenter& segmenter) {
   const EvaluationStill still = StillOf(capture);
   const CalibrationResult result = Calibrate(still.frames, still.structure, segmenter);
   Placed placed;
-  for (const SensorResult& sensor : result.sensors) {
+  for (const FrameResult& sensor : result.sensors) {
     if (!sensor.structure_from_sensor) continue;
     placed.standing.push_back({sensor.name, *sensor.structure_from_sensor, sensor.covariance});
     if (sensor.status == SensorStatus::kOk) placed.ok.push_back(sensor.name);
@@ -121,7 +121,7 @@ void Run(const Values& values) {
   SetTorchThreads(2);
   const auto segmenter = LoadNetworkSegmenter(values.at("model"));
   EglContext egl{EglContextOptions{}};
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   for (const std::uint64_t seed : ParseSeeds(values.at("seeds"))) {
     Rig rig = ReadRigOf(values, seed);
     // All that is tried is a further still of the same rig: rooms and devices stay as they are.

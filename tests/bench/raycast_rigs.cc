@@ -27,8 +27,11 @@
 #include <string>
 #include <vector>
 
-#include "core/statistics.h"
-#include "tests/infer/synthetic.h"
+#include "core/base/statistics.h"
+#include "core/base/text.h"
+#include "infer/calib/calibrate.h"
+#include "infer/calib/result.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -55,18 +58,6 @@ struct Options {
             std::atof(text.c_str() + (colon == std::string::npos ? 0 : colon + 1))};
   }
 };
-
-std::vector<std::string> Split(const std::string& text, char separator) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == separator) {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
-}
 
 Intrinsics Stereo() {
   Intrinsics intrinsics;
@@ -215,7 +206,7 @@ double ShareWithin(const std::vector<double>& values, double limit) {
 
 void Count(const Rig& rig, const CalibrationResult& result, bool verbose, Row* row) {
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-    const SensorResult& sensor = result.sensors[i];
+    const FrameResult& sensor = result.sensors[i];
     if (!sensor.structure_from_sensor) {
       fmt::print("    {} {}: {}\n", sensor.name, ToString(sensor.code), sensor.reason);
       continue;

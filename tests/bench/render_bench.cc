@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/image_size.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "core/geometry/image_size.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/sample.h"
@@ -78,7 +78,7 @@ BENCHMARK(BM_Scene)->Arg(0)->Unit(benchmark::kMicrosecond);
 /// Vertices, rasterisation, and reading depth, labels and faces back.
 void BM_Render(benchmark::State& state) {
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const SampleContext context = MakeContext(state.range(0), 1);
   const Stages stages(context);
   RenderedView view;
@@ -95,7 +95,7 @@ BENCHMARK(BM_Render)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
 
 void BM_SensorNoise(benchmark::State& state) {
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const SampleContext context = MakeContext(state.range(0), 1);
   const Stages stages(context);
   std::vector<RenderedView> views(16);
@@ -119,7 +119,7 @@ BENCHMARK(BM_SensorNoise)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
 /// Whole samples of one thread.
 void BM_Synthesize(benchmark::State& state) {
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const SampleContext context = MakeContext(state.range(0), 1);
   std::uint64_t index = 0;
   for (auto _ : state) {
@@ -137,6 +137,7 @@ void BM_SampleStream(benchmark::State& state) {
   SampleStream::Options options;
   options.seed = kSeed;
   options.num_threads = static_cast<int>(state.range(1));
+  options.make_renderer = GlRenderers();
   SampleStream stream(std::make_shared<const SampleContext>(MakeContext(state.range(0), kBatch)),
                       options);
   for (auto _ : state) benchmark::DoNotOptimize(stream.Next().data());

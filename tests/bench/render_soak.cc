@@ -11,7 +11,8 @@
 #include <memory>
 #include <string>
 
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/sample_stream.h"
 
 namespace {
@@ -33,6 +34,7 @@ int main(int argc, char** argv) {
   config.sensors = {};
   config.image_sizes = {argc > 2 ? argv[2] : "64x36"};
   volalign::SampleStream::Options options;
+  options.make_renderer = volalign::GlRenderers();
   options.num_threads = argc > 3 ? std::stoi(argv[3]) : 2;
   volalign::SampleStream stream(
       std::make_shared<const volalign::SampleContext>(volalign::MakeSampleContext(config, kBatch)),

@@ -10,10 +10,10 @@
 #include <iostream>
 #include <string>
 
-#include "core/image_size.h"
-#include "core/lens.h"
-#include "core/structure.h"
-#include "core/torch_threads.h"
+#include "core/geometry/image_size.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/structure.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
 #include "train/learner.h"
 #include "train/step.h"

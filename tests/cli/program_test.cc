@@ -17,14 +17,14 @@
 #include <utility>
 #include <vector>
 
-#include "core/checkpoint.h"
-#include "core/config.h"
-#include "core/file_util.h"
-#include "core/image_io.h"
-#include "core/structure_gltf.h"
-#include "infer/calibrate.h"
+#include "core/base/file_util.h"
+#include "core/config/config.h"
+#include "core/formats/image_io.h"
+#include "core/formats/structure_gltf.h"
+#include "core/nn/checkpoint.h"
+#include "infer/calib/calibrate.h"
 #include "tests/cli/run_program.h"
-#include "tests/core/read_png.h"
+#include "tests/core/formats/read_png.h"
 
 namespace volalign {
 namespace {

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "core/file_util.h"
+#include "core/base/file_util.h"
 #include "tests/cli/run_program.h"
-#include "tests/core/temp_folder.h"
+#include "tests/core/base/temp_folder.h"
 
 namespace volalign {
 namespace {

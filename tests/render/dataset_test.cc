@@ -14,13 +14,13 @@
 #include <sstream>
 #include <thread>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/image_io.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
 
 namespace volalign {
 namespace {
@@ -46,6 +46,7 @@ DatasetOptions Options(std::uint64_t count) {
   options.count = count;
   options.num_threads = 2;
   options.samples_per_folder = 8;
+  options.make_renderer = GlRenderers();
   return options;
 }
 
@@ -78,7 +79,7 @@ TEST(Dataset, ReadsTheSamplesThatWereDrawn) {
   const std::vector<Sample> samples = dataset.Read(kFirst, 21);
   ASSERT_EQ(samples.size(), 21u);
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const auto context = Context();
   for (std::uint64_t i = 0; i < 21; ++i) {
     const Sample truth = Synthesize(*context, renderer, 3, kFirst + i);
@@ -106,7 +107,7 @@ TEST(Dataset, DepthIsKeptToHalfAMillimetre) {
   config.noise.model = "none";
   WriteDataset(folder.path(), Context(config), Options(2));
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   const Sample truth = Synthesize(*Context(config), renderer, 3, kFirst);
   const Sample read = Dataset(folder.path()).Read(kFirst, 1)[0];
   for (std::size_t k = 0; k < truth.depth.size(); ++k) {

@@ -1,6 +1,6 @@
 // Samples against those recorded in tests/render/golden, on whichever machine this runs.
 // Sensor poses and intrinsics are equal to the last bit: they come from Philox and from
-// arithmetic that IEEE-754 fixes (core/portable_math.h, no contraction to fused multiply-add).
+// arithmetic that IEEE-754 fixes (core/base/portable_math.h, no contraction to fused multiply-add).
 // Images pass through OpenGL and the C library's functions, so they are compared within bounds:
 //   - depth before a sensor's rounding (noise model paper) within 0.1 mm on 99.9 % of the pixels;
 //   - depth in whole millimetres (noise model sensor) equal on 99 %, as the rounding turns the
@@ -19,11 +19,12 @@
 #include <string>
 #include <vector>
 
-#include "core/file_util.h"
-#include "core/image_io.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "core/json/json_archive.h"
 #include "render/capture_writer.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -55,7 +56,7 @@ class GoldenTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     const EglContext egl;
-    DepthRenderer renderer;
+    GlDepthRenderer renderer;
     samples_.clear();
     for (const Case& c : kCases) {
       SampleConfig config;
@@ -74,7 +75,7 @@ class GoldenTest : public testing::Test {
       const Sample& sample = samples_[i];
       json.push_back({{"name", Stem(kCases[i])},
                       {"sensor", sample.sensor},
-                      {"intrinsics", ToJson(sample.intrinsics)},
+                      {"intrinsics", DescribedJson(sample.intrinsics, "intrinsics")},
                       {"structure_from_sensor", ToRows(sample.structure_from_sensor)}});
       const fs::path depth = Folder() / (Stem(kCases[i]) + "_depth.png");
       if (Rounded(kCases[i])) {
@@ -133,7 +134,7 @@ TEST_F(GoldenTest, PosesAndIntrinsicsAreEqualToTheLastBit) {
     SCOPED_TRACE(Stem(kCases[i]));
     EXPECT_EQ(golden[i].at("name"), Stem(kCases[i]));
     EXPECT_EQ(golden[i].at("sensor"), samples_[i].sensor);
-    EXPECT_EQ(golden[i].at("intrinsics"), ToJson(samples_[i].intrinsics));
+    EXPECT_EQ(golden[i].at("intrinsics"), DescribedJson(samples_[i].intrinsics, "intrinsics"));
     EXPECT_EQ(golden[i].at("structure_from_sensor"),
               Json(ToRows(samples_[i].structure_from_sensor)));
   }

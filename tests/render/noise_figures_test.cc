@@ -5,10 +5,10 @@
 #include <cmath>
 #include <vector>
 
-#include "core/structure_gltf.h"
-#include "render/depth_renderer.h"
+#include "core/formats/structure_gltf.h"
 #include "render/depth_statistics.h"
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/sample.h"
 
@@ -99,7 +99,7 @@ class NoiseFiguresTest : public testing::Test {
   }
 
   EglContext egl_;
-  DepthRenderer renderer_;
+  GlDepthRenderer renderer_;
   Structure structure_;
 };
 

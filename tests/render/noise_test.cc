@@ -6,11 +6,11 @@
 #include <cmath>
 #include <vector>
 
-#include "core/error.h"
-#include "core/noise_fields.h"
-#include "core/structure_gltf.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "core/base/error.h"
+#include "core/base/noise_fields.h"
+#include "core/formats/structure_gltf.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -63,7 +63,7 @@ class NoiseTest : public testing::Test {
   }
 
   EglContext egl_;
-  DepthRenderer renderer_;
+  GlDepthRenderer renderer_;
   Structure structure_;
 };
 
@@ -443,6 +443,29 @@ TEST_F(NoiseTest, UnknownSensorIsAnError) {
   const Intrinsics k = Camera(64, 64, 50);
   const WallScene scene = MakeWall(2.0, 0, k);
   EXPECT_THROW(Spoil(scene, k, "lidar", 0), ConfigError);
+}
+
+TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
+  RegisterNoiseModel("offset", [](const NoiseInput& input, RandomStream& random) {
+    NoisyView seen{input.view.depth, input.view.labels};
+    const auto offset = static_cast<float>(random.Uniform(0.1, 0.2));
+    for (float& z : seen.depth) z += offset;
+    return seen;
+  });
+  EXPECT_THROW(RegisterNoiseModel("offset", nullptr), Error);
+  EXPECT_THROW(RegisterNoiseModel("paper", nullptr), Error);
+  EXPECT_EQ(NoiseModelNames(), (std::vector<std::string>{"none", "paper", "sensor", "offset"}));
+  const Intrinsics k = Camera(64, 64, 50);
+  const WallScene scene = MakeWall(2.0, 0, k);
+  NoiseConfig config;
+  config.model = "offset";
+  const auto offset_of = [&](std::uint64_t index) {
+    return Spoil(scene, k, "lidar", index, config).depth(32, 32) - scene.view.depth(32, 32);
+  };
+  EXPECT_EQ(offset_of(3), offset_of(3));
+  EXPECT_NE(offset_of(3), offset_of(4));
+  EXPECT_GE(offset_of(3), 0.0999);
+  EXPECT_LE(offset_of(3), 0.2001);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace volalign {
 namespace {

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "core/base/error.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 
 namespace volalign {
 namespace {
@@ -27,13 +27,14 @@ SampleStream::Options Threads(int num_threads, std::uint64_t first_index) {
   options.first_index = first_index;
   options.num_threads = num_threads;
   options.prefetch = 2;
+  options.make_renderer = GlRenderers();
   return options;
 }
 
 TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
   const auto context = SmallContext(4);
   const EglContext egl;
-  DepthRenderer renderer;
+  GlDepthRenderer renderer;
   for (const int num_threads : {1, 3}) {
     SampleStream stream(context, Threads(num_threads, 8));
     std::uint64_t index = 8;

@@ -11,12 +11,12 @@
 #include <thread>
 #include <utility>
 
-#include "core/error.h"
-#include "core/lens.h"
-#include "core/visibility.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
-#include "tests/core/expect_error.h"
+#include "core/base/error.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/visibility.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign {
@@ -46,7 +46,7 @@ SampleConfig SmallConfig() {
 class SampleTest : public testing::Test {
  protected:
   EglContext egl_;
-  DepthRenderer renderer_;
+  GlDepthRenderer renderer_;
 };
 
 TEST_F(SampleTest, IsAPureFunctionWhateverTheOrderAndThread) {
@@ -60,7 +60,7 @@ TEST_F(SampleTest, IsAPureFunctionWhateverTheOrderAndThread) {
   }
   std::thread([&] {
     const EglContext egl;
-    DepthRenderer renderer;
+    GlDepthRenderer renderer;
     for (const std::uint64_t i : {3, 6, 1}) {
       ExpectEqual(first[i], Synthesize(context, renderer, 9, i));
     }
@@ -131,7 +131,7 @@ TEST_F(SampleTest, ExactBareSampleIsWhatTheRayCasterSees) {
   long compared = 0, equal = 0;
   for (std::uint64_t i = 0; i < 8; ++i) {
     const Sample sample = Synthesize(context, renderer_, 4, i);
-    const StructureView truth =
+    const ExpectedView truth =
         CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
     for (int v = 0; v < sample.depth.height(); ++v) {
       for (int u = 0; u < sample.depth.width(); ++u) {
@@ -156,7 +156,7 @@ TEST_F(SampleTest, StructureIsSeldomHidden) {
   int visible = 0, half = 0;
   for (std::uint64_t i = 0; i < kCount; ++i) {
     const Sample sample = Synthesize(context, renderer_, 5, i);
-    const StructureView bare =
+    const ExpectedView bare =
         CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
     long expected = 0, seen = 0;
     for (std::size_t k = 0; k < bare.labels.size(); ++k) {

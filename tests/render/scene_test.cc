@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/random.h"
-#include "core/structure_gltf.h"
+#include "core/base/random.h"
+#include "core/formats/structure_gltf.h"
 #include "render/pose_sampler.h"
 
 namespace volalign {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/image.h"
+#include "core/base/image.h"
 #include "render/sample_config.h"
 
 namespace volalign {

@@ -8,13 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/torch_threads.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "render/dataset.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/sample_stream.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
 #include "train/dataset_source.h"
 #include "train/trainer.h"
 
@@ -48,6 +49,7 @@ void Write(const fs::path& dir, const TrainConfig& recipe, std::int64_t seed, st
   options.first_index = first_index;
   options.count = count;
   options.samples_per_folder = 10;
+  options.make_renderer = GlRenderers();
   WriteDataset(dir, Context(recipe), options);
 }
 

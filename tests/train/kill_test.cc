@@ -16,9 +16,9 @@
 #include <system_error>
 #include <thread>
 
-#include "core/file_util.h"
-#include "core/torch_threads.h"
-#include "tests/core/temp_folder.h"
+#include "core/base/file_util.h"
+#include "core/nn/cpu/torch_threads.h"
+#include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
 #include "train/trainer.h"
 

@@ -11,8 +11,8 @@
 
 #include <cmath>
 
-#include "core/error.h"
-#include "tests/core/expect_error.h"
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/train/synthetic_source.h"
 
 namespace volalign {
@@ -95,6 +95,45 @@ TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
       log_probs, batch.depth, batch.labels, batch.rays, 9999);
   EXPECT_EQ(off.total.item<double>(), off.segmentation.item<double>());
   EXPECT_EQ(off.procrustes.item<double>(), 0);
+}
+
+/// The mean probability of the background.
+class BackgroundTerm : public LossTerm {
+ public:
+  at::Tensor operator()(const LossInput& input) const override {
+    return input.log_probs.select(1, 0).exp().mean();
+  }
+};
+
+TEST(TrainingLoss, AddsRegisteredTerms) {
+  const TrainingData data = SyntheticData(2, 32, 1000);
+  const Batch batch = Collate(data.open_training(0)->Next());
+  const at::Tensor log_probs = at::log_softmax(at::randn({2, 21, 32, 32}), 1).requires_grad_();
+  LossConfig config;
+  config.procrustes = false;
+  config.terms = {"background"};
+  config.term_weights = {0.25};
+  EXPECT_THROW(TrainingLoss(config, data.structure, at::kCPU), ConfigError);
+  RegisterLossTerm("background", [](const Structure&, const at::Device&) {
+    return std::make_unique<BackgroundTerm>();
+  });
+  EXPECT_THROW(RegisterLossTerm("background", nullptr), Error);
+  const TrainingLoss loss(config, data.structure, at::kCPU);
+  const LossTerms whole = loss(log_probs, batch.depth, batch.labels, batch.rays, 0);
+  const double background = log_probs.select(1, 0).exp().mean().item<double>();
+  EXPECT_NEAR(whole.total.item<double>(), whole.segmentation.item<double>() + 0.25 * background,
+              1e-6);
+  // Of a batch in two parts: as much as of the whole.
+  double parts = 0;
+  for (std::int64_t i = 0; i < 2; ++i) {
+    const Batch part = batch.Narrow(i, 1);
+    parts += loss(log_probs.narrow(0, i, 1), part.depth, part.labels, part.rays, 0,
+                  loss.ShareOf(batch.labels, i, 1))
+                 .total.item<double>();
+  }
+  EXPECT_NEAR(parts, whole.total.item<double>(), 1e-6);
+  whole.total.backward();
+  EXPECT_GT(log_probs.grad().select(1, 0).abs().sum().item<double>(), 0);
 }
 
 TEST(SegmentationLoss, WeighsEachLabel) {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <torch/csrc/autograd/autograd.h>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "tests/train/hard_batches.h"
 #include "train/losses.h"
 #include "train/soft_procrustes.h"

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/file_util.h"
-#include "core/torch_threads.h"
-#include "tests/core/temp_folder.h"
+#include "core/base/file_util.h"
+#include "core/nn/cpu/torch_threads.h"
+#include "tests/core/base/temp_folder.h"
 #include "train/trainer.h"
 
 namespace volalign {

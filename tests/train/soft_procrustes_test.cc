@@ -20,10 +20,10 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/error.h"
-#include "core/pose.h"
-#include "core/procrustes.h"
+#include "core/base/error.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/procrustes.h"
 
 namespace volalign {
 namespace {

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
-#include "train/run_log.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "train/log/run_log.h"
 
 namespace volalign {
 namespace {

@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "core/lens.h"
-#include "core/pose.h"
-#include "core/random.h"
-#include "core/structure.h"
-#include "core/visibility.h"
+#include "core/base/random.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "core/geometry/visibility.h"
 #include "train/batch.h"
 #include "train/training_data.h"
 
@@ -53,7 +53,7 @@ class SyntheticSource : public SampleSource {
     s.structure_from_sensor =
         LookAt({rho * std::cos(phi), random.Uniform(-0.15, 0.75), rho * std::sin(phi)},
                {random.Uniform(-0.1, 0.1), 0, random.Uniform(-0.1, 0.1)}, M_PI / 2);
-    const StructureView view =
+    const ExpectedView view =
         CastView(structure_, ComputeRays(s.intrinsics), s.structure_from_sensor);
     s.depth = view.depth;
     s.labels = view.labels;

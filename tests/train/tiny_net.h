@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/network.h"
+#include "core/nn/network.h"
 
 namespace volalign {
 

@@ -4,33 +4,27 @@
 #include <ATen/ops/zeros.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "core/checkpoint.h"
-#include "core/file_util.h"
-#include "core/torch_threads.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
+#include "core/base/file_util.h"
+#include "core/nn/checkpoint.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/train/distributed/in_processes.h"
 #include "tests/train/synthetic_source.h"
-#include "train/gradient_reducer.h"
-#include "train/launch.h"
-#include "train/rendezvous.h"
+#include "train/distributed/gradient_reducer.h"
 #include "train/step.h"
 #include "train/together.h"
 #include "train/trainer.h"
@@ -39,46 +33,6 @@ namespace volalign {
 namespace {
 
 namespace fs = std::filesystem;
-
-World WorldOf(int rank, int size, int port) {
-  World world;
-  world.rank = world.local_rank = rank;
-  world.size = size;
-  world.address = "127.0.0.1";
-  world.port = port;
-  return world;
-}
-
-/// Calls `work` in `size` processes of their own, on a port that is free, and gives back their exit
-/// statuses; an exception is status 1, and its message what the file `rank` of `folder` has.
-std::vector<int> InProcesses(int size, const fs::path& folder,
-                             const std::function<void(const World&)>& work) {
-  const int port = FreePort();
-  std::vector<pid_t> children;
-  for (int rank = 0; rank < size; ++rank) {
-    const pid_t child = ::fork();
-    if (child != 0) {
-      children.push_back(child);
-      continue;
-    }
-    int status = 0;
-    try {
-      SetTorchThreads(1);
-      work(WorldOf(rank, size, port));
-    } catch (const std::exception& e) {
-      status = 1;
-      WriteFileAtomically(folder / fmt::format("message{}", rank), e.what());
-    }
-    ::_exit(status);
-  }
-  std::vector<int> statuses;
-  for (const pid_t child : children) {
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    statuses.push_back(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
-  }
-  return statuses;
-}
 
 /// Rows, states and the image size's changes come at different numbers of samples.
 TrainConfig TogetherConfig(const std::string& normalization) {
@@ -335,32 +289,6 @@ TEST_F(Processes, AddUpGradientsInBuckets) {
   }
 }
 
-// One that ends badly gives its status, and a signal to the one who waits is passed on.
-TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
-  const TempFolder folder;
-  const std::string write =
-      "echo $RANK $LOCAL_RANK $WORLD_SIZE $MASTER_ADDR:$MASTER_PORT >" + folder.path().string();
-  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", write + "/$RANK"}), 0);
-  std::istringstream first(ReadFile(folder / "0")), second(ReadFile(folder / "1"));
-  std::string rank, local, size, address, other_address;
-  first >> rank >> local >> size >> address;
-  EXPECT_EQ(rank + local + size, "002");
-  second >> rank >> local >> size >> other_address;
-  EXPECT_EQ(rank + local + size, "112");
-  EXPECT_EQ(address, other_address);
-  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", "exit $((3 * RANK))"}), 3);
-  // Rank 1 is killed, and rank 0 gets the time of grace.
-  EXPECT_EQ(
-      LaunchProcesses(2, {"/bin/sh", "-c", "[ $RANK = 0 ] && exec sleep 60; kill -9 $$"}, 0.2),
-      128 + SIGKILL);
-  std::thread later([] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    ::kill(::getpid(), SIGTERM);
-  });
-  EXPECT_EQ(LaunchProcesses(2, {"/bin/sleep", "60"}), 128 + SIGTERM);
-  later.join();
-}
-
 TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
   if (!ProcessGroup::IsBuilt()) {
     ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("none"), 2); }, {"libgloo-dev"});
@@ -371,45 +299,6 @@ TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
                            {"run.batch_size = 5", "6 processes"});
   ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("batch"), 2); },
                            {"model.normalization"});
-}
-
-TEST(ReadWorld, ReadsTheVariablesOfTorchrun) {
-  std::map<std::string, std::string> set;
-  const Environment environment = [&](const std::string& name) -> std::optional<std::string> {
-    const auto found = set.find(name);
-    if (found == set.end()) return std::nullopt;
-    return found->second;
-  };
-  EXPECT_EQ(ReadWorld(environment).size, 1);
-  set = {{"WORLD_SIZE", "4"}, {"RANK", "3"}, {"LOCAL_RANK", "1"}, {"MASTER_ADDR", "node0"}};
-  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"MASTER_PORT"});
-  set["MASTER_PORT"] = "29500";
-  World world = ReadWorld(environment);
-  EXPECT_EQ(world.rank, 3);
-  EXPECT_EQ(world.size, 4);
-  EXPECT_EQ(world.local_rank, 1);
-  EXPECT_EQ(world.address, "node0");
-  EXPECT_EQ(world.port, 29500);
-  set["TORCHELASTIC_RUN_ID"] = "none";  // torchrun's agent listens on 29500
-  EXPECT_EQ(ReadWorld(environment).port, 29501);
-  set["VOLALIGN_PORT"] = "1234";
-  EXPECT_EQ(ReadWorld(environment).port, 1234);
-  set["RANK"] = "4";
-  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"RANK = '4'", "0 to 3"});
-}
-
-TEST(SliceOf, CoversEachBatchOnce) {
-  for (const int size : {1, 2, 3, 4, 7}) {
-    int next = 0;
-    for (int rank = 0; rank < size; ++rank) {
-      const BatchSlice slice = SliceOf(7, WorldOf(rank, size, 1));
-      EXPECT_EQ(slice.first, next);
-      EXPECT_GE(slice.count, 7 / size);
-      EXPECT_LE(slice.count, (7 + size - 1) / size);
-      next += slice.count;
-    }
-    EXPECT_EQ(next, 7);
-  }
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ TEST(FindKeypoints, OfOnePoseAreTheSameThroughALens) {
   lens.intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
   std::vector<SideKeypoints> found;
   for (Sample* sample : {&pinhole, &lens}) {
-    const StructureView view =
+    const ExpectedView view =
         CastView(structure, ComputeRays(sample->intrinsics), sample->structure_from_sensor);
     sample->depth = view.depth;
     found.push_back(FindKeypoints(*sample, view.labels, structure, KeypointKind::kExposed));

@@ -22,7 +22,7 @@ BoxFigures FiguresOf(std::vector<double> values);
 
 /// A box plot as an SVG file. Series without values keep their place, empty. `floor`: a dashed line
 /// at this value where it is finite.
-std::string BoxPlotSvg(const std::string& title, const std::string& axis,
+std::string BoxPlotSvg(const std::string& title, const std::string& axis_title,
                        const std::vector<PlotSeries>& series, double floor);
 
 }  // namespace volalign

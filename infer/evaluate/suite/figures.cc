@@ -11,15 +11,15 @@
 #include <string>
 #include <utility>
 
-#include "core/error.h"
-#include "core/image_io.h"
-#include "core/picture.h"
-#include "core/picture_text.h"
-#include "core/structure_gltf.h"
-#include "core/visibility.h"
+#include "core/base/error.h"
+#include "core/formats/image_io.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/visibility.h"
+#include "core/plot/picture.h"
+#include "core/plot/picture_text.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/suite_items.h"
-#include "infer/view/attention.h"
+#include "infer/segment/attention.h"
 
 namespace volalign {
 

@@ -3,9 +3,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "core/image.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/view/sensor_view.h"

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <utility>
 
-#include "core/kd_tree.h"
-#include "core/visibility.h"
+#include "core/geometry/kd_tree.h"
+#include "core/geometry/visibility.h"
 #include "infer/refine/sensor_points.h"
 
 namespace volalign {
@@ -34,7 +34,7 @@ Cloud ModelCloud(const Structure& structure) {
 }
 
 /// Points of a view, sensor frame, that lie near the structure at the initial pose.
-Cloud ViewCloud(const GraphView& of, const Structure& structure, const GraphIcpOptions& options) {
+Cloud ViewCloud(const GraphFrame& of, const Structure& structure, const GraphIcpOptions& options) {
   const SensorView& view = *of.view;
   const double lowest = structure.FloorHeight() + options.floor_margin_m;
   std::vector<std::pair<int, int>> pixels;
@@ -128,14 +128,14 @@ struct Equations {
 
 }  // namespace
 
-std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphView>& views,
+std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphFrame>& views,
                               const GraphIcpOptions& options) {
   const Cloud model = ModelCloud(structure);
   const KdTree model_tree(model.points);
   const int count = static_cast<int>(views.size());
   std::vector<Pose> poses;
   std::vector<Cloud> clouds;
-  for (const GraphView& view : views) {
+  for (const GraphFrame& view : views) {
     poses.push_back(view.structure_from_sensor);
     clouds.push_back(ViewCloud(view, structure, options));
   }

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "core/config.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/config/config.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -41,7 +41,7 @@ struct GraphIcpOptions {
 };
 
 /// A view and its initial pose.
-struct GraphView {
+struct GraphFrame {
   const SensorView* view = nullptr;
   Pose structure_from_sensor = Pose::Identity();
 };
@@ -54,7 +54,7 @@ struct GraphView {
 /// within a distance that shrinks from round to round, with normals alike, all of weight one; a
 /// view's points are those near the model at its initial pose, without the floor. Returns the
 /// refined poses.
-std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphView>& views,
+std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphFrame>& views,
                               const GraphIcpOptions& options = {});
 
 }  // namespace volalign

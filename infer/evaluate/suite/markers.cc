@@ -7,8 +7,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/error.h"
-#include "core/procrustes.h"
+#include "core/base/error.h"
+#include "core/geometry/procrustes.h"
 
 namespace volalign {
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/view/sensor_view.h"
 #include "render/infrared.h"
 

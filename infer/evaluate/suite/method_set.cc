@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "core/config.h"
-#include "core/file_util.h"
+#include "core/base/file_util.h"
+#include "core/config/config.h"
 
 namespace volalign {
 

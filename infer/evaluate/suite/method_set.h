@@ -10,7 +10,7 @@
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/evaluate/suite/suite_items.h"
-#include "infer/view/segmenter.h"
+#include "infer/segment/load.h"
 
 namespace volalign {
 

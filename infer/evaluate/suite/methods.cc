@@ -2,14 +2,15 @@
 
 #include <cmath>
 #include <cstddef>
-#include <stdexcept>
+#include <memory>
 #include <utility>
 
-#include "core/visibility.h"
-#include "infer/calibrate.h"
+#include "core/base/error.h"
+#include "core/geometry/visibility.h"
+#include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/graph_icp.h"
 #include "infer/evaluate/suite/markers.h"
-#include "infer/pose/paper_pose.h"
+#include "infer/initial/paper_pose.h"
 #include "infer/refine/refine.h"
 
 namespace volalign {
@@ -31,7 +32,7 @@ std::vector<std::size_t> Placed(const FramePoses& poses) {
 FramePoses RefineByGraph(const SuiteStill& still, const FramePoses& initial,
                          const GraphIcpOptions& options) {
   FramePoses refined(initial.size());
-  std::vector<GraphView> views;
+  std::vector<GraphFrame> views;
   const std::vector<std::size_t> placed = Placed(initial);
   for (const std::size_t i : placed) views.push_back({&still.views[i], *initial[i]});
   const std::vector<Pose> poses = RefineGraph(still.still.structure, views, options);
@@ -41,7 +42,7 @@ FramePoses RefineByGraph(const SuiteStill& still, const FramePoses& initial,
 
 /// Labels that the model has at a pose, where the depth is about the model's.
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, const Pose& pose) {
-  const StructureView model = CastView(structure, view.rays, pose);
+  const ExpectedView model = CastView(structure, view.rays, pose);
   SegmentationResult result{LabelImage(view.width(), view.height()),
                             Image<float>(view.width(), view.height(), 0.0F)};
   for (std::size_t i = 0; i < result.labels.size(); ++i) {
@@ -61,17 +62,13 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
   if (placed.empty()) return;
   RefineOptions options;
   options.threads = threads;
-  std::vector<SensorPoints> points;
+  std::vector<FrameInput> frames;
   for (const std::size_t i : placed) {
     const SensorView& view = still.views[i];
-    points.push_back(SamplePoints(view, LabelsAt(view, still.still.structure, *initial[i]),
-                                  still.still.structure, {}));
-  }
-  std::vector<RefineFrame> frames;
-  for (std::size_t k = 0; k < placed.size(); ++k) {
-    RefineFrame frame;
-    frame.points = &points[k];
-    frame.to_beat = frame.fallback = frame.start = *initial[placed[k]];
+    FrameInput frame;
+    frame.points = std::make_shared<const SensorPoints>(SamplePoints(
+        view, LabelsAt(view, still.still.structure, *initial[i]), still.still.structure, {}));
+    frame.to_beat = frame.fallback = frame.start = *initial[i];
     frames.push_back(frame);
   }
   const RefineResult result = Refine(still.still.structure, frames, options);
@@ -99,7 +96,7 @@ MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
 
 MethodResult RunMarkers(const SuiteStill& still) {
   if (still.infrared.size() != still.views.size())
-    throw std::invalid_argument("RunMethod: markers want an infrared picture of each frame");
+    throw Error("RunMethod: markers want an infrared picture of each frame");
   MethodResult result;
   for (std::size_t i = 0; i < still.views.size(); ++i) {
     result.initial.push_back(EstimateMarkerPose(
@@ -116,7 +113,7 @@ MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int thre
       Calibrate(still.still.frames, still.still.structure, segmenter, options);
   MethodResult result;
   result.statistical.emplace();
-  for (SensorResult& sensor : calibration.sensors) {
+  for (FrameResult& sensor : calibration.sensors) {
     result.labels.push_back(std::move(sensor.segmentation.labels));
     result.initial.push_back(sensor.structure_from_sensor ? std::optional<Pose>(sensor.initial)
                                                           : std::nullopt);

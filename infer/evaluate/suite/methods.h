@@ -3,8 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/pose.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/view/segmenter.h"
@@ -51,7 +51,7 @@ const FramePoses* PosesAt(PoseStage stage, const MethodResult& result);
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteStill& still,
                                 const MethodResult& result);
 
-/// Runs a method. `segmenter`: of its model; unused by markers. Throws std::invalid_argument for
+/// Runs a method. `segmenter`: of its model; unused by markers. Throws Error for
 /// markers without infrared pictures.
 MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads);

@@ -4,46 +4,28 @@
 #include <cstddef>
 #include <map>
 
-#include "core/visibility.h"
+#include "core/geometry/visibility.h"
 
 namespace volalign {
 
 namespace {
 
-/// Mean points, sensor frame, of the pixels with depth of each label.
+/// Mean points of the pixels of each label that have a point.
 struct MeanPoints {
   std::vector<Eigen::Vector3d> mean;
   std::vector<int> pixels;
 };
-MeanPoints MeanPointsOf(const SensorView& view, const LabelImage& labels, int num_classes) {
+template <class PointAt>
+MeanPoints MeanPointsOf(const LabelImage& labels, int num_classes, const PointAt& point_at) {
   const auto classes = static_cast<std::size_t>(num_classes);
   MeanPoints means{std::vector<Eigen::Vector3d>(classes, Eigen::Vector3d::Zero()),
                    std::vector<int>(classes, 0)};
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      if (!(view.depth(u, v) > 0)) continue;
-      means.mean[labels(u, v)] += view.Point(u, v);
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      const std::optional<Eigen::Vector3d> point = point_at(u, v);
+      if (!point) continue;
+      means.mean[labels(u, v)] += *point;
       ++means.pixels[labels(u, v)];
-    }
-  }
-  for (std::size_t k = 0; k < classes; ++k) {
-    if (means.pixels[k] > 0) means.mean[k] /= means.pixels[k];
-  }
-  return means;
-}
-
-/// The mean point, structure frame, of the pixels of each label of a rendered view.
-MeanPoints MeanPointsOf(const StructureView& model, const RayTable& rays, const Pose& pose,
-                        int num_classes) {
-  const auto classes = static_cast<std::size_t>(num_classes);
-  MeanPoints means{std::vector<Eigen::Vector3d>(classes, Eigen::Vector3d::Zero()),
-                   std::vector<int>(classes, 0)};
-  for (int v = 0; v < model.labels.height(); ++v) {
-    for (int u = 0; u < model.labels.width(); ++u) {
-      const std::size_t label = model.labels(u, v);
-      const double z = model.depth(u, v);
-      means.mean[label] += pose * Eigen::Vector3d(z * rays.at(u, v).x(), z * rays.at(u, v).y(), z);
-      ++means.pixels[label];
     }
   }
   for (std::size_t k = 0; k < classes; ++k) {
@@ -56,15 +38,23 @@ MeanPoints MeanPointsOf(const StructureView& model, const RayTable& rays, const 
 
 PoseScore ScorePose(const SensorView& view, const LabelImage& labels, const Structure& structure,
                     const Pose& structure_from_sensor, int min_pixels) {
-  const StructureView model = CastView(structure, view.rays, structure_from_sensor);
+  const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
   PoseScore score;
   score.miou = MeanIou(labels, model.labels, view.depth, {structure.num_classes(), false});
   score.miou_authors = MeanIou(labels, model.labels, view.depth, {structure.num_classes(), true});
   score.miou_authors_all =
       MeanIou(labels, model.labels, DepthImage(), {structure.num_classes(), true});
-  const MeanPoints seen = MeanPointsOf(view, labels, structure.num_classes());
-  const MeanPoints shown =
-      MeanPointsOf(model, view.rays, structure_from_sensor, structure.num_classes());
+  using Point = std::optional<Eigen::Vector3d>;
+  const auto seen_at = [&](int u, int v) {  // sensor frame
+    return view.depth(u, v) > 0 ? Point(view.Point(u, v)) : std::nullopt;
+  };
+  const auto shown_at = [&](int u, int v) {  // structure frame
+    const double z = model.depth(u, v);
+    const Eigen::Vector2f& ray = view.rays.at(u, v);
+    return Point(structure_from_sensor * Eigen::Vector3d(z * ray.x(), z * ray.y(), z));
+  };
+  const MeanPoints seen = MeanPointsOf(labels, structure.num_classes(), seen_at);
+  const MeanPoints shown = MeanPointsOf(model.labels, structure.num_classes(), shown_at);
   double to_centre = 0, to_visible = 0;
   int visible = 0;
   for (int label = 1; label < structure.num_classes(); ++label) {
@@ -82,15 +72,6 @@ PoseScore ScorePose(const SensorView& view, const LabelImage& labels, const Stru
   return score;
 }
 
-SurfaceComparison::SurfaceComparison(const Structure& structure, double spacing)
-    : surface_(SampleExposedSurface(structure, spacing)) {}
-
-std::optional<SetDistances> SurfaceComparison::operator()(
-    const std::vector<Eigen::Vector3d>& points) const {
-  if (points.empty()) return std::nullopt;
-  return CompareSets(points, surface_);
-}
-
 ColumnStatistics Column(const std::vector<double>& values, const std::vector<int>& groups) {
   const Summary all = Summarise(values);
   ColumnStatistics column;
@@ -105,7 +86,5 @@ ColumnStatistics Column(const std::vector<double>& values, const std::vector<int
   }
   return column;
 }
-
-double DistanceToBest(double mean, double best) { return best == 0 ? 0 : mean / best - 1; }
 
 }  // namespace volalign

@@ -3,10 +3,10 @@
 #include <optional>
 #include <vector>
 
-#include "core/image.h"
-#include "core/metrics.h"
-#include "core/pose.h"
-#include "core/structure.h"
+#include "core/base/image.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -29,20 +29,6 @@ struct PoseScore {
 PoseScore ScorePose(const SensorView& view, const LabelImage& labels, const Structure& structure,
                     const Pose& structure_from_sensor, int min_pixels);
 
-/// A point cloud and the structure's surface, as the paper compares them.
-class SurfaceComparison {
- public:
-  /// Samples the exposed surface without the `down` sides on a grid of `spacing` m.
-  explicit SurfaceComparison(const Structure& structure, double spacing = 0.005);
-
-  /// d1 = dist(A, B) and d2 = max(dist(A, B), dist(B, A)), eq. RMS, A the points (structure frame,
-  /// m), B the surface. Nothing for no points.
-  std::optional<SetDistances> operator()(const std::vector<Eigen::Vector3d>& points) const;
-
- private:
-  std::vector<Eigen::Vector3d> surface_;
-};
-
 /// A column of the paper's tables.
 struct ColumnStatistics {
   int count = 0;
@@ -56,9 +42,5 @@ struct ColumnStatistics {
 };
 /// `groups`: of each value, the set-up that it comes from.
 ColumnStatistics Column(const std::vector<double>& values, const std::vector<int>& groups);
-
-/// By how much a mean is above (below: negative) the best one, relative to that, as the paper's
-/// last columns have it.
-double DistanceToBest(double mean, double best);
 
 }  // namespace volalign

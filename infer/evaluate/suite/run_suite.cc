@@ -11,9 +11,9 @@
 #include <optional>
 #include <utility>
 
-#include "core/parallel_for.h"
-#include "core/rig.h"
-#include "core/structure_gltf.h"
+#include "core/base/parallel_for.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/rig.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/suite_items.h"
 

@@ -3,9 +3,10 @@
 #include <cstddef>
 #include <utility>
 
-#include "core/error.h"
-#include "core/file_util.h"
-#include "core/json_archive.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/geometry/visibility.h"
+#include "core/json/json_archive.h"
 #include "infer/checks/pose_quality.h"
 
 namespace volalign {
@@ -18,17 +19,21 @@ Pose TruePose(const EvaluationStill& still, std::size_t i) {
   return still.nominal_from_built * *still.frames[i].ground_truth;
 }
 
-/// d1 and d2 of the views that have a pose.
+constexpr double kSurfaceGrid = 0.005;  // m
+
+/// d1 and d2 of the points of the views that have a pose, and the structure's surface. Nothing for
+/// no points.
 std::optional<SetDistances> Distances(const std::vector<SensorView>& views, const FramePoses& poses,
                                       const std::vector<LabelImage>& labels,
-                                      const SurfaceComparison& surface) {
+                                      const std::vector<Eigen::Vector3d>& surface) {
   std::vector<Eigen::Vector3d> points;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!poses[i] || i >= labels.size()) continue;
     const std::vector<Eigen::Vector3d> own = LabelledPoints(views[i], labels[i], *poses[i]);
     points.insert(points.end(), own.begin(), own.end());
   }
-  return surface(points);
+  if (points.empty()) return std::nullopt;
+  return CompareSets(points, surface);
 }
 
 struct NamedStage {
@@ -74,7 +79,8 @@ ViewScores ScoreView(const SuiteStill& still, const MethodResult& result,
 }  // namespace
 
 CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels) {
-  const SurfaceComparison surface(still.still.structure);
+  const std::vector<Eigen::Vector3d> surface =
+      SampleExposedSurface(still.still.structure, kSurfaceGrid);
   const bool known = !still.still.labels.empty();
   const std::vector<LabelImage>& on_structure = known ? still.still.labels : result.labels;
   CaptureScores scores;

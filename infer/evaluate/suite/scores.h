@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "core/metrics.h"
-#include "core/pose.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/pose.h"
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/metrics.h"
 #include "infer/evaluate/suite/suite_config.h"

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <set>
 
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace volalign {
 
@@ -64,14 +64,6 @@ void CheckNames(const SuiteConfig& suite) {
   }
 }
 
-template <class Words, class Enum>
-const char* Word(const Words& words, Enum value) {
-  for (const auto& [word, meaning] : words) {
-    if (meaning == value) return word;
-  }
-  return "";
-}
-
 }  // namespace
 
 bool IsApplicable(const SuiteMethod& method, const std::string& dataset) {
@@ -79,8 +71,8 @@ bool IsApplicable(const SuiteMethod& method, const std::string& dataset) {
                                               dataset) != method.datasets.end();
 }
 
-const char* WordOf(PoseStage stage) { return Word(kPoseStageWords, stage); }
-const char* WordOf(SuiteMetric metric) { return Word(kSuiteMetricWords, metric); }
+const char* WordOf(PoseStage stage) { return WordOf(kPoseStageWords, stage); }
+const char* WordOf(SuiteMetric metric) { return WordOf(kSuiteMetricWords, metric); }
 
 SuiteConfig ReadSuite(const std::string& path) {
   SuiteConfig suite = ReadConfig<SuiteConfig>(ConfigSource::FromFile(path));

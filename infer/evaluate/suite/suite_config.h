@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/config.h"
-#include "core/config_word.h"
-#include "infer/calibrate.h"
+#include "core/config/config.h"
+#include "core/config/config_word.h"
+#include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/graph_icp.h"
 #include "render/infrared.h"
 

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "core/config.h"
-#include "core/structure_gltf.h"
+#include "core/config/config.h"
+#include "core/formats/structure_gltf.h"
 #include "infer/evaluate/suite/markers.h"
 #include "infer/view/sensor_view.h"
 #include "render/rig.h"
@@ -35,24 +35,20 @@ std::vector<SuiteItem> ItemsOf(const SuiteDataset& dataset, const Structure& str
   for (const std::string& file : dataset.rigs) {
     const std::vector<Rig> turns = Turns(ReadRig(ConfigSource::FromFile(file)));
     for (std::size_t k = 0; k < turns.size(); ++k) {
-      SuiteItem item;
-      item.dataset = dataset.name;
-      item.set_up = Stem(file);
-      item.capture = fmt::format("{}_turn_{}", item.set_up, k + 1);
-      item.rig = turns[k];
-      item.identity = RigItem(item.set_up, turns[k], "", nullptr).identity;
-      item.infrared = infrared;
-      items.push_back(std::move(item));
+      const std::string name = Stem(file);
+      items.push_back({dataset.name,
+                       name,
+                       fmt::format("{}_turn_{}", name, k + 1),
+                       turns[k],
+                       {},
+                       RigItem(name, turns[k], "", nullptr).identity,
+                       infrared});
     }
   }
   for (std::size_t k = 0; k < dataset.captures.size(); ++k) {
-    SuiteItem item;
-    item.dataset = dataset.name;
-    item.set_up = "recordings";
-    item.capture = fmt::format("recording_{}", k + 1);
-    item.recording = CaptureItem(dataset.captures[k], structure);
-    item.identity = item.recording.identity;
-    items.push_back(std::move(item));
+    const EvaluationItem recording = CaptureItem(dataset.captures[k], structure);
+    items.push_back({dataset.name, "recordings", fmt::format("recording_{}", k + 1), std::nullopt,
+                     recording, recording.identity});
   }
   return items;
 }
@@ -83,7 +79,8 @@ SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, Worke
   } else {
     still.still = item.recording.load();
   }
-  still.views = MakeSensorViews(still.still.frames, 1);
+  for (const SensorFrame& frame : still.still.frames)
+    still.views.push_back(MakeSensorView(frame, frame.intrinsics));
   return still;
 }
 

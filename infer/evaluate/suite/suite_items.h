@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
-#include "core/rig.h"
+#include "core/geometry/rig.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/suite_config.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 
 namespace volalign {
 
@@ -43,7 +43,7 @@ class WorkerGl {
  private:
   EglContextOptions options_;
   std::optional<EglContext> egl_;
-  std::optional<DepthRenderer> renderer_;
+  std::optional<GlDepthRenderer> renderer_;
 };
 
 /// Renders or reads a capture.

@@ -124,7 +124,8 @@ void FillDistances(TableData* data) {
     }
     for (TableRowData& row : data->rows) {
       TableCell& cell = row.cells[b];
-      if (best && !cell.values.empty()) cell.distance = DistanceToBest(cell.column.mean, *best);
+      if (best && !cell.values.empty())
+        cell.distance = *best == 0 ? 0 : cell.column.mean / *best - 1;
     }
   }
 }

@@ -4,7 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "core/json_archive.h"
+#include "core/base/text.h"
+#include "core/json/json_archive.h"
 #include "infer/evaluate/suite/table_data.h"
 
 namespace volalign {
@@ -101,12 +102,6 @@ std::string EscapeLatex(const std::string& text) {
   return out;
 }
 
-std::string Quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
-  return out + "\"";
-}
-
 }  // namespace
 
 std::string FormatMarkdown(const TableData& data) {
@@ -142,8 +137,8 @@ std::string FormatCsv(const TableData& data) {
       const auto number = [](bool present, double value) {
         return present ? fmt::format("{}", value) : std::string();
       };
-      text += fmt::format("{},{},{},{},{},{},", Quoted(row.row.label), row.row.method,
-                          WordOf(row.row.stage), Quoted(block.title), WordOf(block.metric),
+      text += fmt::format("{},{},{},{},{},{},", CsvQuoted(row.row.label), row.row.method,
+                          WordOf(row.row.stage), CsvQuoted(block.title), WordOf(block.metric),
                           cell.values.size());
       text += fmt::format("{},{},{},{},{},{},", number(any, cell.column.mean),
                           number(any, cell.column.std), number(any, cell.column.rsd),

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "core/file_util.h"
+#include "core/base/file_util.h"
 #include "infer/evaluate/suite/box_plot.h"
 #include "infer/evaluate/suite/table_data.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

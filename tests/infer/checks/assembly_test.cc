@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "infer/pose/agreement.h"
-#include "infer/pose/aliases.h"
-#include "tests/infer/synthetic.h"
+#include "infer/initial/agreement.h"
+#include "infer/initial/aliases.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -100,11 +100,11 @@ TEST(Assembly, NamesWhatIsBuiltWrongly) {
     const AssemblyReport report = Inspect(c.built, {20, 140, 260});
     EXPECT_EQ(report.arrangement.code, c.code) << c.sentence;
     EXPECT_EQ(report.arrangement.sentence, c.sentence)
-        << report.described_overlap << " " << report.overlap;
+        << report.described_shape_iou << " " << report.shape_iou;
     EXPECT_EQ(report.altered(), c.code != SensorCode::kNone);
-    EXPECT_GT(report.overlap, 0.95) << c.sentence;
+    EXPECT_GT(report.shape_iou, 0.95) << c.sentence;
     if (report.altered()) {
-      EXPECT_LT(report.described_overlap, 0.9) << c.sentence;
+      EXPECT_LT(report.described_shape_iou, 0.9) << c.sentence;
     }
   }
 }
@@ -121,18 +121,18 @@ TEST(InspectAssembly, AStackThatHangsUpsideDownIsNotSeen) {
                                  [](const StructureAlias& alias) { return !alias.keeps_up(); });
   ASSERT_NE(over, aliases.end());
   AssemblyOptions options;
-  options.suspicious_overlap = options.suspicious_frame_overlap = 0;  // nothing else is tried
-  const auto overlap = [&](const Pose& at) {
+  options.suspicious_shape_iou = options.suspicious_frame_shape_iou = 0;  // nothing else is tried
+  const auto iou = [&](const Pose& at) {
     InitialPose initial;
     initial.found = true;
     initial.structure_from_sensor = at;
     return InspectAssembly({{&view, &labels, &initial}}, structure, InitialPoseOptions(), options,
                            1)
-        .described_overlap;
+        .described_shape_iou;
   };
-  EXPECT_GT(overlap(pose), 0.98);
-  ASSERT_GT(MeasureOverlap(view, labels, structure, over->motion * pose, 0.5).ratio(), 0.9);
-  EXPECT_EQ(overlap(over->motion * pose), 0);
+  EXPECT_GT(iou(pose), 0.98);
+  ASSERT_GT(MeasureShapeIou(view, labels, structure, over->motion * pose, 0.5).ratio(), 0.9);
+  EXPECT_EQ(iou(over->motion * pose), 0);
 }
 
 TEST(InspectAssembly, AFrameIsMirroredOnlyBesideOneThatShowsTheStackAsDescribed) {
@@ -147,7 +147,9 @@ TEST(InspectAssembly, AFrameIsMirroredOnlyBesideOneThatShowsTheStackAsDescribed)
     FlipFrame(described, &rig.frames[0], &rig.labels[0]);
     rig.structure = as_described ? described : pushed;
     rig.Add("other", RingPose(140, 2.1), {true, 3.5});
-    const std::vector<SensorView> views = MakeSensorViews(rig.frames, 1);
+    std::vector<SensorView> views;
+    for (const SensorFrame& frame : rig.frames)
+      views.push_back(MakeSensorView(frame, frame.intrinsics));
     std::vector<SegmentationResult> segmentations;
     std::vector<InitialPose> initial;
     for (std::size_t i = 0; i < views.size(); ++i) {

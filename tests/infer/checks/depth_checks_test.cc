@@ -30,7 +30,9 @@ SensorFrame Ramp(const std::string& name, float nearest, float farthest) {
 }
 
 std::vector<DepthFinding> Check(const std::vector<SensorFrame>& frames) {
-  return CheckDepths(frames, MakeSensorViews(frames, 1), VerdictOptions());
+  std::vector<SensorView> views;
+  for (const SensorFrame& frame : frames) views.push_back(MakeSensorView(frame, frame.intrinsics));
+  return CheckDepths(frames, views, VerdictOptions());
 }
 
 TEST(DepthChecks, ARoomPasses) {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

@@ -6,11 +6,10 @@
 #include <map>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
-#include "core/metrics.h"
-#include "tests/infer/synthetic.h"
+#include "core/geometry/metrics.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -24,43 +23,44 @@ Pose Placement(double x, double yaw_deg) {
   return pose;
 }
 
-/// Sensors that are placed in stills by hand.
+/// Frames that are located in stills by hand.
 struct Stills {
-  std::vector<std::string> names;
-  std::vector<std::vector<SensorFrame>> frames;
-  std::vector<std::vector<LabelledView>> labelled;
-  std::vector<std::vector<volalign::Placement>> placements;
+  std::vector<Still> stills;
+  std::vector<std::vector<Labelled>> labelled;
+  std::vector<std::vector<LocateResult>> located;
+  Stood stood;
 
   /// Returns the number of the still.
   std::size_t AddStill() {
-    names.push_back("still " + std::to_string(names.size()));
-    frames.emplace_back();
+    stills.push_back({"still " + std::to_string(stills.size()), {}});
     labelled.emplace_back();
-    placements.emplace_back();
-    return names.size() - 1;
+    located.emplace_back();
+    return stills.size() - 1;
   }
   void Add(std::size_t still, const std::string& sensor, const Pose& structure_from_sensor,
            const std::string& other_pose = "") {
     SensorFrame frame;
     frame.name = sensor;
-    frames[still].push_back(frame);
-    LabelledView view;
+    stills[still].frames.push_back(frame);
+    Labelled view;
     view.initial.agreement.same_label = view.initial.agreement.either = 100;
     view.other_pose = other_pose;
     labelled[still].push_back(view);
-    PlacedSensor placed;
-    placed.own_pose = structure_from_sensor;
-    placements[still].emplace_back(std::move(placed));
+    LocatedFrame of;
+    of.own_pose = structure_from_sensor;
+    located[still].emplace_back(std::move(of));
   }
   std::vector<Pose> Join() {
-    std::vector<PlacedStill> stills;
-    for (std::size_t s = 0; s < names.size(); ++s)
-      stills.push_back({names[s], frames[s], labelled[s], &placements[s]});
-    return JoinStills(stills);
+    const CaptureSet capture(stills, {});
+    Seen seen;
+    seen.capture = &capture;
+    seen.labelled = PerFrame(labelled);
+    stood = JoinStills(seen, PerFrame(located));
+    return stood.first_from_stack;
   }
   SensorCode Code(std::size_t still, std::size_t frame) const {
-    const auto* failure = std::get_if<Finding>(&placements[still][frame]);
-    return failure ? failure->code : SensorCode::kNone;
+    const auto odd = stood.contradicted.find({still, frame});
+    return odd == stood.contradicted.end() ? SensorCode::kNone : odd->second.code;
   }
 };
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -48,14 +48,14 @@ LensSet Assumed(const LensChange& change, double sigma) {
   lenses.lenses.resize(1);
   lenses.lenses[0].prior_sigmas = {0.01, sigma, sigma};
   lenses.lenses[0].change = change;
-  lenses.of_frame = {0};
-  lenses.assumed = {Kinect()};
+  lenses.of_frame = PerFrame<std::size_t>(std::vector<std::vector<std::size_t>>{{0}});
+  lenses.assumed = PerFrame<Intrinsics>({{Kinect()}});
   return lenses;
 }
 
 std::optional<Finding> Check(const SensorPlanes& planes, const LensSet& lenses,
                              const LensCheckOptions& options = {}) {
-  return CheckLenses({planes}, lenses, true, options).at(0);
+  return CheckLenses(PerFrame<SensorPlanes>({{planes}}), lenses, true, options)[{}];
 }
 
 TEST(CheckLenses, WallsThatLookBentMakeALensSuspect) {
@@ -65,7 +65,8 @@ TEST(CheckLenses, WallsThatLookBentMakeALensSuspect) {
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, SensorCode::kLensSuspect);
   EXPECT_NE(finding->hint.find("leave the distortion out"), std::string::npos) << finding->hint;
-  const std::optional<Finding> fixed = CheckLenses({bent}, lenses, false, {}).at(0);
+  const std::optional<Finding> fixed =
+      CheckLenses(PerFrame<SensorPlanes>({{bent}}), lenses, false, {})[{}];
   ASSERT_TRUE(fixed.has_value());
   EXPECT_NE(fixed->hint.find("--estimate auto"), std::string::npos) << fixed->hint;
   EXPECT_FALSE(Check(Walls(Kinect(), Kinect()), lenses).has_value());
@@ -101,9 +102,9 @@ TEST(CheckLenses, TheBendIsWhatIsLeftOverThePlaneThatFitsBest) {
 TEST(CheckLenses, ALensThatHasBeenChangedAccordinglyIsTheRightOne) {
   const LensSet changed = Assumed({0, kK1, kK2}, 0.001);
   const Intrinsics truth = WithDistortion(kK1, kK2);
-  EXPECT_FALSE(Check(Walls(truth, changed.Effective(0)), changed).has_value());
+  EXPECT_FALSE(Check(Walls(truth, changed.Effective({})), changed).has_value());
   // What is bent through that lens is its fault.
-  EXPECT_TRUE(Check(Walls(Kinect(), changed.Effective(0)), changed).has_value());
+  EXPECT_TRUE(Check(Walls(Kinect(), changed.Effective({})), changed).has_value());
 }
 
 TEST(CheckLenses, ALensThatMayBeSoIsNotSuspect) {

@@ -10,15 +10,14 @@
 #include <utility>
 #include <vector>
 
-#include "infer/calibrate.h"
-#include "infer/view/sensor_lens.h"
-#include "tests/infer/synthetic.h"
+#include "infer/calib/calibrate.h"
+#include "tests/infer/checks/seen_with_labels.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
 
 using testing_infer::AddNoise;
-using testing_infer::Certain;
 using testing_infer::LabelOf;
 using testing_infer::PaperStructure;
 using testing_infer::Rig;
@@ -45,48 +44,36 @@ void AddAmong(const std::vector<Box>& others, const std::string& name, const Pos
   for (std::uint8_t& label : rig->labels.back()) label = label <= sides.size() ? label : 0;
 }
 
-/// What is placed of the sensors, the lost one by its neighbours alone.
-std::vector<Placement> PlaceAll(const Rig& rig) {
+/// How the lost frame is located, by its neighbours alone.
+LocateResult LocateLost(const Rig& rig) {
   const CalibrateOptions options;
-  const PlacementOptions placement{options.initial, options.refine, options.verdict,
-                                   options.assembly, 2};
-  const std::vector<SensorView> views = MakeSensorViews(rig.frames, 1);
-  std::vector<LabelledView> labelled;
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    LabelledView view;
-    view.segmentation = Certain(rig.labels[i]);
-    view.quarter_turns = 1;
-    view.initial = EstimateInitialPose(views[i], view.segmentation, rig.structure, options.initial);
-    labelled.push_back(std::move(view));
-  }
-  const LensSet lenses = GivenLenses(rig.frames);
-  std::vector<Placement> placements =
-      PlaceSensors(rig.frames, views, CheckDepths(rig.frames, views, options.verdict), labelled,
-                   std::nullopt, lenses, rig.structure, placement);
+  const LocateOptions locate{options.initial, options.refine, options.verdict, 2};
+  const CaptureSet capture({{"", rig.frames}}, rig.structure);
+  const Seen seen = testing_infer::SeenWithLabels(capture, rig.labels);
+  const PerFrame<LocateResult> alone = LocateAlone(seen, {std::nullopt}, locate);
   for (std::size_t i = 0; i < kLost; ++i)
-    EXPECT_TRUE(std::holds_alternative<PlacedSensor>(placements[i])) << i;
-  EXPECT_TRUE(std::holds_alternative<Finding>(placements[kLost]));
-  return PlaceByNeighbours(rig.frames, views, labelled, std::move(placements), lenses,
-                           rig.structure, placement);
+    EXPECT_TRUE(std::holds_alternative<LocatedFrame>(alone[{0, i}])) << i;
+  EXPECT_TRUE(std::holds_alternative<Finding>(alone[{0, kLost}]));
+  return LocateByNeighbours(seen, alone, locate)[{0, kLost}];
 }
 
 void ExpectPlaced(const Rig& rig) {
-  const std::vector<Placement> placements = PlaceAll(rig);
-  const auto* placed = std::get_if<PlacedSensor>(&placements[kLost]);
-  ASSERT_NE(placed, nullptr) << std::get<Finding>(placements[kLost]).reason;
-  ASSERT_TRUE(placed->by_neighbours.has_value());
-  EXPECT_EQ(placed->by_neighbours->code, SensorCode::kByNeighbours);
-  EXPECT_NE(placed->by_neighbours->reason.find("what it shares with S0, S1"), std::string::npos)
-      << placed->by_neighbours->reason;
-  const PoseError error = ComparePoses(placed->own_pose, *rig.frames[kLost].ground_truth);
+  const LocateResult result = LocateLost(rig);
+  const auto* located = std::get_if<LocatedFrame>(&result);
+  ASSERT_NE(located, nullptr) << std::get<Finding>(result).reason;
+  ASSERT_TRUE(located->by_neighbours.has_value());
+  EXPECT_EQ(located->by_neighbours->code, SensorCode::kByNeighbours);
+  EXPECT_NE(located->by_neighbours->reason.find("what it shares with S0, S1"), std::string::npos)
+      << located->by_neighbours->reason;
+  const PoseError error = ComparePoses(located->own_pose, *rig.frames[kLost].ground_truth);
   EXPECT_LT(error.translation_m, 0.01);
   EXPECT_LT(error.rotation_deg, 0.5);
 }
 
 void ExpectNotPlaced(const Rig& rig) {
-  const std::vector<Placement> placements = PlaceAll(rig);
-  const auto* finding = std::get_if<Finding>(&placements[kLost]);
-  ASSERT_NE(finding, nullptr) << std::get<PlacedSensor>(placements[kLost]).by_neighbours->reason;
+  const LocateResult result = LocateLost(rig);
+  const auto* finding = std::get_if<Finding>(&result);
+  ASSERT_NE(finding, nullptr) << std::get<LocatedFrame>(result).by_neighbours->reason;
   EXPECT_EQ(finding->code, SensorCode::kDegenerateSides);
 }
 
@@ -96,7 +83,7 @@ void LabelOneSide(const std::string& name, Rig* rig) {
   for (std::uint8_t& of : rig->labels[kLost]) of = of == label ? of : 0;
 }
 
-TEST(PlaceByNeighbours, WhatOneSensorSeesThroughSpeaksAgainstAPose) {
+TEST(LocateByNeighbours, WhatOneSensorSeesThroughSpeaksAgainstAPose) {
   // A curtain was drawn before the wall between the frames of the lost sensor and its neighbours.
   const Structure structure = PaperStructure();
   const std::vector<Box> curtain = {
@@ -121,7 +108,31 @@ TEST(PlaceByNeighbours, WhatOneSensorSeesThroughSpeaksAgainstAPose) {
   }
 }
 
-TEST(PlaceByNeighbours, NotWhereAnotherPoseDoesAsWell) {
+/// mm, as the reason has it.
+double FixedTo(const Rig& rig) {
+  const LocateResult result = LocateLost(rig);
+  const auto* placed = std::get_if<LocatedFrame>(&result);
+  if (!placed) return -1;
+  const std::string& reason = placed->by_neighbours->reason;
+  return std::stod(reason.substr(reason.rfind("to ") + 3));
+}
+
+TEST(LocateByNeighbours, HowWellAPoseIsKnownDoesNotDependOnTheOrigin) {
+  const Scene room{true, 2.5};
+  Rig rig{PaperStructure(), {}, {}};
+  for (const double phi : {60, 130, 95})
+    rig.Add("S" + std::to_string(rig.frames.size()), RingPose(phi), room);
+  LabelOneSide("mid_bottom/right", &rig);
+  const double here = FixedTo(rig);
+  ASSERT_GT(here, 0);
+  // The same boxes, described about a point 6 m beside the stack.
+  const Pose away(Eigen::Translation3d(6, 0, 0));
+  rig.structure = rig.structure.Displaced(std::vector<Pose>(rig.structure.boxes().size(), away));
+  for (SensorFrame& frame : rig.frames) frame.ground_truth = away * *frame.ground_truth;
+  EXPECT_NEAR(FixedTo(rig), here, 1);
+}
+
+TEST(LocateByNeighbours, NotWhereAnotherPoseDoesAsWell) {
   // A row of posts behind the structure. Of one side, the lost sensor sees a strip of 22 cm; of
   // the rest, some of the posts and the floor round them. Where there is a post every 30 cm, the
   // view is the same 30 cm further along the side.

@@ -8,42 +8,28 @@
 #include <string>
 #include <vector>
 
-#include "infer/calibrate.h"
 #include "infer/checks/verification.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/checks/seen_with_labels.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
 
-using testing_infer::Certain;
 using testing_infer::Rig;
 using testing_infer::RingPose;
 
-/// Frames with true labels on their way to PlaceSensors.
-struct Labelled {
+/// A rig with true labels on its way to LocateAlone.
+struct Located {
   CalibrateOptions options;
-  std::vector<SensorView> views;
-  std::vector<DepthFinding> depths;
-  std::vector<LabelledView> labelled;
+  CaptureSet capture;
+  Seen seen;
 
-  explicit Labelled(const Rig& rig) {
-    views = MakeSensorViews(rig.frames, 1);
-    depths = CheckDepths(rig.frames, views, options.verdict);
-    for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-      LabelledView view;
-      view.segmentation = Certain(rig.labels[i]);
-      view.quarter_turns = 1;
-      view.initial =
-          EstimateInitialPose(views[i], view.segmentation, rig.structure, options.initial);
-      labelled.push_back(std::move(view));
-    }
-  }
-  PlacementOptions placement() const {
-    return {options.initial, options.refine, options.verdict, options.assembly, 1};
-  }
-  std::vector<Placement> Place(const Rig& rig, const std::optional<AssemblyReport>& assembly) {
-    return PlaceSensors(rig.frames, views, depths, labelled, assembly, GivenLenses(rig.frames),
-                        rig.structure, placement());
+  explicit Located(const Rig& rig)
+      : capture({{"", rig.frames}}, rig.structure),
+        seen(testing_infer::SeenWithLabels(capture, rig.labels)) {}
+  LocateOptions locate() const { return {options.initial, options.refine, options.verdict, 1}; }
+  std::vector<LocateResult> Alone(const std::optional<AssemblyReport>& assembly = {}) const {
+    return LocateAlone(seen, {assembly}, locate()).OfStill(0);
   }
 };
 
@@ -56,32 +42,47 @@ Rig NarrowRig() {
   return rig;
 }
 
-TEST(PlaceSensors, OwnPosesAreTheTrueOnes) {
+TEST(LocateAlone, OwnPosesAreTheTrueOnes) {
   const Rig rig = NarrowRig();
-  const std::vector<Placement> placements = Labelled(rig).Place(rig, std::nullopt);
+  const std::vector<LocateResult> results = Located(rig).Alone();
   for (std::size_t i = 0; i < 2; ++i) {
-    const auto* placed = std::get_if<PlacedSensor>(&placements[i]);
-    ASSERT_NE(placed, nullptr) << std::get<Finding>(placements[i]).reason;
+    const auto* placed = std::get_if<LocatedFrame>(&results[i]);
+    ASSERT_NE(placed, nullptr) << std::get<Finding>(results[i]).reason;
     const PoseError error = ComparePoses(placed->own_pose, *rig.frames[i].ground_truth);
     EXPECT_LT(error.translation_m, i == 0 ? 1e-3 : 3e-3);
     EXPECT_LT(error.rotation_deg, 0.05);
   }
 }
 
-TEST(PlaceSensors, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
+// What fixes a pose is how well the sensor's own position is known: the same boxes, described about
+// a point 100 m beside the stack.
+TEST(LocateAlone, WhatAViewFixesDoesNotDependOnTheOrigin) {
+  Rig rig = NarrowRig();
+  const Pose away(Eigen::Translation3d(100, 0, 0));
+  rig.structure = rig.structure.Displaced(std::vector<Pose>(rig.structure.boxes().size(), away));
+  for (SensorFrame& frame : rig.frames) frame.ground_truth = away * *frame.ground_truth;
+  Located frames(rig);
+  frames.options.verdict.max_sigma_position_m = 0.05;
+  for (const LocateResult& result : frames.Alone()) {
+    const auto* placed = std::get_if<LocatedFrame>(&result);
+    EXPECT_NE(placed, nullptr) << std::get<Finding>(result).reason;
+  }
+}
+
+TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   const Rig rig = NarrowRig();
-  Labelled frames(rig);
-  ASSERT_TRUE(SeesManySides(frames.labelled[0].initial.evidence, frames.options.verdict));
+  Located frames(rig);
+  ASSERT_TRUE(SeesManySides(frames.seen.labelled[{0, 0}].initial.patches, frames.options.verdict));
   frames.options.verdict.many_sides =
-      1 + static_cast<int>(frames.labelled[1].initial.evidence.size());
-  ASSERT_FALSE(SeesManySides(frames.labelled[1].initial.evidence, frames.options.verdict));
+      1 + static_cast<int>(frames.seen.labelled[{0, 1}].initial.patches.size());
+  ASSERT_FALSE(SeesManySides(frames.seen.labelled[{0, 1}].initial.patches, frames.options.verdict));
   AssemblyReport report;
   report.arrangement.code = SensorCode::kAssemblyMirrored;
   report.arrangement.sentence = "the stack or the frames are mirrored";
-  report.described_overlap = 0.7;
-  report.overlap = 0.98;
-  for (const Placement& placement : frames.Place(rig, report)) {
-    const auto* finding = std::get_if<Finding>(&placement);
+  report.described_shape_iou = 0.7;
+  report.shape_iou = 0.98;
+  for (const LocateResult& result : frames.Alone(report)) {
+    const auto* finding = std::get_if<Finding>(&result);
     ASSERT_NE(finding, nullptr);
     EXPECT_EQ(finding->code, SensorCode::kAssemblyMirrored);
     EXPECT_EQ(finding->reason,
@@ -91,17 +92,17 @@ TEST(PlaceSensors, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   }
 }
 
-TEST(PlaceSensors, AFrameWithoutSidesOrWithOneOnly) {
+TEST(LocateAlone, AFrameWithoutSidesOrWithOneOnly) {
   Rig rig = NarrowRig();
   rig.labels[0] = LabelImage(320, 288);
   const auto front =
       static_cast<std::uint8_t>(testing_infer::LabelOf(rig.structure, "bottom/front"));
   for (std::uint8_t& label : rig.labels[1]) label = label == front ? front : 0;
-  const std::vector<Placement> placements = Labelled(rig).Place(rig, std::nullopt);
-  ASSERT_TRUE(std::holds_alternative<Finding>(placements[0]));
-  EXPECT_EQ(std::get<Finding>(placements[0]).code, SensorCode::kNoStructure);
-  ASSERT_TRUE(std::holds_alternative<Finding>(placements[1]));
-  EXPECT_EQ(std::get<Finding>(placements[1]).code, SensorCode::kDegenerateSides);
+  const std::vector<LocateResult> results = Located(rig).Alone();
+  ASSERT_TRUE(std::holds_alternative<Finding>(results[0]));
+  EXPECT_EQ(std::get<Finding>(results[0]).code, SensorCode::kNoStructure);
+  ASSERT_TRUE(std::holds_alternative<Finding>(results[1]));
+  EXPECT_EQ(std::get<Finding>(results[1]).code, SensorCode::kDegenerateSides);
 }
 
 /// Of the labels that are seen along at least 40 pixels of the first or last row, the one that most
@@ -119,7 +120,7 @@ int CutOff(const LabelImage& labels) {
   return most == pixels.end() ? 0 : most->first;
 }
 
-TEST(PlaceSensors, TheHintKnowsWhichWayTheSensorIsMounted) {
+TEST(LocateAlone, TheHintKnowsWhichWayTheSensorIsMounted) {
   // S0 stands well. S1, which is mounted on its side as S0 is, looks so far to the right or to the
   // left of the structure that the border of its picture cuts off the one side that is labelled.
   const double phi = 40 * M_PI / 180;
@@ -138,10 +139,10 @@ TEST(PlaceSensors, TheHintKnowsWhichWayTheSensorIsMounted) {
     for (std::uint8_t& label : rig.labels[1]) {
       if (label != kept) label = 0;
     }
-    const std::vector<Placement> placements = Labelled(rig).Place(rig, std::nullopt);
-    ASSERT_TRUE(std::holds_alternative<PlacedSensor>(placements[0]));
-    ASSERT_TRUE(std::holds_alternative<Finding>(placements[1]));
-    const Finding& finding = std::get<Finding>(placements[1]);
+    const std::vector<LocateResult> results = Located(rig).Alone();
+    ASSERT_TRUE(std::holds_alternative<LocatedFrame>(results[0]));
+    ASSERT_TRUE(std::holds_alternative<Finding>(results[1]));
+    const Finding& finding = std::get<Finding>(results[1]);
     EXPECT_EQ(finding.code, SensorCode::kDegenerateSides) << finding.reason;
     const std::string there = sign > 0 ? "to the left" : "to the right";
     EXPECT_NE(finding.hint.find("turn the sensor " + there), std::string::npos) << finding.hint;
@@ -153,30 +154,32 @@ TEST(InspectStack, NamesMirroredFramesByTheirPlaceInTheCapture) {
   for (int i = 0; i < 4; ++i) rig.Add("S" + std::to_string(i), RingPose(30 + 85 * i), {true, 3.5});
   rig.labels[0] = LabelImage(320, 288);  // sees no sides, and is not asked
   testing_infer::FlipFrame(rig.structure, &rig.frames[2], &rig.labels[2]);
-  const Labelled frames(rig);
+  const Located frames(rig);
   const std::optional<AssemblyReport> report =
-      InspectStack(frames.views, frames.labelled, rig.structure, frames.placement());
+      InspectStack(frames.seen, frames.options.assembly, frames.locate()).front();
   ASSERT_TRUE(report.has_value());
   EXPECT_EQ(report->mirrored_frames, (std::vector<std::size_t>{2}));
 }
 
-TEST(FramesToRefine, ArePlacedOnesInOrderAndKnowWhatHoldsThem) {
-  const Rig rig = NarrowRig();
-  Labelled frames(rig);
+TEST(FramesToRefine, AreLocatedOnesThatKnowWhatHoldsThem) {
+  Located frames(NarrowRig());
   frames.options.refine.without_structure = {"S1"};
-  std::vector<Placement> placements = frames.Place(rig, std::nullopt);
-  std::vector<RefineFrame> sensors = FramesToRefine(rig.frames, frames.labelled, placements,
-                                                    GivenLenses(rig.frames), frames.options.refine);
+  std::vector<LocateResult> results = frames.Alone();
+  SomeFrames<FrameInput> sensors =
+      FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
   ASSERT_EQ(sensors.size(), 2u);
-  EXPECT_TRUE(sensors[0].use_structure_terms);
-  EXPECT_FALSE(sensors[1].use_structure_terms);
+  EXPECT_EQ(sensors.at({0, 0}).role, FrameRole::kStructure);
+  EXPECT_EQ(sensors.at({0, 1}).role, FrameRole::kOverlap);
   // Only overlap is to hold it: its initial pose is where it begins.
-  EXPECT_TRUE(sensors[1].start.isApprox(frames.labelled[1].initial.structure_from_sensor));
-  placements[0] = Finding{SensorCode::kNoStructure, "", ""};
-  sensors = FramesToRefine(rig.frames, frames.labelled, placements, GivenLenses(rig.frames),
-                           frames.options.refine);
+  EXPECT_TRUE(sensors.at({0, 1}).start.isApprox(
+      frames.seen.labelled[{0, 1}].initial.structure_from_sensor));
+  results[0] = Finding{SensorCode::kNoStructure, "", ""};
+  sensors = FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
   ASSERT_EQ(sensors.size(), 1u);
-  EXPECT_EQ(sensors[0].points, &std::get<PlacedSensor>(placements[1]).points);
+  const SensorPoints* points = std::get<LocatedFrame>(results[1]).points.get();
+  results.clear();
+  EXPECT_EQ(sensors.at({0, 1}).points.get(), points);
+  EXPECT_EQ(sensors.at({0, 1}).points.use_count(), 1) << "frames own what they are solved from";
 }
 
 }  // namespace

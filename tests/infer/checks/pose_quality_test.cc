@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "infer/pose/initial_pose.h"
-#include "tests/infer/synthetic.h"
+#include "infer/initial/initial_pose.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -68,23 +68,23 @@ TEST(MeasureQuality, IsOfThePoseThatItIsGiven) {
   const auto rendered = testing_infer::Render(structure, intrinsics, truth);
   const SensorView view = MakeSensorView(rendered.depth, intrinsics);
   const SegmentationResult labels = Certain(rendered.labels);
-  const std::vector<SideEvidence> evidence =
-      CollectEvidence(view, labels, structure, EvidenceOptions());
-  const PoseQuality right = MeasureQuality(view, labels, evidence, structure, truth, 0.5);
+  const std::vector<SidePatch> patches =
+      CollectPatches(view, labels, structure, SidePatchOptions());
+  const PoseQuality right = MeasureQuality(view, labels, patches, structure, truth, 0.5);
   EXPECT_NEAR(right.miou, 1, 1e-9);
   EXPECT_NEAR(right.label_iou, 1, 1e-9);
   EXPECT_NEAR(right.explained_share, 1, 1e-9);
-  EXPECT_EQ(right.sides.size(), evidence.size());
+  EXPECT_EQ(right.sides.size(), patches.size());
   Pose wrong = truth;
   wrong.translation().y() += 0.1;
-  const PoseQuality off = MeasureQuality(view, labels, evidence, structure, wrong, 0.5);
-  const StructureView seen = CastView(structure, view.rays, wrong);
+  const PoseQuality off = MeasureQuality(view, labels, patches, structure, wrong, 0.5);
+  const ExpectedView seen = CastView(structure, view.rays, wrong);
   MiouOptions options;
   options.num_classes = structure.num_classes();
   EXPECT_NEAR(off.miou, MeanIou(labels.labels, seen.labels, view.depth, options), 1e-12);
   EXPECT_LT(off.miou, 0.95);
   EXPECT_LT(off.label_iou, 0.95);
-  EXPECT_LT(off.sides.size(), evidence.size());
+  EXPECT_LT(off.sides.size(), patches.size());
 }
 
 TEST(CompareWithSurface, OfPointsAtAKnownDistance) {

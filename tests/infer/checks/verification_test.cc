@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "infer/checks/hints.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -16,8 +16,8 @@ namespace {
 using testing_infer::LabelOf;
 using testing_infer::PaperStructure;
 
-SideEvidence Patch(double area, double confidence) {
-  SideEvidence patch;
+SidePatch Patch(double area, double confidence) {
+  SidePatch patch;
   patch.area = area;
   patch.mean_confidence = confidence;
   return patch;
@@ -29,31 +29,31 @@ struct AtTheLimits {
   Structure structure = PaperStructure();
   InitialPose initial;
   BetterIntrinsics better;
-  OwnPoseEvidence evidence;
+  LocateFacts facts;
 
   AtTheLimits() {
-    evidence.initial = &initial;
-    Agreement& agreement = evidence.agreement;
+    facts.initial = &initial;
+    Agreement& agreement = facts.agreement;
     agreement.visible = 100;
     agreement.explained = 40;
-    agreement.see_through = 10;  // a fifth of 50
+    agreement.behind = 10;  // a fifth of 50
     agreement.labelled = 100;
     agreement.on_own_side = 50;
     agreement.either = 100;
     agreement.same_label = 25;
     for (const char* name : {"bottom/front", "mid_bottom/right", "top/up"})
-      evidence.confirmed.push_back(LabelOf(structure, name));
-    evidence.sigma_translation_m = 0.25;
+      facts.confirmed.push_back(LabelOf(structure, name));
+    facts.sigma_position_m = 0.25;
     better.change = "fx = 300.0, fy = 300.0";
     better.given_score = 0.5;
     better.score = 0.75;
     better.size = 0.079;
-    evidence.better_intrinsics = &better;
+    facts.better_intrinsics = &better;
   }
   /// Four sides that the network is sure of, 0.6 m^2 together.
-  void SeeManySides() { initial.evidence.assign(4, Patch(0.15, 0.9)); }
+  void SeeManySides() { initial.patches.assign(4, Patch(0.15, 0.9)); }
   std::optional<Finding> Verify() const {
-    return VerifyOwnPose(evidence, structure, KeypointKind::kExposed, VerdictOptions());
+    return VerifyOwnPose(facts, structure, KeypointKind::kExposed, VerdictOptions());
   }
 };
 
@@ -62,34 +62,32 @@ TEST(VerifyOwnPose, NothingIsSaidAtTheLimits) { EXPECT_FALSE(AtTheLimits().Verif
 TEST(VerifyOwnPose, EveryLimitCounts) {
   struct Case {
     SensorCode code;
-    std::function<void(OwnPoseEvidence*)> spoil;
+    std::function<void(LocateFacts*)> spoil;
     std::string words;
   };
   const std::vector<Case> cases = {
-      {SensorCode::kNoStructure, [](OwnPoseEvidence* e) { e->agreement.visible = 103; },
+      {SensorCode::kNoStructure, [](LocateFacts* e) { e->agreement.visible = 103; },
        "39 % of the structure's view is measured on it"},
-      {SensorCode::kNoStructure, [](OwnPoseEvidence* e) { e->agreement.see_through = 11; },
+      {SensorCode::kNoStructure, [](LocateFacts* e) { e->agreement.behind = 11; },
        "22 % of that is seen through"},
-      {SensorCode::kNoStructure, [](OwnPoseEvidence* e) { e->agreement.on_own_side = 49; },
+      {SensorCode::kNoStructure, [](LocateFacts* e) { e->agreement.on_own_side = 49; },
        "49 % of the labelled pixels lie on their sides"},
-      {SensorCode::kNoStructure, [](OwnPoseEvidence* e) { e->agreement.same_label = 24; },
+      {SensorCode::kNoStructure, [](LocateFacts* e) { e->agreement.same_label = 24; },
        "not the structure"},
-      {SensorCode::kDegenerateSides, [](OwnPoseEvidence* e) { e->confirmed.resize(2); },
+      {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->confirmed.resize(2); },
        "2 sides were found"},
-      {SensorCode::kDegenerateSides, [](OwnPoseEvidence* e) { e->confirmed.resize(1); },
+      {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->confirmed.resize(1); },
        "1 side was found"},
-      {SensorCode::kDegenerateSides, [](OwnPoseEvidence* e) { e->sigma_translation_m = 0.26; },
+      {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->sigma_position_m = 0.26; },
        "open to 0.26 m"},
       {SensorCode::kDegenerateSides,
-       [](OwnPoseEvidence* e) {
-         e->sigma_translation_m = std::numeric_limits<double>::quiet_NaN();
-       },
+       [](LocateFacts* e) { e->sigma_position_m = std::numeric_limits<double>::quiet_NaN(); },
        "3 sides were found"},
   };
   for (const Case& c : cases) {
     AtTheLimits sensor;
-    sensor.evidence.better_intrinsics = nullptr;
-    c.spoil(&sensor.evidence);
+    sensor.facts.better_intrinsics = nullptr;
+    c.spoil(&sensor.facts);
     const std::optional<Finding> finding = sensor.Verify();
     ASSERT_TRUE(finding.has_value()) << c.words;
     EXPECT_EQ(finding->code, c.code) << finding->reason;
@@ -101,15 +99,15 @@ TEST(VerifyOwnPose, EveryLimitCounts) {
 TEST(VerifyOwnPose, ManySidesThatDoNotFitAreInconsistent) {
   // The structure's view is explained, but labels are not on their sides.
   AtTheLimits sensor;
-  sensor.evidence.better_intrinsics = nullptr;
-  sensor.evidence.agreement.on_own_side = 20;
+  sensor.facts.better_intrinsics = nullptr;
+  sensor.facts.agreement.on_own_side = 20;
   EXPECT_EQ(sensor.Verify()->code, SensorCode::kNoStructure);
   sensor.SeeManySides();
   EXPECT_EQ(sensor.Verify()->code, SensorCode::kInconsistent);
   // Neither view nor labels fit: something else is in the room.
-  sensor.evidence.agreement.explained = 30;
+  sensor.facts.agreement.explained = 30;
   EXPECT_EQ(sensor.Verify()->code, SensorCode::kNoStructure);
-  sensor.evidence.agreement.on_own_side = 31;
+  sensor.facts.agreement.on_own_side = 31;
   EXPECT_EQ(sensor.Verify()->code, SensorCode::kInconsistent);
 }
 
@@ -126,7 +124,7 @@ TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
   // One that does not is explained by them, however little they change.
   sensor.better.size = 0.03;
   ASSERT_FALSE(sensor.Verify().has_value());
-  sensor.evidence.agreement.on_own_side = 49;
+  sensor.facts.agreement.on_own_side = 49;
   finding = sensor.Verify();
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
@@ -134,10 +132,10 @@ TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
 
 TEST(SeesManySides, CountsSidesThatTheNetworkIsSureOf) {
   const VerdictOptions options;
-  EXPECT_TRUE(SeesManySides(std::vector<SideEvidence>(4, Patch(0.13, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SideEvidence>(3, Patch(0.3, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SideEvidence>(4, Patch(0.12, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SideEvidence>(9, Patch(0.3, 0.79)), options));
+  EXPECT_TRUE(SeesManySides(std::vector<SidePatch>(4, Patch(0.13, 0.8)), options));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(3, Patch(0.3, 0.8)), options));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(4, Patch(0.12, 0.8)), options));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(9, Patch(0.3, 0.79)), options));
   const SureSides sure = CountSureSides({Patch(0.2, 0.9), Patch(4, 0.5), Patch(0.1, 0.8)}, options);
   EXPECT_EQ(sure.count, 2u);
   EXPECT_NEAR(sure.area, 0.3, 1e-12);
@@ -145,11 +143,11 @@ TEST(SeesManySides, CountsSidesThatTheNetworkIsSureOf) {
 
 TEST(ExplainMissingPose, SidesThatTheNetworkIsNotSureOfAreNone) {
   InitialPose initial;
-  initial.evidence = {Patch(0.06, 0.9)};
+  initial.patches = {Patch(0.06, 0.9)};
   EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kDegenerateSides);
-  initial.evidence = {Patch(0.04, 0.9)};
+  initial.patches = {Patch(0.04, 0.9)};
   EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kNoStructure);
-  initial.evidence = {Patch(0.6, 0.7)};
+  initial.patches = {Patch(0.6, 0.7)};
   EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kNoStructure);
 }
 

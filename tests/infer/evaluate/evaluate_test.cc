@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file_util.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "infer/evaluate/storage.h"
 #include "infer/evaluate/tables.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
 #include "tests/infer/evaluate/stills.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

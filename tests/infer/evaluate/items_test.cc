@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
-#include "tests/infer/synthetic.h"
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "core/random.h"
+#include "core/base/random.h"
 #include "infer/evaluate/statistics.h"
 #include "infer/evaluate/tables.h"
 #include "tests/infer/evaluate/stills.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

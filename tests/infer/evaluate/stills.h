@@ -7,7 +7,7 @@
 
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/variants.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::testing_infer {
 

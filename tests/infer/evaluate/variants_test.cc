@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
-#include "tests/core/expect_error.h"
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
 
 namespace volalign {
 namespace {

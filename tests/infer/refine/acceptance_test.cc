@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "infer/refine/fine.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -42,7 +42,7 @@ struct HeadOn {
   Structure structure = PaperStructure();
   BuildModel model{structure};
   Pose pose;
-  SensorEvidence held_out;
+  FrameObservations held_out;
   State state;
 
   HeadOn() {
@@ -93,7 +93,7 @@ TEST(FitToStructure, IsTheMisfitUnderWhatIsUnknown) {
 struct TwoSensors {
   testing_infer::Rig rig{PaperStructure(), {}, {}};
   std::vector<SensorPoints> points;
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   RefineOptions options;
 
   TwoSensors() {
@@ -103,7 +103,7 @@ struct TwoSensors {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose away = testing_infer::Displaced(truth, 0.005, 0.2, i);
-      frames.push_back({&points[i], away, away, truth, true});
+      frames.push_back({testing_infer::Borrowed(points[i]), away, away, truth});
     }
     options.estimate = "none";
   }
@@ -119,17 +119,15 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
   const JointProblem problem(two.rig.structure, two.frames, two.options);
   Solution solution{AskedFor(ParseEstimate("none"), problem.priors, 2, 4),
                     NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start}),
-                    std::vector<SensorEvidence>(2),
+                    std::vector<FrameObservations>(2),
                     {0, 0}};
-  for (SensorEvidence& evidence : solution.evidence) evidence.noise.warp = 0.001;
+  for (FrameObservations& observed : solution.observed) observed.noise.warp = 0.001;
   const Acceptance accepted = AcceptImproved(problem, solution);
-  EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{1, 0}));
+  EXPECT_EQ(accepted.solution.held, (std::vector<char>{1, 0}));
   const Pose& truth = *two.rig.frames[0].ground_truth;
   EXPECT_TRUE(accepted.solution.state.poses[0].ToPose().isApprox(truth, 1e-12));
   EXPECT_TRUE(PerturbLeft(accepted.refused[0], truth).isApprox(two.frames[0].start, 1e-9));
   EXPECT_EQ(accepted.refused[1].norm(), 0);
-  EXPECT_EQ(accepted.after[0].misfit, accepted.before[0].misfit);
-  EXPECT_LT(accepted.after[1].misfit, accepted.before[1].misfit);
 }
 
 TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
@@ -146,10 +144,10 @@ TEST(AcceptImproved, JudgesByItsOwnPointsWhereNoneAreHeldOut) {
     const JointProblem problem(two.rig.structure, two.frames, two.options);
     const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
     State state = NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start});
-    std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
-    const Acceptance accepted = AcceptImproved(problem, {free, state, evidence, {0, 0}});
-    EXPECT_EQ(accepted.before[0].observations, 0);
-    EXPECT_EQ(accepted.solution.kept_initial, (std::vector<char>{!improved, 0}));
+    std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
+    const Acceptance accepted = AcceptImproved(problem, {free, state, observed, {0, 0}});
+    EXPECT_TRUE(GatherHeldOut(problem, {free, state, observed, {0, 0}})[0].faces.empty());
+    EXPECT_EQ(accepted.solution.held, (std::vector<char>{!improved, 0}));
   }
 }
 
@@ -163,14 +161,14 @@ TEST(HeldOutObservations, WhatFitsDoesNotAcceptPoses) {
     auto& edges = points.edge_points;
     edges.erase(std::remove_if(edges.begin(), edges.end(), held_out), edges.end());
   }
-  const auto count = [](const SensorEvidence& of) { return of.faces.size() + of.edges.size(); };
+  const auto count = [](const FrameObservations& of) { return of.faces.size() + of.edges.size(); };
   const auto observations = [&](const TwoSensors& of) {
     const JointProblem problem(of.rig.structure, of.frames, of.options);
     const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
     const State state = NominalState(of.rig.structure, {of.frames[0].start, of.frames[1].start});
-    const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, free, {});
-    return std::make_pair(count(evidence[0]),
-                          count(GatherHeldOut(problem, {free, state, evidence, {0, 0}})[0]));
+    const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
+    return std::make_pair(count(observed[0]),
+                          count(GatherHeldOut(problem, {free, state, observed, {0, 0}})[0]));
   };
   const auto all = observations(two);
   EXPECT_GT(all.second, 5u);
@@ -183,10 +181,10 @@ TEST(HeldOutObservations, AreWeighedByTheNoiseThatWasFound) {
   const FreeSet free = AskedFor(ParseEstimate("none"), problem.priors, 2, 4);
   const State state = NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start});
   const auto covariance = [&](double warp) {
-    std::vector<SensorEvidence> evidence(2);
-    for (SensorEvidence& of : evidence) of.noise.warp = warp;
+    std::vector<FrameObservations> observed(2);
+    for (FrameObservations& of : observed) of.noise.warp = warp;
     const Eigen::MatrixXd root =
-        GatherHeldOut(problem, {free, state, evidence, {0, 0}})[0].face_root;
+        GatherHeldOut(problem, {free, state, observed, {0, 0}})[0].face_root;
     return Eigen::MatrixXd(root * root.transpose());
   };
   // Twice the smooth error is four times its covariance.
@@ -227,9 +225,9 @@ TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
   AddPlane(1, 2.03, facing, BlockUse::kFit, &others);
   const SensorPoints own_points({}, {}, own), other_points({}, {}, others);
   const Pose pose = RingPose(40);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (const SensorPoints* of : {&own_points, &other_points})
-    frames.push_back({of, pose, pose, pose, false});
+    frames.push_back({testing_infer::Borrowed(*of), pose, pose, pose, FrameRole::kOverlap});
   const RefineOptions options;
   const JointProblem problem(structure, frames, options);
   const State state = NominalState(structure, {pose, pose});

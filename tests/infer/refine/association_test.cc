@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -40,7 +40,7 @@ TEST(LiesOnItsSide, AsksForDistanceAndDirection) {
   const Structure structure = testing_infer::PaperStructure();
   const int label = testing_infer::LabelOf(structure, "top/front");
   const Side& side = structure.SideOfLabel(label);
-  const SensorState sensor{testing_infer::RingPose(0), 0, 0};
+  const FrameState sensor{testing_infer::RingPose(0), 0, 0};
   const Pose sensor_from_structure = sensor.structure_from_sensor.inverse();
   SidePoint point;
   point.label = label;

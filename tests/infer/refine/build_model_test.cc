@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::refine_internal {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -33,10 +33,10 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(85));
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 3, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   const RefineOptions options;
   const JointProblem problem(rig.structure, frames, options);

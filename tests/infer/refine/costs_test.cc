@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/random.h"
+#include "core/base/random.h"
 #include "infer/refine/pose_manifold.h"
 
 namespace volalign::refine_internal {
@@ -22,13 +22,13 @@ Pose RandomPose(RandomStream& random) {
   return pose;
 }
 
-/// Jacobians by central differences, over PerturbLeft in a pose's tangent space and over a depth
-/// offset as it stands, against the cost's own (times PlusJacobian). Parameters: the poses, then
-/// the offsets.
+/// Jacobians by central differences, over PerturbLeft in a pose's tangent space and over other
+/// parameters as they stand, against the cost's own (times PlusJacobian). Parameters: the poses,
+/// then blocks of the other parameters.
 void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>& poses,
-                       const std::vector<double>& offsets, int rows) {
-  const auto evaluate = [&](const std::vector<Pose>& at, const std::vector<double>& shift,
-                            double** jacobians) {
+                       const std::vector<std::vector<double>>& others, int rows) {
+  using Others = std::vector<std::vector<double>>;
+  const auto evaluate = [&](const std::vector<Pose>& at, const Others& other, double** jacobians) {
     std::vector<PoseBlock> blocks;
     for (std::size_t i = 0; i < at.size(); ++i) {
       blocks.emplace_back(at[i]);
@@ -38,9 +38,9 @@ void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>&
       if (q.dot(Eigen::Map<const Eigen::Vector4d>(reference.values)) < 0) q = -q;
     }
     std::vector<const double*> parameters;
-    parameters.reserve(blocks.size() + shift.size());
+    parameters.reserve(blocks.size() + other.size());
     for (const PoseBlock& block : blocks) parameters.push_back(block.values);
-    for (const double& offset : shift) parameters.push_back(&offset);
+    for (const std::vector<double>& block : other) parameters.push_back(block.data());
     Eigen::VectorXd residuals(rows);
     EXPECT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), jacobians));
     return residuals;
@@ -48,11 +48,12 @@ void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>&
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   std::vector<RowMajor> storage;
   for (std::size_t i = 0; i < poses.size(); ++i) storage.emplace_back(rows, 7);
-  for (std::size_t i = 0; i < offsets.size(); ++i) storage.emplace_back(rows, 1);
+  for (const std::vector<double>& block : others)
+    storage.emplace_back(rows, static_cast<Eigen::Index>(block.size()));
   std::vector<double*> jacobians;
   jacobians.reserve(storage.size());
   for (RowMajor& s : storage) jacobians.push_back(s.data());
-  evaluate(poses, offsets, jacobians.data());
+  evaluate(poses, others, jacobians.data());
 
   constexpr double kStep = 1e-6;
   const auto expect_equal = [&](const Eigen::VectorXd& high, const Eigen::VectorXd& low,
@@ -73,26 +74,25 @@ void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>&
       std::vector<Pose> high = poses, low = poses;
       high[b] = PerturbLeft(delta, poses[b]);
       low[b] = PerturbLeft(-delta, poses[b]);
-      expect_equal(evaluate(high, offsets, nullptr), evaluate(low, offsets, nullptr),
+      expect_equal(evaluate(high, others, nullptr), evaluate(low, others, nullptr),
                    analytic.col(column), "pose", column);
     }
   }
-  for (std::size_t b = 0; b < offsets.size(); ++b) {
-    std::vector<double> high = offsets, low = offsets;
-    high[b] += kStep;
-    low[b] -= kStep;
-    expect_equal(evaluate(poses, high, nullptr), evaluate(poses, low, nullptr),
-                 storage[poses.size() + b].col(0), "offset", static_cast<int>(b));
+  for (std::size_t b = 0; b < others.size(); ++b) {
+    for (std::size_t k = 0; k < others[b].size(); ++k) {
+      Others high = others, low = others;
+      high[b][k] += kStep;
+      low[b][k] -= kStep;
+      expect_equal(evaluate(poses, high, nullptr), evaluate(poses, low, nullptr),
+                   storage[poses.size() + b].col(static_cast<Eigen::Index>(k)), "other",
+                   static_cast<int>(b));
+    }
   }
 }
 
-/// A point in front of a sensor, and what the offset makes of it: the same pixel, z + offset.
+/// A point in front of a sensor.
 Eigen::Vector3d RandomPoint(RandomStream& random) {
   return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
-}
-Eigen::Vector3d WithOffset(const Eigen::Vector3d& p, double offset) {
-  const double z = p.z() + offset;
-  return {p.x() / p.z() * z, p.y() / p.z() * z, z};
 }
 
 Side RandomSide(RandomStream& random) {
@@ -118,10 +118,9 @@ TEST(RefineCosts, SideCostIsTheDistanceToTheRectangleAndItsDerivative) {
         side.centre + u * side.axis_u + v * side.axis_v + random.Normal(0, 0.1) * side.normal;
     const Eigen::Vector3d p = pose.inverse() * target;
     if (std::abs(p.z()) < 0.2) continue;
-    const double offset = random.Normal(0, 0.01);
-    const SideCost cost(WithOffset(p, -offset), side, 3.0);
+    const SideCost cost(p, side, 3.0);
     const PoseBlock block(pose);
-    const double* parameters[] = {block.values, &offset};
+    const double* parameters[] = {block.values};
     Eigen::Vector3d residual;
     ASSERT_TRUE(cost.Evaluate(parameters, residual.data(), nullptr));
     // Brute force: the nearest of a fine grid of points of the rectangle.
@@ -139,7 +138,7 @@ TEST(RefineCosts, SideCostIsTheDistanceToTheRectangleAndItsDerivative) {
     const bool in = std::abs(u) < side.half_u && std::abs(v) < side.half_v;
     ++(in ? inside : outside);
     EXPECT_EQ(residual.head<2>().isZero(0), in);
-    ExpectDerivatives(cost, {pose}, {offset}, 3);
+    ExpectDerivatives(cost, {pose}, {}, 3);
   }
   EXPECT_GT(inside, 5);
   EXPECT_GT(outside, 5);
@@ -150,7 +149,7 @@ TEST(RefineCosts, LineCostDerivative) {
   for (int trial = 0; trial < 20; ++trial) {
     const Eigen::Vector3d direction = RandomVector(random, 1).normalized();
     const LineCost cost(RandomPoint(random), direction, random.Normal(), 1.7);
-    ExpectDerivatives(cost, {RandomPose(random)}, {random.Normal(0, 0.02)}, 1);
+    ExpectDerivatives(cost, {RandomPose(random)}, {}, 1);
   }
 }
 
@@ -159,16 +158,14 @@ TEST(RefineCosts, OverlapCostIsThePlaneDistanceInTheOtherSensorAndItsDerivative)
   for (int trial = 0; trial < 20; ++trial) {
     const Pose a = RandomPose(random), b = RandomPose(random);
     const Eigen::Vector3d p = RandomPoint(random), q = RandomPoint(random);
-    const std::vector<double> offsets = {random.Normal(0, 0.02), random.Normal(0, 0.02)};
     const Eigen::Vector3d n = RandomVector(random, 1).normalized();
     const OverlapCost cost(p, q, n, 2.5);
     const PoseBlock block_a(a), block_b(b);
-    const double* parameters[] = {block_a.values, block_b.values, &offsets[0], &offsets[1]};
+    const double* parameters[] = {block_a.values, block_b.values};
     double residual = 0;
     ASSERT_TRUE(cost.Evaluate(parameters, &residual, nullptr));
-    const Eigen::Vector3d from_b = b.inverse() * (a * WithOffset(p, offsets[0]));
-    EXPECT_NEAR(residual, 2.5 * n.dot(from_b - WithOffset(q, offsets[1])), 1e-9);
-    ExpectDerivatives(cost, {a, b}, offsets, 1);
+    EXPECT_NEAR(residual, 2.5 * n.dot(b.inverse() * (a * p) - q), 1e-9);
+    ExpectDerivatives(cost, {a, b}, {}, 1);
   }
 }
 
@@ -187,27 +184,15 @@ TEST(RefineCosts, PosePriorDerivative) {
   }
 }
 
-/// Two sensors' blocks for OverlapThroughLensCost.
-struct LensBlocks {
-  PoseBlock pose_a, pose_b;
-  double offset_a = 0.004, offset_b = -0.003;
-  LensChange lens_a, lens_b;
-
-  std::vector<const double*> Pointers(bool shared) const {
-    std::vector<const double*> blocks = {pose_a.values, pose_b.values, &offset_a, &offset_b,
-                                         lens_a.data()};
-    if (!shared) blocks.push_back(lens_b.data());
-    return blocks;
-  }
-};
-
-/// Where a point is when its sensor's lens has changed: the same depth along another ray.
-Eigen::Vector3d Moved(const LensPoint& point, const LensChange& lens) {
+/// Where a point is when its sensor's lens has changed and its depth is off: the pixel's ray, at
+/// the true depth.
+Eigen::Vector3d TruePoint(const LensPoint& point, double offset, double gain_error,
+                          const LensChange& lens) {
   const Eigen::Vector2d ray = point.p.head<2>() / point.p.z() + point.by_lens * (lens - point.lens);
-  return {point.p.z() * ray.x(), point.p.z() * ray.y(), point.p.z()};
+  return (point.p.z() * (1 + gain_error) + offset) * ray.homogeneous();
 }
 
-TEST(RefineCosts, OverlapThroughLensesIsThatOfThePointsWhereTheLensesShowThem) {
+TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
   RandomStream random(6, 0, "lens_overlap");
   for (int trial = 0; trial < 20; ++trial) {
     const bool shared = trial % 2 == 0;
@@ -218,38 +203,24 @@ TEST(RefineCosts, OverlapThroughLensesIsThatOfThePointsWhereTheLensesShowThem) {
     };
     const LensPoint a = point(), b = point();
     const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
-    LensBlocks at{PoseBlock(RandomPose(random)), PoseBlock(RandomPose(random)), 0.004, -0.003,
-                  RandomVector(random, 0.01),    RandomVector(random, 0.01)};
-    if (shared) at.lens_b = at.lens_a;
-    const OverlapThroughLensCost cost(a, b, normal, 1.7, shared);
-    const auto evaluate = [&](const LensBlocks& blocks, double** jacobians) {
-      double residual = 0;
-      EXPECT_TRUE(cost.Evaluate(blocks.Pointers(shared).data(), &residual, jacobians));
-      return residual;
-    };
-    const OverlapCost plain(Moved(a, at.lens_a), Moved(b, at.lens_b), normal, 1.7);
-    double expected = 0;
-    ASSERT_TRUE(plain.Evaluate(at.Pointers(shared).data(), &expected, nullptr));
-    std::vector<std::vector<double>> storage;
-    std::vector<double*> jacobians;
-    for (const int size : cost.parameter_block_sizes()) storage.emplace_back(size);
-    jacobians.reserve(storage.size());
-    for (std::vector<double>& block : storage) jacobians.push_back(block.data());
-    EXPECT_NEAR(evaluate(at, jacobians.data()), expected, 1e-12);
+    const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
+    // Offsets, gains, lenses.
+    std::vector<std::vector<double>> others = {{0.004}, {-0.003}, {0.006}, {-0.002}};
+    const Eigen::Vector3d lens_a = RandomVector(random, 0.01);
+    const Eigen::Vector3d lens_b = shared ? lens_a : RandomVector(random, 0.01);
+    others.emplace_back(lens_a.data(), lens_a.data() + 3);
+    if (!shared) others.emplace_back(lens_b.data(), lens_b.data() + 3);
+    const MeasuredOverlapCost cost(a, b, normal, 1.7, shared);
 
-    constexpr double kStep = 1e-6;
-    for (int k = 0; k < kLensParameters; ++k) {
-      for (const bool of_a : {true, false}) {
-        if (shared && !of_a) continue;
-        const auto moved = [&](double step) {
-          LensBlocks blocks = at;
-          (of_a ? blocks.lens_a : blocks.lens_b)[k] += step;
-          return evaluate(blocks, nullptr);
-        };
-        EXPECT_NEAR(storage[of_a ? 4 : 5][static_cast<std::size_t>(k)],
-                    (moved(kStep) - moved(-kStep)) / (2 * kStep), 1e-6);
-      }
-    }
+    const PoseBlock block_a(poses[0]), block_b(poses[1]);
+    std::vector<const double*> parameters = {block_a.values, block_b.values};
+    for (const std::vector<double>& block : others) parameters.push_back(block.data());
+    double residual = 0;
+    ASSERT_TRUE(cost.Evaluate(parameters.data(), &residual, nullptr));
+    const Eigen::Vector3d p = poses[0] * TruePoint(a, 0.004, 0.006, lens_a),
+                          q = poses[1] * TruePoint(b, -0.003, -0.002, lens_b);
+    EXPECT_NEAR(residual, 1.7 * (poses[1].linear() * normal).dot(p - q), 1e-12);
+    ExpectDerivatives(cost, poses, others, 1);
   }
 }
 

@@ -11,7 +11,7 @@
 
 #include "infer/refine/fine_problem.h"
 #include "infer/refine/residuals.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -28,7 +28,7 @@ struct OneBoxElsewhere {
   Structure structure = PaperStructure();
   SensorPoints points{{}, {}, {}};
   Pose pose = RingPose(35);
-  std::vector<RefineFrame> frames{{&points, pose, pose, pose, true}};
+  std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose, pose, pose}};
   RefineOptions options;
   JointProblem problem;
   std::vector<double> displaced;  // the boxes as they stand
@@ -36,16 +36,16 @@ struct OneBoxElsewhere {
 
   OneBoxElsewhere() : problem(structure, frames, options) {
     solution.state = NominalState(structure, {pose});
-    solution.kept_initial = {0};
+    solution.held = {0};
     displaced = solution.state.boxes[0];
     displaced[static_cast<std::size_t>(BuildModel::X(kBox))] = 0.006;
     displaced[static_cast<std::size_t>(BuildModel::Z(kBox))] = -0.004;
-    SensorEvidence evidence =
+    FrameObservations observed =
         Observe(problem.model.Built({&solution.state.size, displaced.data()}), pose, 12);
-    const auto n = static_cast<Eigen::Index>(evidence.faces.size());
-    evidence.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
-    evidence.edge_root = Eigen::MatrixXd(0, 0);
-    solution.evidence = {evidence};
+    const auto n = static_cast<Eigen::Index>(observed.faces.size());
+    observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
+    observed.edge_root = Eigen::MatrixXd(0, 0);
+    solution.observed = {observed};
   }
   Disagreement Measure(const char* estimate) const {
     return MeasureDisagreement(problem, solution,
@@ -57,10 +57,10 @@ constexpr char kWithoutLens[] = "boxes,size,depth_gain,depth_offset";
 
 TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
   const OneBoxElsewhere scene;
-  const SensorEvidence& evidence = scene.solution.evidence[0];
+  const FrameObservations& observed = scene.solution.observed[0];
   const ParameterLayout& layout = scene.problem.layout;
   const Eigen::VectorXd sigmas =
-      layout.PriorSigmas(scene.problem.priors, {evidence.noise.multipath});
+      layout.PriorSigmas(scene.problem.priors, {observed.noise.multipath});
   // Residuals and priors in standard deviations, of steps in the pose's tangent space and in the
   // other parameters, but for the lens.
   const auto errors = [&](const Eigen::VectorXd& step) {
@@ -75,7 +75,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
     for (std::size_t k = 0; k < state.boxes[0].size(); ++k)
       state.boxes[0][k] += step[layout.Boxes() + static_cast<Eigen::Index>(k)];
     Eigen::VectorXd r;
-    Residuals(scene.problem.model, evidence, state.Parameters(0), &r, nullptr);
+    Residuals(scene.problem.model, observed, state.Parameters(0), &r, nullptr);
     Eigen::VectorXd all(r.size() + layout.size());
     all << r / kSigma, (layout.Values(state)).cwiseQuotient(sigmas.unaryExpr([](double sigma) {
       return std::max(sigma, 1e-9);
@@ -93,7 +93,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
   const Eigen::VectorXd best = -jacobian.completeOrthogonalDecomposition().solve(at);
   const Eigen::VectorXd left = at + jacobian * best;
   const auto rms = [&](const Eigen::VectorXd& of) {
-    const auto n = static_cast<Eigen::Index>(evidence.faces.size());
+    const auto n = static_cast<Eigen::Index>(observed.faces.size());
     return kSigma * std::sqrt(of.head(n).squaredNorm() / static_cast<double>(n));
   };
   const Disagreement disagreement = scene.Measure(kWithoutLens);
@@ -102,7 +102,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
   EXPECT_NEAR(disagreement.cost, gain, 0.01 * gain);
   EXPECT_NEAR(disagreement.rms_together, rms(at), 1e-6);
   EXPECT_NEAR(disagreement.rms_alone, rms(left), 0.02 * rms(left));
-  EXPECT_TRUE(Disagrees(disagreement, 4));
+  EXPECT_TRUE(Disagrees(disagreement, 13));
 }
 
 TEST(MeasureDisagreement, WhatIsNotAskedForIsAsItIsInTheSolution) {
@@ -125,15 +125,16 @@ TEST(Disagrees, IsUnlikelyAndPlainToSeeOrVeryUnlikely) {
   of.rms_alone = 0.004;
   of.rms_together = 0.0054;
   of.cost = 30;
-  EXPECT_FALSE(Disagrees(of, 4)) << "one of many, and little worse";
+  EXPECT_FALSE(Disagrees(of, 13)) << "one of many, and little worse";
   of.rms_together = 0.0056;
-  EXPECT_TRUE(Disagrees(of, 4)) << "farther off than measurements are by themselves";
-  EXPECT_FALSE(Disagrees(of, 20)) << "of so many boxes, as much is to be expected";
+  EXPECT_TRUE(Disagrees(of, 13)) << "farther off than measurements are by themselves";
+  EXPECT_FALSE(Disagrees(of, 61)) << "of so many boxes, as much is to be expected";
   of.cost = 16;
-  EXPECT_FALSE(Disagrees(of, 4)) << "by chance";
+  EXPECT_FALSE(Disagrees(of, 13)) << "by chance";
   of.cost = 45;
   of.rms_together = of.rms_alone;
-  EXPECT_TRUE(Disagrees(of, 4));
+  EXPECT_TRUE(Disagrees(of, 13));
+  EXPECT_FALSE(Disagrees(of, 0)) << "nothing in common";
 }
 
 /// Two sensors that see the stack as it is described, and one that saw a box elsewhere.
@@ -141,29 +142,30 @@ struct OddOne {
   Structure structure = PaperStructure();
   SensorPoints points{{}, {}, {}};
   std::vector<Pose> poses{RingPose(35), RingPose(70), RingPose(180)};
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   RefineOptions options;
   std::unique_ptr<JointProblem> problem;
   Solution solution;
   FreeSet asked_for;
 
   /// `elsewhere`: m, the box's way along x, as the first sensor saw it.
-  explicit OddOne(double elsewhere) {
-    for (const Pose& pose : poses) frames.push_back({&points, pose, pose, pose, true});
+  explicit OddOne(double elsewhere, const RefineOptions& with = {}) : options(with) {
+    for (const Pose& pose : poses)
+      frames.push_back({testing_infer::Borrowed(points), pose, pose, pose});
     problem = std::make_unique<JointProblem>(structure, frames, options);
     asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, 3, 4);
     solution.state = NominalState(structure, poses);
-    solution.kept_initial = {0, 0, 0};
+    solution.held = {0, 0, 0};
     solution.free = asked_for;
     for (std::size_t i = 0; i < 3; ++i) {
       std::vector<double> boxes = solution.state.boxes[0];
       if (i == 0) boxes[static_cast<std::size_t>(BuildModel::X(kBox))] = elsewhere;
-      SensorEvidence evidence =
+      FrameObservations observed =
           Observe(problem->model.Built({&solution.state.size, boxes.data()}), poses[i], 12);
-      const auto n = static_cast<Eigen::Index>(evidence.faces.size());
-      evidence.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
-      evidence.edge_root = Eigen::MatrixXd(0, 0);
-      solution.evidence.push_back(evidence);
+      const auto n = static_cast<Eigen::Index>(observed.faces.size());
+      observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
+      observed.edge_root = Eigen::MatrixXd(0, 0);
+      solution.observed.push_back(observed);
     }
   }
   double Contradiction(std::size_t a, std::size_t b) const {
@@ -174,7 +176,7 @@ struct OddOne {
   /// the priors, by derivatives taken numerically.
   double LeastCost(const std::vector<std::size_t>& sensors) const {
     const ParameterLayout& layout = problem->layout;
-    const Eigen::VectorXd sigmas = PriorSigmas(*problem, solution.evidence);
+    const Eigen::VectorXd sigmas = PriorSigmas(*problem, solution.observed);
     const auto errors = [&](const Eigen::VectorXd& step) {
       State state = solution.state;
       for (const ParameterLayout::Block& block : layout.Blocks(&state)) {
@@ -186,7 +188,7 @@ struct OddOne {
         const Vector6d turn = step.segment<6>(layout.Pose(i));
         state.poses[i] = PoseBlock(PerturbLeft(turn, poses[i]));
         Eigen::VectorXd r;
-        Residuals(problem->model, solution.evidence[i], state.Parameters(i), &r, nullptr);
+        Residuals(problem->model, solution.observed[i], state.Parameters(i), &r, nullptr);
         all.conservativeResize(all.size() + r.size());
         all.tail(r.size()) = r / kSigma;
       }
@@ -216,20 +218,58 @@ TEST(MeasureContradiction, IsWhatOneStackCostsMoreThanTwo) {
 
 TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
   OddOne scene(0.04);
+  scene.solution.observed[0].noise.warp = 0.004;
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   ASSERT_TRUE(agreed.of[0].has_value());
+  EXPECT_EQ(agreed.solution.observed[0].noise.warp, 0.004) << "what is known of its noise stands";
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
   ASSERT_FALSE(agreed.of[0]->contradicts.empty());
   EXPECT_EQ(agreed.of[0]->contradicts.front(), 1) << "the other side of the stack tells less";
-  EXPECT_TRUE(Disagrees(agreed.measured[0], 4));
+  EXPECT_TRUE(Disagrees(agreed.measured[0], 13));
   EXPECT_LT(agreed.measured[1].cost, 1) << "in the solution without the odd one";
+}
+
+TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
+  for (const char* estimate : {"none", "boxes,depth_offset", "size"}) {
+    OddOne scene(0.04);
+    const EstimateSet asked = ParseEstimate(estimate);
+    const FreeSet asked_for = AskedFor(asked, scene.problem->priors, 3, 4);
+    scene.solution.free = asked_for;
+    const Agreed agreed = SetAsideDisagreeing(*scene.problem, asked_for, std::move(scene.solution));
+    EXPECT_TRUE(agreed.of[0].has_value()) << estimate;
+    EXPECT_FALSE(agreed.of[1] || agreed.of[2]) << estimate;
+    // What is not to be estimated is where the structure has it.
+    if (!asked.size) EXPECT_EQ(agreed.solution.state.size, 0) << estimate;
+    if (asked.boxes) continue;
+    EXPECT_EQ(agreed.solution.state.boxes[0], std::vector<double>(12, 0)) << estimate;
+  }
+}
+
+TEST(SetAsideDisagreeing, WhatIsKnownExactlyIsNoneOfTheSensors) {
+  RefineOptions exact;
+  exact.box_sigma_m = exact.size_sigma_percent = 0;
+  OddOne scene(0.04, exact);
+  const Agreed agreed =
+      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
+}
+
+TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
+  OddOne scene(0.012);
+  FrameObservations& observed = scene.solution.observed[1];
+  observed.face_root *= std::nan("");
+  EXPECT_EQ(scene.Contradiction(0, 1), 0);
+  // Finite, but of no use: measurements that are more exact than numbers are.
+  const auto n = static_cast<Eigen::Index>(observed.faces.size());
+  observed.face_root = 1e-160 * Eigen::MatrixXd::Identity(n, n);
+  EXPECT_EQ(scene.Contradiction(0, 1), 0);
 }
 
 TEST(MeasureDisagreement, WithoutFacesThereIsNone) {
   OneBoxElsewhere scene;
-  scene.solution.evidence[0].faces.clear();
-  scene.solution.evidence[0].face_root = Eigen::MatrixXd(0, 0);
+  scene.solution.observed[0].faces.clear();
+  scene.solution.observed[0].face_root = Eigen::MatrixXd(0, 0);
   EXPECT_EQ(scene.Measure(kWithoutLens).cost, 0);
 }
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -16,7 +16,7 @@ using testing_infer::SomePriors;
 struct Handmade {
   Structure structure = testing_infer::PaperStructure();
   Priors priors = SomePriors();
-  ParameterLayout layout{2, 4};
+  ParameterLayout layout = LayoutOf(2, 4);
   FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
   Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
   NormalEquations normal;

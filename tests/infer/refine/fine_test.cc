@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -18,13 +18,13 @@ TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
   const JointProblem problem(made.rig.structure, made.frames, options);
   Solution solution{
       AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
-  solution.evidence = GatherEvidence(problem, solution.state, solution.free, {});
+  solution.observed = GatherObservations(problem, solution.state, solution.free, {});
   EXPECT_TRUE(IsUsable(problem, solution, 0));
-  EXPECT_TRUE(SolveFine(problem, solution).has_value());
-  solution.evidence[0].face_root(0, 0) = std::nan("");
+  EXPECT_TRUE(SolveFine(problem, &solution));
+  solution.observed[0].face_root(0, 0) = std::nan("");
   EXPECT_FALSE(IsUsable(problem, solution, 0));
   EXPECT_TRUE(IsUsable(problem, solution, 1));
-  EXPECT_FALSE(SolveFine(problem, solution).has_value());
+  EXPECT_FALSE(SolveFine(problem, &solution));
 }
 
 TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
@@ -37,9 +37,9 @@ TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
                             NominalState(made.rig.structure, {made.frames[0].start, made.poses[1]}),
                             {},
                             {0, 0}});
-  EXPECT_EQ(solution.kept_initial, (std::vector<char>{1, 0}));
+  EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
   EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its fallback";
-  EXPECT_TRUE(solution.evidence[0].faces.empty());
+  EXPECT_TRUE(solution.observed[0].faces.empty());
   EXPECT_LT(ComparePoses(solution.state.poses[1].ToPose(), made.poses[1]).translation_m, 3e-3);
 }
 

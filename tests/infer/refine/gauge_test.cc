@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -18,7 +18,7 @@ struct Handmade {
   Structure structure = PaperStructure();
   SensorPoints nothing;
   RefineOptions options;
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   Pose placement = Pose::Identity();
   Solution solution;
 
@@ -28,7 +28,8 @@ struct Handmade {
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];
-      frames.push_back({&nothing, pose, pose, pose, true, -1, i / 2, i == 0 ? 0 : 1});
+      frames.push_back({testing_infer::Borrowed(nothing), pose, pose, pose, FrameRole::kStructure,
+                        -1, i / 2, i == 0 ? 0 : 1});
     }
     const JointProblem problem = Problem();
     solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,
@@ -38,8 +39,8 @@ struct Handmade {
     }
     solution.state.UpdateBuilt(problem.model);
     solution.free.boxes = {1, 1, 0, 1, 1, 1, 1, 1};
-    solution.kept_initial = {0, 0, 1};
-    solution.evidence.resize(3);
+    solution.held = {0, 0, 1};
+    solution.observed.resize(3);
   }
   JointProblem Problem() const { return {structure, frames, options, {}, 2}; }
 
@@ -94,7 +95,7 @@ TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {
   // A side of the box that is not estimated.
   FaceObservation face;
   for (face.label = 1; made.structure.SideOfLabel(face.label).box != 2;) ++face.label;
-  made.solution.evidence[0].faces = {face};
+  made.solution.observed[0].faces = {face};
   const State before = made.solution.state;
   CentreBoxes(made.Problem(), &made.solution);
   const State& after = made.solution.state;

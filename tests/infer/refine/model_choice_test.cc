@@ -6,8 +6,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "core/random.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "core/base/random.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -49,8 +49,8 @@ TEST(FitModel, EvidenceIsTheDensityOfTheMeasurements) {
   const Linear linear(6, Eigen::Vector4d(2, 0.5, 3, 1), 1);
   const QuadraticCost cost = linear.CostAt(Eigen::Vector4d(0.3, -0.2, 1.5, 0.7));
   const auto difference = [&](const Eigen::Vector4d& scales) {
-    return FitModel(cost, scales, false).log_evidence -
-           FitModel(cost, Eigen::Vector4d::Ones(), false).log_evidence;
+    return FitModel(cost, scales, false).value().log_evidence -
+           FitModel(cost, Eigen::Vector4d::Ones(), false).value().log_evidence;
   };
   for (const Eigen::Vector4d& scales :
        {Eigen::Vector4d(0.3, 1, 1, 1), Eigen::Vector4d(1, 0, 0.1, 1), Eigen::Vector4d(0, 0, 0, 0.5),
@@ -64,7 +64,7 @@ TEST(FitModel, EvidenceIsTheDensityOfTheMeasurements) {
 TEST(FitModel, StepAndCovarianceAreThoseOfTheNarrowerPriors) {
   const Linear linear(6, Eigen::Vector3d(2, 0.5, 3), 2);
   const Eigen::Vector3d values(0.3, -0.2, 1.5);
-  const ModelFit fit = FitModel(linear.CostAt(values), Eigen::Vector3d(0.3, 0, 1), true);
+  const ModelFit fit = FitModel(linear.CostAt(values), Eigen::Vector3d(0.3, 0, 1), true).value();
   Eigen::MatrixXd open(6, 2);
   open << linear.a.col(0), linear.a.col(2);
   const Eigen::Matrix2d covariance =
@@ -80,7 +80,7 @@ TEST(FitModel, StepAndCovarianceAreThoseOfTheNarrowerPriors) {
 /// Two sensors and the paper's boxes, of which each parameter beside the poses is measured to a
 /// tenth of its prior's standard deviation.
 struct Measured {
-  ParameterLayout layout{2, 4};
+  ParameterLayout layout = LayoutOf(2, 4);
   FreeSet free;
   QuadraticCost cost;
 
@@ -96,7 +96,8 @@ struct Measured {
 
 TEST(MostProbableScales, AreNominalWhereNothingStrays) {
   const Measured measured;
-  const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
+  const PriorScales scales =
+      MostProbableScales(measured.cost, measured.layout, measured.free).value();
   EXPECT_EQ(scales.places, 0);
   EXPECT_EQ(scales.turns, 0);
   EXPECT_EQ(scales.size, 0);
@@ -115,30 +116,32 @@ TEST(MostProbableScales, FollowWhatStrays) {
     stray(measured.layout.Boxes() + BuildModel::X(box), 0.3);
     stray(measured.layout.Boxes() + BuildModel::Z(box), -0.35);
   }
-  const PriorScales scales = MostProbableScales(measured.cost, measured.layout, measured.free);
+  const PriorScales scales =
+      MostProbableScales(measured.cost, measured.layout, measured.free).value();
   EXPECT_EQ(scales.offset, 1);
   EXPECT_EQ(scales.places, 0.3);
   EXPECT_EQ(scales.turns, 0) << "boxes out of their places are not turned";
   EXPECT_EQ(scales.size, 0);
   EXPECT_EQ(scales.gain, 0);
   measured.free.offset = {0, 0};
-  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free).places, 0.3)
+  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free)->places, 0.3)
       << "whatever is held";
 }
 
 TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
-  const ParameterLayout layout(2, 3);
+  const ParameterLayout layout = LayoutOf(2, 3);
   const auto n = static_cast<int>(layout.size());
   const Linear linear(2 * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
   const QuadraticCost all = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
-  const MarginalCost marginal = WithoutAlwaysFree(all, layout);
+  const MarginalCost marginal = WithoutAlwaysFree(all, layout).value();
   EXPECT_EQ(marginal.columns.size(), 2u + 2 + 3 + 1 + 9) << "offsets, gains, lens, size, boxes";
   double constant = 0;
   for (const PriorScales& scales :
        {PriorScales{1, 1, 1, 1, 1}, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {
     const Eigen::VectorXd of_all = layout.Scales(scales);
-    const double difference = FitModel(all, of_all, false).log_evidence -
-                              FitModel(marginal.cost, of_all(marginal.columns), false).log_evidence;
+    const double difference =
+        FitModel(all, of_all, false)->log_evidence -
+        FitModel(marginal.cost, of_all(marginal.columns), false)->log_evidence;
     if (scales.places == 1 && scales.turns == 1) constant = difference;
     EXPECT_NEAR(difference, constant, 1e-8);
   }
@@ -167,7 +170,7 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
   // The solution is where the widest prior has it, 1 in 101 nearer to zero than the measurement.
   const double measured_at = 0.2525, solution = measured_at * 100 / 101;
   measured.cost.values[size] = solution * size_sigma;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout);
+  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout).value();
   const double expected = SpreadOverWidths(measured_at, solution);
   ASSERT_GT(expected, 1.5 * SpreadOverWidths(0, 0)) << "there is something to be counted";
   // Models of little weight are left out.
@@ -180,7 +183,7 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
 
 TEST(CovarianceOverModels, SilhouettesOfAllSensorsMayBeShiftedAlike) {
   const Measured measured;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout);
+  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout).value();
   const Eigen::Index a = measured.layout.Nuisance(0, kEdgeShift);
   const Eigen::Index b = measured.layout.Nuisance(1, kEdgeShift);
   // A common shift of 0.3 px of standard deviation, taken for its own by each sensor but for the
@@ -188,6 +191,26 @@ TEST(CovarianceOverModels, SilhouettesOfAllSensorsMayBeShiftedAlike) {
   const double common = 0.3 * 100 / 101, sigma = measured.cost.prior_sigmas[a];
   EXPECT_NEAR(covariance(a, b), common * common, 1e-9);
   EXPECT_NEAR(covariance(a, a), common * common + sigma * sigma / 101, 1e-9);
+}
+
+TEST(CovarianceOverModels, SaysWhereThereIsNone) {
+  // Of a direction that is always free, the cost is no minimum.
+  Measured measured;
+  const Eigen::Index pose = measured.layout.Pose(1);
+  measured.cost.normal.information(pose, pose) = -1;
+  EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
+  EXPECT_FALSE(MostProbableScales(measured.cost, measured.layout, measured.free));
+  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout));
+}
+
+TEST(CovarianceOverModels, IsFiniteOrNone) {
+  // A pull on what is always free that is finite, but whose square is not: the scales can be
+  // judged without it, and the covariance cannot be computed under any.
+  Measured measured;
+  measured.cost.normal.gradient[measured.layout.Pose(1)] = 1e200;
+  ASSERT_TRUE(WithoutAlwaysFree(measured.cost, measured.layout));
+  ASSERT_TRUE(MostProbableScales(measured.cost, measured.layout, measured.free));
+  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout));
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -29,7 +29,7 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = RingPose(35);
-  SensorEvidence clean = Observe(structure, pose, 14);
+  FrameObservations clean = Observe(structure, pose, 14);
   for (FaceObservation& face : clean.faces) face.multipath = 0;
   const auto n = static_cast<Eigen::Index>(clean.faces.size());
   ASSERT_GT(n, 60);
@@ -56,7 +56,7 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
       Eigen::VectorXd white(n);
       for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
       const Eigen::VectorXd field = root * white;
-      SensorEvidence seen = clean;
+      FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
         face.p *= 1 + sigma / 2 * field[i];
@@ -72,26 +72,42 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
   }
 }
 
+TEST(FitNoise, KeepsWhatIsUsualWhereFacesAreTooFew) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect_nfov_binned", ""}) {
+    FrameObservations seen = Observe(structure, pose, 14);
+    seen.faces.resize(12);
+    seen.noise = UsualNoise(kind);
+    const ParameterPoint at(model, pose);
+    FitNoise(model, at.Parameters(), testing_infer::SomePriors(), &seen);
+    const bool stereo = seen.noise.warp > 0.008 && seen.noise.warp < 0.020;
+    const bool time_of_flight = seen.noise.warp > 0.003 && seen.noise.warp < 0.006;
+    EXPECT_TRUE(kind[0] == 'r' || kind[0] == 'k' ? stereo : time_of_flight) << kind;
+  }
+}
+
 TEST(SetCovariance, IsThatOfItsParts) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = RingPose(20);
-  SensorEvidence evidence = Observe(structure, pose, 40);
+  FrameObservations observed = Observe(structure, pose, 40);
   EdgeObservation edge;
-  edge.p = evidence.faces.front().p;
-  edge.label = evidence.faces.front().label;
+  edge.p = observed.faces.front().p;
+  edge.label = observed.faces.front().label;
   edge.pixel = 0.008;
   edge.variance = 0.1;
-  evidence.edges = {edge, edge, edge};
-  evidence.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
-  evidence.edges[2].edge = 2;  // another line: nothing in common
-  evidence.noise.warp = 0.004;
-  evidence.noise.warp_length = 0.1;
-  evidence.noise.edge = 1.5;
-  evidence.noise.line = 0.003;
-  SetCovariance(model, pose, &evidence);
-  const Eigen::MatrixXd faces = evidence.face_root * evidence.face_root.transpose();
-  for (std::size_t i = 0; i < evidence.faces.size(); ++i) {
+  observed.edges = {edge, edge, edge};
+  observed.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
+  observed.edges[2].edge = 2;  // another line: nothing in common
+  observed.noise.warp = 0.004;
+  observed.noise.warp_length = 0.1;
+  observed.noise.edge = 1.5;
+  observed.noise.line = 0.003;
+  SetCovariance(model, pose, &observed);
+  const Eigen::MatrixXd faces = observed.face_root * observed.face_root.transpose();
+  for (std::size_t i = 0; i < observed.faces.size(); ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       // A depth error of 4 mm at 2 m moves a point by its cosine; but at grazing incidence by a
       // fifth.
@@ -100,7 +116,7 @@ TEST(SetCovariance, IsThatOfItsParts) {
         const double along = structure.SideOfLabel(face.label).normal.dot(ray);
         return 0.004 * face.p.z() / 2 * std::sqrt(along * along + 0.2 * 0.2);
       };
-      const FaceObservation &a = evidence.faces[i], &b = evidence.faces[j];
+      const FaceObservation &a = observed.faces[i], &b = observed.faces[j];
       double expected = moved(a) * moved(b) * Matern(a.p, b.p, 0.1);
       if (i == j) {
         const Eigen::Vector3d normal =
@@ -112,9 +128,9 @@ TEST(SetCovariance, IsThatOfItsParts) {
                   1e-11);
     }
   }
-  const Eigen::MatrixXd edges = evidence.edge_root * evidence.edge_root.transpose();
+  const Eigen::MatrixXd edges = observed.edge_root * observed.edge_root.transpose();
   const double line = 0.004 * 0.004 + 0.003 * 0.003, smooth = std::pow(0.6 * 0.008, 2);
-  const double apart = Matern(evidence.edges[0].p, evidence.edges[1].p, 0.15);
+  const double apart = Matern(observed.edges[0].p, observed.edges[1].p, 0.15);
   EXPECT_NEAR(edges(0, 0), 2.25 * (smooth + line + 0.1 * 0.008 * 0.008), 1e-12);
   EXPECT_NEAR(edges(0, 1), 2.25 * (smooth * apart + line), 1e-12);
   EXPECT_NEAR(edges(0, 2), 0, 1e-15);
@@ -123,10 +139,10 @@ TEST(SetCovariance, IsThatOfItsParts) {
 TEST(SetCovariance, SaysWhereThereIsNone) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
-  SensorEvidence evidence = Observe(structure, RingPose(20), 40);
-  evidence.faces[1].variance = -1;
-  SetCovariance(model, RingPose(20), &evidence);
-  EXPECT_FALSE(evidence.face_root.allFinite());
+  FrameObservations observed = Observe(structure, RingPose(20), 40);
+  observed.faces[1].variance = -1;
+  SetCovariance(model, RingPose(20), &observed);
+  EXPECT_FALSE(observed.face_root.allFinite());
 }
 
 }  // namespace

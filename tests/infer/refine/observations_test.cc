@@ -5,7 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -55,11 +55,11 @@ struct Block {
     point.use = use;
     points.side_points.push_back(point);
   }
-  SensorEvidence Gather(BlockUse use = BlockUse::kFit) const {
-    SensorEvidence evidence;
+  FrameObservations Gather(BlockUse use = BlockUse::kFit) const {
+    FrameObservations observed;
     GatherObservations(structure, NominalState(structure, {pose}), 0, points, use, {pose},
-                       {0.06, 0.02, 0.9}, &evidence);
-    return evidence;
+                       {0.06, 0.02, 0.9}, &observed);
+    return observed;
   }
 };
 
@@ -71,9 +71,9 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   block.Add(0, 0, 8);        // too few of a block
   block.Add(0.001, 0, 8);
   for (int i = 0; i < 3; ++i) block.Add(0.1, 0, 9, BlockUse::kAccept);
-  const SensorEvidence evidence = block.Gather();
-  ASSERT_EQ(evidence.faces.size(), 1u);
-  const FaceObservation& face = evidence.faces[0];
+  const FrameObservations observed = block.Gather();
+  ASSERT_EQ(observed.faces.size(), 1u);
+  const FaceObservation& face = observed.faces[0];
   EXPECT_EQ(face.label, block.label);
   EXPECT_TRUE(face.p.isApprox(Eigen::Vector3d(0.003, 0, 1.5), 1e-9)) << face.p.transpose();
   // About the upper median of -1, -1, 1, 1 and 50 mm, which is 1 mm: squares 4 + 4 mm^2, of four
@@ -88,9 +88,9 @@ TEST(GatherObservations, APixelThatFramesDisagreeAboutSaysLess) {
   for (int i = 0; i < 4; ++i) block.Add(0.002 * i, i % 2 ? 0.001 : -0.001, 7);
   // One part in ten of the weight of the others, which it takes from the two in front.
   for (const int i : {1, 3}) block.points.side_points[static_cast<std::size_t>(i)].sigma = 0.003;
-  const SensorEvidence evidence = block.Gather();
-  ASSERT_EQ(evidence.faces.size(), 1u);
-  const FaceObservation& face = evidence.faces[0];
+  const FrameObservations observed = block.Gather();
+  ASSERT_EQ(observed.faces.size(), 1u);
+  const FaceObservation& face = observed.faces[0];
   EXPECT_NEAR(face.p.z(), 1.5 + 0.001 * (2 - 0.2) / 2.2, 1e-9);
   // About the upper median, 1 mm: those behind it are 2 mm off.
   EXPECT_NEAR(face.variance, 2 * (2 * 4e-6) / (2.2 * 2.2), 1e-12);
@@ -101,14 +101,14 @@ TEST(WidenOutliers, CountsWhatExceedsTheLimit) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = testing_infer::RingPose(35);
-  const SensorEvidence exact = testing_infer::Observe(structure, pose, 14);
+  const FrameObservations exact = testing_infer::Observe(structure, pose, 14);
   const auto widened = [&](double off) {
-    SensorEvidence evidence = exact;
-    FaceObservation& odd = evidence.faces[20];
+    FrameObservations observed = exact;
+    FaceObservation& odd = observed.faces[20];
     odd.p += off * pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
     WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), Priors(),
-                  &evidence);
-    return evidence.faces[20].variance - exact.faces[20].variance;
+                  &observed);
+    return observed.faces[20].variance - exact.faces[20].variance;
   };
   EXPECT_EQ(widened(0.0024), 0);
   EXPECT_NEAR(widened(0.004), 4 * (0.004 * 0.004 - 0.0025 * 0.0025), 6e-6);
@@ -119,18 +119,18 @@ TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = testing_infer::RingPose(35);
-  SensorEvidence evidence = testing_infer::Observe(structure, pose, 14);
-  ASSERT_GT(evidence.faces.size(), 60u);
-  FaceObservation& odd = evidence.faces[20];
+  FrameObservations observed = testing_infer::Observe(structure, pose, 14);
+  ASSERT_GT(observed.faces.size(), 60u);
+  FaceObservation& odd = observed.faces[20];
   const Eigen::Vector3d normal =
       pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
   odd.p += 0.05 * normal;
-  const SensorEvidence before = evidence;
+  const FrameObservations before = observed;
   Priors priors;
   priors.offset = 0.007;
-  WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors, &evidence);
-  for (std::size_t k = 0; k < evidence.faces.size(); ++k) {
-    const double widened = evidence.faces[k].variance - before.faces[k].variance;
+  WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors, &observed);
+  for (std::size_t k = 0; k < observed.faces.size(); ++k) {
+    const double widened = observed.faces[k].variance - before.faces[k].variance;
     // 5 cm, less the little that the fit follows, against a limit of 2.5 mm: 4 (size^2 - limit^2).
     if (k == 20) {
       EXPECT_NEAR(std::sqrt(widened / 4), 0.05, 0.003);

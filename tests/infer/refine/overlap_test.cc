@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -22,7 +22,7 @@ SensorPoints Wall(double farther) {
   return SensorPoints({}, {}, cloud);
 }
 
-SensorState At(double x) {
+FrameState At(double x) {
   Pose pose = Pose::Identity();
   pose.translation().x() = x;
   return {pose, 0, 0};
@@ -37,7 +37,7 @@ std::vector<int> All(const SensorPoints& points) {
 TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   const SensorPoints a = Wall(0.01), b = Wall(0);
   const std::vector<int> all = All(a);
-  const OverlapView view_a{&a, &all, At(0)}, view_b{&b, &all, At(0.5)};
+  const OverlapEnd view_a{&a, &all, At(0)}, view_b{&b, &all, At(0.5)};
   const std::vector<Match> matches = FindMatches(view_a, view_b, 0.015, 0.9);
   ASSERT_EQ(matches.size(), a.cloud().size() / 2) << "b is half a metre further";
   for (const Match& match : matches) {
@@ -49,10 +49,18 @@ TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   }
   EXPECT_TRUE(FindMatches(view_a, view_b, 0.009, 0.9).empty()) << "the gate";
   // What is known of a's depth is taken out.
-  OverlapView corrected = view_a;
+  OverlapEnd corrected = view_a;
   corrected.state.offset = -0.01;
   for (const Match& match : FindMatches(corrected, view_b, 0.015, 0.9))
     EXPECT_NEAR(match.residual, 0, 1e-12);
+  // So is what is known of b's, by which its points are sought where b has measured them: 20 cm
+  // off, along their rays.
+  const SensorPoints scaled = Wall(0.2);
+  OverlapEnd near_view{&scaled, &all, At(0)};
+  near_view.state.gain_error = 2 / 2.2 - 1;
+  const std::vector<Match> scaled_back = FindMatches({&b, &all, At(0)}, near_view, 0.015, 0.9);
+  EXPECT_GT(scaled_back.size(), 400u);
+  for (const Match& match : scaled_back) EXPECT_NEAR(match.residual, 0, 1e-12);
   // A wall's back is another surface.
   std::vector<CloudPoint> turned = b.cloud();
   for (CloudPoint& point : turned) point.normal = -point.normal;
@@ -60,38 +68,37 @@ TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   EXPECT_TRUE(FindMatches(view_a, {&back, &all, At(0.5)}, 0.015, 0.9).empty());
 }
 
-TEST(FindPairs, CountWhatBothSee) {
+TEST(FindShared, CountsWhatBothSee) {
   const SensorPoints a = Wall(0.01), b = Wall(0);
   const std::vector<int> all = All(a);
-  const std::vector<OverlapView> views = {
-      {&a, &all, At(0)}, {&b, &all, At(0.5)}, {&b, &all, At(0.9)}};
-  const std::vector<Pair> pairs = FindPairs(views, 0.015, 0.9, 0.3);
-  ASSERT_EQ(pairs.size(), 2u) << "0 and 2 share a tenth";
-  EXPECT_EQ(pairs[0].a, 0);
-  EXPECT_EQ(pairs[0].b, 1);
-  EXPECT_NEAR(pairs[0].overlap, 0.5, 0.01);
-  EXPECT_NEAR(pairs[0].rms, 0.01, 1e-9);
-  EXPECT_EQ(pairs[1].a, 1);
-  EXPECT_EQ(pairs[1].b, 2);
-  EXPECT_NEAR(pairs[1].overlap, 0.6, 0.01);
-  EXPECT_NEAR(pairs[1].rms, 0, 1e-9);
-  EXPECT_EQ(FindPairs(views, 0.015, 0.9, 0.05).size(), 3u);
+  const OverlapEnd first{&a, &all, At(0)}, second{&b, &all, At(0.5)}, third{&b, &all, At(0.9)};
+  const SharedPoints near = FindShared(first, second, 0.015, 0.9);
+  EXPECT_TRUE(near.IsPair(0.3));
+  EXPECT_NEAR(near.overlap, 0.5, 0.01);
+  EXPECT_NEAR(near.rms(), 0.01, 1e-9);
+  const SharedPoints exact = FindShared(second, third, 0.015, 0.9);
+  EXPECT_TRUE(exact.IsPair(0.3));
+  EXPECT_NEAR(exact.overlap, 0.6, 0.01);
+  EXPECT_NEAR(exact.rms(), 0, 1e-9);
+  const SharedPoints far = FindShared(first, third, 0.015, 0.9);
+  EXPECT_FALSE(far.IsPair(0.3)) << "they share a tenth";
+  EXPECT_TRUE(far.IsPair(0.05));
 }
 
-TEST(FindPairs, OfNeighboursOnARing) {
+TEST(FindShared, OfNeighboursOnARing) {
   const testing_infer::Rig rig = testing_infer::RingOfEight();
   const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
   std::vector<std::vector<int>> chosen;
-  std::vector<OverlapView> views;
+  std::vector<OverlapEnd> views;
   for (std::size_t i = 0; i < 2; ++i)
     chosen.push_back(
         ChooseOverlapPoints(rig.structure, points[i], *rig.frames[i].ground_truth, 700));
   for (std::size_t i = 0; i < 2; ++i)
     views.push_back({&points[i], &chosen[i], {*rig.frames[i].ground_truth, 0, 0}});
-  const std::vector<Pair> pairs = FindPairs(views, 0.02, 0.94, 0.05);
-  ASSERT_EQ(pairs.size(), 1u);
-  EXPECT_GT(pairs[0].overlap, 0.3);
-  EXPECT_LT(pairs[0].rms, 1e-3);
+  const SharedPoints shared = FindShared(views[0], views[1], 0.02, 0.94);
+  EXPECT_TRUE(shared.IsPair(0.05));
+  EXPECT_GT(shared.overlap, 0.3);
+  EXPECT_LT(shared.rms(), 1e-3);
 }
 
 TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {

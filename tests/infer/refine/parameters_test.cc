@@ -12,7 +12,7 @@
 #include "infer/refine/fine.h"
 #include "infer/refine/fine_problem.h"
 #include "infer/refine/problem.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -100,13 +100,14 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   rig.Add("B", RingPose(100));
   rig.Add("A", placement.inverse() * RingPose(40));
   std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   std::vector<SensorLens> lenses(2);
   for (std::size_t i = 0; i < 3; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
     const int sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    frames.push_back({&points[i], start, start, start, true, sensor, sensor, i == 2 ? 1 : 0});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start,
+                      FrameRole::kStructure, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   RefineOptions options;
@@ -115,10 +116,11 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   State state = NominalState(rig.structure, {frames[0].start, frames[1].start, frames[2].start},
                              lenses, problem.frame_of, {Pose::Identity(), placement});
   const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
-  const std::vector<SensorEvidence> evidence = GatherEvidence(problem, state, everything, {});
+  const std::vector<FrameObservations> observed =
+      GatherObservations(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
-  const CeresProblem ceres = BuildFineProblem(problem, evidence, {0, 0, 0}, none, &state);
+  const CeresProblem ceres = BuildFineProblem(problem, observed, {0, 0, 0}, none, &state);
 
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : layout.Blocks(&state))
@@ -168,7 +170,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
 }
 
 TEST(ParameterLayout, PriorsStandAtTheirParameters) {
-  const ParameterLayout layout(2, 3);
+  const ParameterLayout layout = LayoutOf(2, 3);
   SensorLens lens;
   lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
@@ -191,7 +193,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
 
 TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   const Structure structure = PaperStructure();
-  const ParameterLayout layout(2, structure.boxes().size());
+  const ParameterLayout layout = LayoutOf(2, structure.boxes().size());
   FreeSet free = AskedFor(ParseEstimate("auto"), SomePriors(), 2, structure.boxes().size());
   EXPECT_TRUE(free.AllBoxes());
   free.boxes[2] = 0;
@@ -235,8 +237,8 @@ TEST(AskedFor, LeavesOutWhatAPriorOfZeroFixes) {
   EXPECT_FALSE(AskedFor(ParseEstimate("size"), SomePriors(), 1, 3).AllBoxes());
 }
 
-TEST(SensorState, CorrectsAlongTheRay) {
-  const SensorState sensor{Pose::Identity(), 0.01, 0.02};
+TEST(FrameState, CorrectsAlongTheRay) {
+  const FrameState sensor{Pose::Identity(), 0.01, 0.02};
   const Eigen::Vector3d p(0.3, -0.2, 2);
   const Eigen::Vector3d corrected = sensor.Corrected(p);
   EXPECT_NEAR(corrected.z(), 2 * 1.01 + 0.02, 1e-12);

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/random.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "core/base/random.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -44,7 +44,7 @@ NormalEquations RandomNormal(const ParameterLayout& layout) {
 }
 
 TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
-  const ParameterLayout layout(2, 2);
+  const ParameterLayout layout = LayoutOf(2, 2);
   const NormalEquations normal = RandomNormal(layout);
   const Eigen::MatrixXd inverse = normal.information.fullPivLu().inverse();
   // All silhouettes shifted by 0.3 px: the estimate takes its prior's share of that for nothing.
@@ -76,7 +76,7 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
 }
 
 TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {
-  const ParameterLayout layout(2, 1);
+  const ParameterLayout layout = LayoutOf(2, 1);
   const Eigen::VectorXd sigmas = PriorSigmas(layout);
   const std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
   NormalEquations normal;
@@ -99,7 +99,7 @@ TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {
 }
 
 TEST(ConditionalPosterior, KnowsWhatIsConstant) {
-  const ParameterLayout layout(1, 1);
+  const ParameterLayout layout = LayoutOf(1, 1);
   const NormalEquations normal = RandomNormal(layout);
   std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
   constant[2] = constant[9] = 1;

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/random.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "core/base/random.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign {
 namespace {
@@ -22,10 +22,10 @@ using testing_infer::RingPose;
 TEST(Refine, NoiseFreeRigComesBackExactly) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
@@ -59,11 +59,12 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
   for (const std::size_t lost : {0, 3, 6}) {
-    std::vector<RefineFrame> frames;
+    std::vector<FrameInput> frames;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      frames.push_back({&points[i], start, start, start, i != lost});
+      frames.push_back({testing_infer::Borrowed(points[i]), start, start, start,
+                        i == lost ? FrameRole::kOverlap : FrameRole::kStructure});
     }
     const RefineResult result = Refine(rig.structure, frames, {});
     const PoseError error =
@@ -89,7 +90,7 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
     Pose start = truth;
     start.translation() += shift;
     const RefineResult result =
-        Refine(rig.structure, {{&points[0], start, start, start, true}}, {});
+        Refine(rig.structure, {{testing_infer::Borrowed(points[0]), start, start, start}}, {});
     const PoseError error = ComparePoses(result.frames[0].structure_from_sensor, truth);
     // Half a pixel of silhouette.
     EXPECT_FALSE(!(error.translation_m < 4e-3)) << error.translation_m;
@@ -104,10 +105,10 @@ TEST(Refine, FindsADepthOffset) {
     if (z > 0) z += 0.008f;
   }
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   const RefineResult result = Refine(rig.structure, frames, {});
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -144,20 +145,18 @@ std::vector<SensorPoints> MisledPointsOf(const Rig& rig) {
 TEST(Refine, NeverWorse) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   const RefineResult result = Refine(rig.structure, frames, {});
   EXPECT_FALSE(result.frames[0].accepted);
   EXPECT_TRUE(result.frames[0].structure_from_sensor.isApprox(frames[0].fallback, 1e-12));
-  EXPECT_DOUBLE_EQ(result.frames[0].held_out_after, result.frames[0].held_out_before);
   // It says how far off the refused pose was: it had followed 2 cm along the line of sight.
   EXPECT_GT((result.frames[0].covariance.topLeftCorner<3, 3>().trace()), 0.01 * 0.01);
   EXPECT_LT((result.frames[1].covariance.topLeftCorner<3, 3>().trace()), 0.008 * 0.008);
   EXPECT_TRUE(result.frames[1].accepted);
-  EXPECT_LT(result.frames[1].held_out_after, result.frames[1].held_out_before);
   EXPECT_LT(ComparePoses(result.frames[1].structure_from_sensor, *rig.frames[1].ground_truth)
                 .translation_m,
             2e-3);
@@ -166,10 +165,10 @@ TEST(Refine, NeverWorse) {
 TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose& truth = *rig.frames[i].ground_truth;
-    frames.push_back({&points[i], truth, truth, truth, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), truth, truth, truth});
   }
   // It has to beat the truth and falls back to 15 mm nearer to the structure.
   const Pose& truth = frames[0].to_beat;
@@ -190,10 +189,10 @@ TEST(Refine, WhatIsRefusedIsReportedWhereItStands) {
 TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   frames[0].start.translation().x() = std::nan("");
   const RefineResult result = Refine(rig.structure, frames, {});
@@ -217,7 +216,8 @@ TEST(Refine, PointsThatAreNotFiniteAreNone) {
     points[0].side_points[k].p.z() = std::nan("");
   const Pose start = Displaced(*rig.frames[0].ground_truth, 0.01, 0.5, 1);
   const RefinedFrame sensor =
-      Refine(rig.structure, {{&points[0], start, start, start, true}}, {}).frames[0];
+      Refine(rig.structure, {{testing_infer::Borrowed(points[0]), start, start, start}}, {})
+          .frames[0];
   EXPECT_TRUE(sensor.accepted);
   EXPECT_FALSE(
       !(ComparePoses(sensor.structure_from_sensor, *rig.frames[0].ground_truth).translation_m <
@@ -228,19 +228,20 @@ TEST(Refine, ASensorThatGoesBackPullsNoOther) {
   // One that is refused, and whose boxes are not estimated, leaves the other as if it were alone.
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = MisledPointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.001, 0.02, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   RefineOptions options;
   options.inner_iterations = 50;
   options.estimate = "boxes";
-  options.choose_estimates = false;
-  const RefineResult both = Refine(rig.structure, frames, options);
+  RefineSetup setup(options);
+  setup.free.where_told = false;
+  const RefineResult both = Refine(rig.structure, frames, setup);
   ASSERT_FALSE(both.frames[0].accepted);
   ASSERT_TRUE(both.frames[1].accepted);
-  const RefineResult alone = Refine(rig.structure, {frames[1]}, options);
+  const RefineResult alone = Refine(rig.structure, {frames[1]}, setup);
   const PoseError apart =
       ComparePoses(both.frames[1].structure_from_sensor, alone.frames[0].structure_from_sensor);
   EXPECT_FALSE(!(apart.translation_m < 3e-4)) << apart.translation_m;
@@ -250,10 +251,10 @@ TEST(Refine, ASensorThatGoesBackPullsNoOther) {
 TEST(Refine, IsTheSameOnAnyNumberOfThreads) {
   Rig rig = RingOfEight({true, 3.5});
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 4; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.02, 1, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   RefineOptions options;
   options.threads = 1;
@@ -293,10 +294,10 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   for (int i = 0; i < 8; ++i)
     rig.Add("S" + std::to_string(i), RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), {true, 3.5});
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   const RefineResult result = Refine(nominal, frames, {});
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -350,11 +351,11 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
 TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
   const Rig rig = TwoSensors();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<RefineFrame> frames;
+  std::vector<FrameInput> frames;
   for (std::size_t i = 0; i < 2; ++i) {
     // As far off as some points are from their sides by one gate and not by the other.
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
-    frames.push_back({&points[i], start, start, start, true});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
   }
   RefineOptions options;
   options.coarse = false;
@@ -380,7 +381,8 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   }
   const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
-  const RefineResult result = Refine(rig.structure, {{&points[0], truth, truth, truth, true}}, {});
+  const RefineResult result =
+      Refine(rig.structure, {{testing_infer::Borrowed(points[0]), truth, truth, truth}}, {});
   for (const RefinedBox& box : result.placements[0].boxes) EXPECT_FALSE(box.estimated);
   EXPECT_FALSE(result.size_estimated);
 }
@@ -473,7 +475,8 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
     const Pose& truth = *rig.frames[0].ground_truth;
     const Pose start = Displaced(truth, 0.01, 0.5, index);
     const RefinedFrame sensor =
-        Refine(nominal, {{&points[0], start, start, start, true}}, options).frames[0];
+        Refine(nominal, {{testing_infer::Borrowed(points[0]), start, start, start}}, options)
+            .frames[0];
     EXPECT_TRUE(sensor.covariance.isApprox(sensor.covariance.transpose(), 1e-9));
     const Eigen::LLT<Matrix6d> root(sensor.covariance);
     EXPECT_EQ(root.info(), Eigen::Success);

@@ -8,7 +8,7 @@
 
 #include "infer/refine/noise.h"
 #include "infer/refine/pose_manifold.h"
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -23,36 +23,36 @@ TEST(Residuals, DerivativesAreThoseOfDifferences) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = RingPose(35);
-  SensorEvidence evidence = Observe(structure, pose, 40);
-  ASSERT_GT(evidence.faces.size(), 8u);
+  FrameObservations observed = Observe(structure, pose, 40);
+  ASSERT_GT(observed.faces.size(), 8u);
   for (std::size_t i = 0; i < 8; ++i) {
     EdgeObservation edge;
-    edge.p = evidence.faces[i].p + Eigen::Vector3d(0.01, -0.02, 0.03);
-    edge.label = evidence.faces[i].label;
+    edge.p = observed.faces[i].p + Eigen::Vector3d(0.01, -0.02, 0.03);
+    edge.label = observed.faces[i].label;
     edge.edge = static_cast<int>(i % 4);
     edge.axis = static_cast<int>(i % 2);
     edge.pixel = 0.008;
     edge.by_lens = RayByLens(KinectWithLens(), edge.p.head<2>() / edge.p.z());
-    evidence.edges.push_back(edge);
+    observed.edges.push_back(edge);
   }
-  for (FaceObservation& face : evidence.faces)
+  for (FaceObservation& face : observed.faces)
     face.by_lens = RayByLens(KinectWithLens(), face.p.head<2>() / face.p.z());
-  evidence.lens = LensChange(0.001, -0.002, 0.003);
+  observed.lens = LensChange(0.001, -0.002, 0.003);
   ParameterPoint at(model, pose);
   RandomStream random(1, 0, "refine model");
   for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;
-  Residuals(model, evidence, at.Parameters(), &residuals, &jacobian);
+  Residuals(model, observed, at.Parameters(), &residuals, &jacobian);
   ASSERT_EQ(jacobian.cols(), at.x.size());
   constexpr double kStep = 1e-6;
   for (Eigen::Index c = 0; c < at.x.size(); ++c) {
     Eigen::VectorXd high, low;
     ParameterPoint moved = at;
     moved.x[c] += kStep;
-    Residuals(model, evidence, moved.Parameters(), &high, nullptr);
+    Residuals(model, observed, moved.Parameters(), &high, nullptr);
     moved.x[c] -= 2 * kStep;
-    Residuals(model, evidence, moved.Parameters(), &low, nullptr);
+    Residuals(model, observed, moved.Parameters(), &low, nullptr);
     const Eigen::VectorXd numeric = (high - low) / (2 * kStep);
     // Quaternions are normalised: their radial direction counts in differences, not in tangents.
     if (c < 4) continue;
@@ -70,7 +70,7 @@ TEST(Residuals, DerivativesAreThoseOfDifferences) {
       ParameterPoint moved = at;
       LeftPoseManifold().Plus(at.x.data(), delta.data(), moved.x.data());
       Eigen::VectorXd r;
-      Residuals(model, evidence, moved.Parameters(), &r, nullptr);
+      Residuals(model, observed, moved.Parameters(), &r, nullptr);
       return r;
     };
     const Eigen::VectorXd numeric = (evaluate(kStep) - evaluate(-kStep)) / (2 * kStep);
@@ -85,8 +85,8 @@ TEST(Residuals, VanishOnTheStructureAsBuilt) {
   const BuildModel model(nominal);
   const Pose pose = RingPose(70);
   ParameterPoint at(model, pose);
-  double* boxes = at.x.data() + SensorColumns::kBoxes;
-  at.x[SensorColumns::kSize] = 0.012;
+  double* boxes = at.x.data() + FrameColumns::kBoxes;
+  at.x[FrameColumns::kSize] = 0.012;
   RandomStream random(2, 0, "built");
   for (int b = 0; b < static_cast<int>(nominal.boxes().size()); ++b) {
     boxes[BuildModel::X(b)] = random.Normal(0, 0.004);
@@ -95,10 +95,10 @@ TEST(Residuals, VanishOnTheStructureAsBuilt) {
   }
   const Structure built = model.Built(at.Parameters().build);
   EXPECT_NEAR(built.FloorHeight(), nominal.FloorHeight(), 1e-9) << "it stands on the same floor";
-  SensorEvidence evidence = Observe(built, pose, 20);
-  for (FaceObservation& face : evidence.faces) face.multipath = 0;
+  FrameObservations observed = Observe(built, pose, 20);
+  for (FaceObservation& face : observed.faces) face.multipath = 0;
   Eigen::VectorXd residuals;
-  Residuals(model, evidence, at.Parameters(), &residuals, nullptr);
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
   ASSERT_GT(residuals.size(), 40);
   EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 2e-6);
 }
@@ -107,27 +107,27 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = RingPose(20);
-  SensorEvidence evidence = Observe(structure, pose, 50);
+  FrameObservations observed = Observe(structure, pose, 50);
   EdgeObservation edge;
-  edge.p = evidence.faces.front().p;
-  edge.label = evidence.faces.front().label;
+  edge.p = observed.faces.front().p;
+  edge.label = observed.faces.front().label;
   edge.pixel = 0.008;
   edge.variance = 0.1;
-  evidence.edges = {edge, edge};
-  evidence.edges[1].edge = 2;
-  SetCovariance(model, pose, &evidence);
+  observed.edges = {edge, edge};
+  observed.edges[1].edge = 2;
+  SetCovariance(model, pose, &observed);
   ParameterPoint at(model, pose);
   at.x[7] = 0.005;
-  const SensorCost cost(model, evidence);
-  const SensorParameters p = at.Parameters();
+  const SensorCost cost(model, observed);
+  const FrameParameters p = at.Parameters();
   const std::array<const double*, 7> blocks = {p.pose, p.offset,     p.gain,       p.nuisance,
                                                p.lens, p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
-  Residuals(model, evidence, p, &residuals, nullptr);
-  const auto faces = static_cast<Eigen::Index>(evidence.faces.size());
-  const Eigen::MatrixXd face = evidence.face_root * evidence.face_root.transpose(),
-                        lines = evidence.edge_root * evidence.edge_root.transpose();
+  Residuals(model, observed, p, &residuals, nullptr);
+  const auto faces = static_cast<Eigen::Index>(observed.faces.size());
+  const Eigen::MatrixXd face = observed.face_root * observed.face_root.transpose(),
+                        lines = observed.edge_root * observed.edge_root.transpose();
   const double squares = residuals.head(faces).dot(face.inverse() * residuals.head(faces)) +
                          residuals.tail(2).dot(lines.inverse() * residuals.tail(2));
   EXPECT_NEAR(whitened.squaredNorm(), squares, 1e-6 * squares);

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <vector>
 
-#include "tests/infer/refine/points_and_evidence.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign {
 namespace {

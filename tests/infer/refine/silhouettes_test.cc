@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "infer/refine/association.h"
-#include "tests/infer/synthetic.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -182,7 +182,7 @@ TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
   Frame frame(RingPose(90));
   const auto lit = [](int u, int v) { return std::abs(u - 164) <= 130 - 0.58 * std::abs(v - 148); };
   frame.Erase([&](int u, int v) { return !lit(u, v); });
-  refine_internal::SensorState sensor;
+  refine_internal::FrameState sensor;
   sensor.structure_from_sensor = frame.pose;
   int on_border = 0, taken = 0;
   for (const EdgePoint& edge : frame.Find().one_sided) {

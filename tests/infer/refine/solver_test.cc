@@ -1,9 +1,13 @@
 #include "infer/refine/solver.h"
 
 #include <ceres/sized_cost_function.h>
+#include <ceres/version.h>
 #include <gtest/gtest.h>
 
+#include <string>
 #include <vector>
+
+#include "infer/refine/ceres_version.h"
 
 namespace volalign::refine_internal {
 namespace {
@@ -30,10 +34,39 @@ TEST(Minimise, SaysWhetherItCould) {
     std::vector<double> x = {1, 0.5};
     ceres.problem->AddResidualBlock(new Line(works), nullptr, x.data());
     ceres.HoldConstant(x.data(), 2, {1});
-    EXPECT_EQ(Minimise(options, ceres.problem.get()), works);
+    EXPECT_EQ(Minimise(options, ceres.problem.get()).usable, works);
     EXPECT_NEAR(x[0], works ? 2.5 : 1, 1e-3);
     EXPECT_EQ(x[1], 0.5) << "held";
   }
+}
+
+TEST(Minimise, SaysWhetherItEndedByItsToleranceOrByTheNumberOfItsSteps) {
+  for (const int most : {1, 20}) {
+    RefineOptions options;
+    options.inner_iterations = most;
+    const CeresProblem ceres;
+    std::vector<double> x = {1, 0.5};
+    ceres.problem->AddResidualBlock(new Line(true), nullptr, x.data());
+    const Minimum minimum = Minimise(options, ceres.problem.get());
+    EXPECT_TRUE(minimum.usable);
+    EXPECT_EQ(minimum.converged, most == 20) << most;
+  }
+}
+
+TEST(CeresProblem, WeightedLossBendsWhereTheLossDoes) {
+  CeresProblem ceres;
+  for (const double square : {0.01, 4.0, 100.0}) {
+    double of_loss[3], of_weighted[3];
+    ceres.loss->Evaluate(square, of_loss);
+    ceres.Weighted(0.1)->Evaluate(square, of_weighted);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(of_weighted[k], 0.1 * of_loss[k], 1e-12);
+  }
+}
+
+TEST(CeresVersion, BeginsWithItsNumber) {
+  const std::string number =
+      std::to_string(CERES_VERSION_MAJOR) + "." + std::to_string(CERES_VERSION_MINOR) + ".";
+  EXPECT_EQ(CeresVersion().rfind(number, 0), 0u) << CeresVersion();
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include <map>
 
-#include "core/random.h"
+#include "core/base/random.h"
 
 namespace volalign {
 namespace {

@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <cmath>
 
-#include "core/camera.h"
+#include "core/geometry/camera.h"
 
 namespace volalign::testing_infer {
 
@@ -31,7 +31,7 @@ inline double DistortedRadius(const Intrinsics& k, double r) {
 }
 
 /// Ray (x/z, y/z) of a pixel, for StrongLens.
-inline Eigen::Vector2d RayThroughLens(const Intrinsics& k, int u, int v) {
+inline Eigen::Vector2d RayThroughStrongLens(const Intrinsics& k, int u, int v) {
   Eigen::Vector2d pixel((u - k.cx) / k.fx, (v - k.cy) / k.fy);
   const double radius = pixel.norm();
   if (radius == 0) return pixel;

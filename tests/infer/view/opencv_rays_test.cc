@@ -6,7 +6,7 @@
 #include <opencv2/calib3d.hpp>
 #include <vector>
 
-#include "core/lens.h"
+#include "core/geometry/lens.h"
 
 namespace volalign {
 namespace {

@@ -5,18 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "infer/view/segmentation.h"
-#include "tests/core/expect_error.h"
-#include "tests/infer/synthetic.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/lens.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
 
 using testing_infer::Coarse;
-using testing_infer::RayThroughLens;
+using testing_infer::RayThroughStrongLens;
 using testing_infer::StrongLens;
 
 // A tilted plane, seen through a lens whose rays are found by bisection.
@@ -27,7 +28,7 @@ TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
   DepthImage depth(lens.width, lens.height);
   for (int v = 0; v < lens.height; ++v) {
     for (int u = 0; u < lens.width; ++u) {
-      const Eigen::Vector2d ray = RayThroughLens(lens, u, v);
+      const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
       depth(u, v) = static_cast<float>(distance / normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)));
     }
   }
@@ -35,7 +36,7 @@ TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
   double worst_plane = 0, worst_point = 0, largest_bend = 0;
   for (int v = 0; v < lens.height; ++v) {
     for (int u = 0; u < lens.width; ++u) {
-      const Eigen::Vector2d ray = RayThroughLens(lens, u, v);
+      const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
       const double z = depth(u, v);
       ASSERT_EQ(view.depth(u, v), depth(u, v)) << u << " " << v;
       const Eigen::Vector3d expected(z * ray.x(), z * ray.y(), z);
@@ -82,11 +83,66 @@ TEST(SensorView, DropsWhatIsNoMeasurement) {
 TEST(SensorView, PixelAreaIsThatOfTheSurface) {
   const SensorView view = MakeSensorView(DepthImage(20, 10, 2.0f), Coarse());
   for (const int u : {0, 9, 19}) {
-    EXPECT_NEAR(view.PixelArea(view.Point(u, 3), -Eigen::Vector3d::UnitZ()), 0.0025, 1e-9);
+    EXPECT_NEAR(view.PixelArea(u, 3, 2, -Eigen::Vector3d::UnitZ()), 0.0025, 1e-9);
   }
   // Turned by 60 deg about the vertical, a surface on the axis shows half as much of itself.
   const Eigen::Vector3d normal(std::sin(M_PI / 3), 0, -std::cos(M_PI / 3));
-  EXPECT_NEAR(view.PixelArea({0, 0, 2}, normal), 0.005, 1e-9);
+  const Intrinsics centred{21, 11, 40, 40, 10, 5, {}};
+  const SensorView on_axis = MakeSensorView(DepthImage(21, 11, 2.0f), centred);
+  EXPECT_NEAR(on_axis.PixelArea(10, 5, 2, normal), 0.005, 1e-9);
+}
+
+/// A lens with tangential coefficients too.
+Intrinsics Skewed() {
+  Intrinsics lens = StrongLens();
+  lens.fy = 240;
+  lens.distortion = {0.12, -0.06, 0.004, -0.006, 0.01};
+  return lens;
+}
+
+// Each pixel's area is that between the rays half a pixel beside it; together they fill what the
+// rays of the picture's outline enclose. The rays are testing_infer's own.
+TEST(SensorView, AreasOfRaysAreThoseBetweenTheirNeighbours) {
+  using testing_infer::KinectWithLens;
+  for (const Intrinsics& lens : {testing_infer::Kinect(), KinectWithLens(), Skewed()}) {
+    SCOPED_TRACE(lens.distortion.size());
+    const SensorView view = MakeSensorView(DepthImage(lens.width, lens.height, 1.0f), lens);
+    const auto cross = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+      return a.x() * b.y() - a.y() * b.x();
+    };
+    const auto ray = [&](double u, double v) { return testing_infer::RayThroughLens(lens, u, v); };
+    double worst = 0, sum = 0, largest = 0;
+    for (int v = 0; v < lens.height; ++v) {
+      for (int u = 0; u < lens.width; ++u) {
+        const double area = view.ray_areas(u, v);
+        sum += area;
+        largest = std::max(largest, area * lens.fx * lens.fy);
+        if (u % 16 != 0 || v % 16 != 0) continue;
+        const double between = cross(ray(u + 0.5, v) - ray(u - 0.5, v),  //
+                                     ray(u, v + 0.5) - ray(u, v - 0.5));
+        worst = std::max(worst, std::abs(area / between - 1));
+      }
+    }
+    EXPECT_FALSE(!(worst < 1e-3)) << worst;
+    if (lens.distortion.size() == 8) EXPECT_GT(largest, 1.75);
+    std::vector<Eigen::Vector2d> outline;
+    const double right = lens.width - 0.5, bottom = lens.height - 0.5;
+    for (double u = -0.5; u < right; ++u) outline.push_back(ray(u, -0.5));
+    for (double v = -0.5; v < bottom; ++v) outline.push_back(ray(right, v));
+    for (double u = right; u > -0.5; --u) outline.push_back(ray(u, bottom));
+    for (double v = bottom; v > -0.5; --v) outline.push_back(ray(-0.5, v));
+    double enclosed = 0;
+    for (std::size_t i = 0; i < outline.size(); ++i)
+      enclosed += cross(outline[i], outline[(i + 1) % outline.size()]) / 2;
+    EXPECT_NEAR(sum / enclosed, 1, 1e-4);
+  }
+}
+
+TEST(SensorView, APixelWithoutARayCoversNothing) {
+  const Intrinsics k{320, 288, 252.4, 251.9, 163.2, 165.7, {-0.5, 0, 0, 0}};
+  const SensorView view = MakeSensorView(DepthImage(k.width, k.height, 2.0f), k);
+  EXPECT_EQ(view.ray_areas(0, 0), 0.0f);
+  EXPECT_GT(view.ray_areas(163, 165), 0.0f);
 }
 
 TEST(SensorView, CorrectedDepthsAreGainAndOffset) {
@@ -123,7 +179,7 @@ TEST(SensorView, DecimationKeepsPointsAndTheirLabels) {
       EXPECT_EQ(small.width(), columns) << stride;
     }
     EXPECT_EQ(small.height(), rows) << stride;
-    EXPECT_NEAR(small.pixel_solid_angle, stride * stride / 1600.0, 1e-12);
+    EXPECT_NEAR(small.ray_areas(0, 0), stride * stride / 1600.0, 1e-8);
   }
 }
 

@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "core/error.h"
-#include "tests/core/expect_error.h"
-#include "tests/infer/synthetic.h"
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "core/random.h"
-#include "tests/infer/synthetic.h"
+#include "core/base/random.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -17,7 +17,7 @@ using testing_infer::RingPose;
 
 struct Perturbed {
   std::vector<SensorView> views;
-  std::vector<GraphView> graph;
+  std::vector<GraphFrame> graph;
 };
 
 Perturbed Perturb(const Rig& rig, double metres, double radians, std::uint64_t seed) {

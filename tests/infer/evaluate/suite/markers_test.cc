@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "core/lens.h"
-#include "core/random.h"
-#include "render/depth_renderer.h"
-#include "render/egl_context.h"
-#include "tests/infer/synthetic.h"
+#include "core/base/random.h"
+#include "core/geometry/lens.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -65,7 +65,7 @@ class Markers : public testing::Test {
   Structure structure_ = PaperStructure();
   Intrinsics infrared_ = Infrared();
   EglContext egl_;
-  DepthRenderer renderer_;
+  GlDepthRenderer renderer_;
   SceneMesh mesh_;
   std::vector<MarkerPrint> prints_ = StructureMarkers(structure_);
 };

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/infer/synthetic.h"
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign {
 namespace {
@@ -34,6 +36,14 @@ TEST(Stages, AreThoseThatTheMethodHas) {
   result.graph = result.initial;
   EXPECT_EQ(PosesAt(PoseStage::kGraph, result), &*result.graph);
   EXPECT_EQ(PosesAt(PoseStage::kCorrected, result), nullptr);
+}
+
+TEST(RunMethod, MarkersWantInfraredPictures) {
+  SuiteStill still;
+  still.views = {MakeSensorView(DepthImage(4, 3, 2.0F), testing_infer::Kinect().Resized(4, 3))};
+  SuiteMethod markers;
+  markers.kind = MethodKind::kMarkers;
+  ExpectError<Error>([&] { RunMethod(markers, still, nullptr, SuiteConfig(), 1); }, {"infrared"});
 }
 
 }  // namespace

@@ -2,17 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file_util.h"
+#include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "infer/evaluate/suite/write_suite.h"
-#include "tests/core/expect_error.h"
-#include "tests/core/temp_folder.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
 
 namespace volalign {
 namespace {
@@ -117,37 +116,6 @@ TEST_F(ToySuite, SaysWhatIsWrong) {
   expect("method: markers, stage: initial", "method: ghosts", {"toy_table", "ghosts"});
   expect("stage: graph", "stage: graph, paper: [a, b]", {"net", "2 cells"});
   expect("name: markers", "name: net", {"net stands twice"});
-}
-
-// The file that is shipped: the paper's tables, in its order of rows.
-TEST(PaperSuite, IsThePapers) {
-  const SuiteConfig suite = ReadSuite("configs/paper/suite.yaml");
-  ASSERT_EQ(suite.tables.size(), 5u);
-  const auto paper_rows = [&](std::size_t table) {
-    std::string rows;
-    for (const SuiteRow& row : suite.tables[table].rows) {
-      if (!row.paper.empty()) rows += (rows.empty() ? "" : " ") + row.label;
-    }
-    return rows;
-  };
-  EXPECT_EQ(paper_rows(0), "m01 m05 m04 m02 m03 m07 m06");
-  EXPECT_EQ(paper_rows(1), "m05 m04 m07 m06");
-  EXPECT_EQ(paper_rows(2), "m05 m04 m07 m06");
-  EXPECT_EQ(paper_rows(3),
-            "markerbased_refined markerless_refined markerbased_initial markerless_initial");
-  for (const SuiteTable& table : suite.tables) {
-    for (const SuiteRow& row : table.rows) {
-      // Means, STDs and RSDs as printed are consistent, but for the arc's RSD.
-      for (std::size_t b = 0; 4 * b < row.paper.size(); ++b) {
-        if (row.paper[4 * b] == "N/A") continue;
-        const double mean = std::stod(row.paper[4 * b]), std = std::stod(row.paper[4 * b + 1]);
-        const double rsd = std::stod(row.paper[4 * b + 2]) / 100;
-        const double step = row.paper[4 * b].back() == '%' ? 0.01 : 1e-4;
-        const bool consistent = std::abs(rsd - std / mean) < 0.51 * step / mean + 0.001;
-        EXPECT_EQ(consistent, table.name != "table5") << table.name << " " << row.label;
-      }
-    }
-  }
 }
 
 }  // namespace

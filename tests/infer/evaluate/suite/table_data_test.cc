@@ -113,8 +113,9 @@ TEST(BoxPlot, FiguresAreTukeys) {
   EXPECT_DOUBLE_EQ(box.low, 1);
   EXPECT_DOUBLE_EQ(box.high, 9);
   EXPECT_EQ(box.outliers, std::vector<double>{100});
-  const std::string svg = BoxPlotSvg("a < b", "m", {{"one", {1, 2, 4}}, {"none", {}}}, 0.5);
-  EXPECT_NE(svg.find("a &lt; b"), std::string::npos);
+  const std::string svg = BoxPlotSvg("a < b", "m & s", {{"<one>", {1, 2, 4}}, {"none", {}}}, 0.5);
+  for (const char* text : {">a &lt; b<", ">m &amp; s<", ">&lt;one&gt;<", ">none<"})
+    EXPECT_NE(svg.find(text), std::string::npos) << text;
   EXPECT_NE(svg.find("stroke-dasharray"), std::string::npos);
   EXPECT_EQ(svg.find("nan"), std::string::npos);
 }

@@ -1,0 +1,148 @@
+#include "core/base/file_util.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <openssl/evp.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <system_error>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+std::atomic<std::uint64_t> next_temporary{0};
+
+/// Closes what ::open gave.
+class FileHandle {
+ public:
+  explicit FileHandle(int file) : file_(file) {}
+  ~FileHandle() {
+    if (file_ >= 0) ::close(file_);
+  }
+  FileHandle(const FileHandle&) = delete;
+  FileHandle& operator=(const FileHandle&) = delete;
+  int get() const { return file_; }
+
+ private:
+  int file_;
+};
+
+}  // namespace
+
+std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const auto fail = [&](const char* reason) {
+    throw IoError(fmt::format("cannot read {}: {}", path.string(), reason));
+  };
+  // Opening a pipe without O_NONBLOCK would wait for its writer.
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  if (file.get() < 0) fail(std::strerror(errno));
+  struct stat status {};
+  if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) {
+    throw IoError(fmt::format("{} is a folder; a file is expected", path.string()));
+  }
+  if (!S_ISREG(status.st_mode)) {
+    throw IoError(
+        fmt::format("{} is a device or a pipe; a file on disk is expected", path.string()));
+  }
+  const auto require_size = [&](std::uint64_t size) {
+    if (size <= max_bytes) return;
+    throw IoError(fmt::format("{} has {} bytes, more than the {} that are read of such a file",
+                              path.string(), size, max_bytes));
+  };
+  const auto announced = static_cast<std::uint64_t>(status.st_size);
+  require_size(announced);
+  // The size is a hint: files of /proc announce 0, and a file may grow while it is read.
+  std::string content(static_cast<std::size_t>(announced) + 1, '\0');
+  std::size_t at = 0;
+  for (;;) {
+    const ssize_t n = ::read(file.get(), content.data() + at, content.size() - at);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail(std::strerror(errno));
+    if (n == 0) break;
+    at += static_cast<std::size_t>(n);
+    require_size(at);
+    if (at == content.size()) content.resize(2 * content.size() + 4096);
+  }
+  content.resize(at);
+  return content;
+}
+
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
+  std::error_code error;
+  if (path.has_parent_path()) {
+    std::filesystem::create_directories(path.parent_path(), error);
+    if (error) {
+      throw IoError(
+          fmt::format("cannot create folder {}: {}", path.parent_path().string(), error.message()));
+    }
+  }
+  std::filesystem::path temporary;
+  const auto fail = [&](const char* what) {
+    const int reason = errno;
+    std::error_code ignored;
+    std::filesystem::remove(temporary, ignored);
+    throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
+  };
+  // Two writers never share a file: a name that is taken, by a writer of the same process number on
+  // another machine or by one that was killed, is passed over.
+  int file = -1;
+  do {
+    temporary = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
+    file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (file < 0 && errno == EEXIST);
+  if (file < 0) {
+    throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
+  }
+  std::size_t written = 0;
+  while (written < bytes.size()) {
+    const ssize_t n = ::write(file, bytes.data() + written, bytes.size() - written);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      ::close(file);
+      fail("write");
+    }
+    written += static_cast<std::size_t>(n);
+  }
+  if (sync && ::fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
+    ::close(file);
+    fail("sync");
+  }
+  if (::close(file) != 0) fail("close");
+  std::filesystem::rename(temporary, path, error);
+  if (error) {
+    errno = error.value();
+    fail("rename");
+  }
+}
+
+std::string Base64(std::string_view bytes) {
+  std::string text((bytes.size() + 2) / 3 * 4 + 1, '\0');
+  EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
+                  reinterpret_cast<const unsigned char*>(bytes.data()),
+                  static_cast<int>(bytes.size()));
+  text.pop_back();  // the zero that ends it
+  return text;
+}
+
+std::string Sha256(std::string_view bytes) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned int size = 0;
+  if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1) {
+    throw Error("SHA-256 is not available in this OpenSSL");
+  }
+  std::string text;
+  for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
+  return text;
+}
+
+}  // namespace volalign

@@ -1,0 +1,51 @@
+#include "core/base/input_file.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <system_error>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string& Folder() {
+  static std::string folder;
+  return folder;
+}
+
+bool Exists(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
+
+}  // namespace
+
+void SetDataFolder(const std::string& folder) { Folder() = folder; }
+
+const std::string& DataFolder() { return Folder(); }
+
+std::string FindInputFile(const std::string& path) {
+  if (Folder().empty() || path.empty() || fs::path(path).is_absolute() || Exists(path)) return path;
+  const fs::path there = fs::path(Folder()) / path;
+  return Exists(there) ? there.string() : path;
+}
+
+void RequireInputFile(const std::string& key, const std::string& path) {
+  if (Exists(FindInputFile(path))) return;
+  std::error_code error;
+  std::string where = "no such file";
+  if (!fs::path(path).is_absolute()) {
+    where += fmt::format(" in the working directory {}", fs::current_path(error).string());
+    if (!Folder().empty()) where += fmt::format(" or the data folder {}", Folder());
+  }
+  throw IoError(fmt::format(
+      "{} = {}: {}: run volalign in the folder that holds it, or name another file: --set {}=FILE",
+      key, path, where, key));
+}
+
+}  // namespace volalign

@@ -1,0 +1,472 @@
+#include "core/config/config.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <set>
+
+#include "core/base/file_util.h"
+#include "core/base/input_file.h"
+#include "core/base/text.h"
+
+namespace volalign {
+
+Constraint Above(double low) {
+  return {fmt::format("> {}", low), [low](double x) { return x > low; }, nullptr};
+}
+
+Constraint AtLeast(double low) {
+  return {fmt::format(">= {}", low), [low](double x) { return x >= low; }, nullptr};
+}
+
+Constraint Between(double low, double high) {
+  return {fmt::format("in [{}, {}]", low, high),
+          [low, high](double x) { return x >= low && x <= high; }, nullptr};
+}
+
+Constraint OneOf(std::vector<std::string> words) {
+  return {fmt::format("in {{{}}}", fmt::join(words, ", ")), nullptr,
+          [words](const std::string& word) {
+            return std::find(words.begin(), words.end(), word) != words.end();
+          }};
+}
+
+namespace config_internal {
+
+std::string ToText(bool value) { return value ? "true" : "false"; }
+std::string ToText(std::int64_t value) { return std::to_string(value); }
+std::string ToText(double value) {
+  if (std::isnan(value)) return ".nan";
+  if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
+  return fmt::format("{}", value);
+}
+std::string ToText(const std::string& value) { return value; }
+
+namespace {
+[[noreturn]] void BadType(const std::string& text, const char* type, const std::string& key,
+                          const std::string& where) {
+  throw ConfigError(fmt::format("{} = '{}' is not {} ({})", key, text, type, where));
+}
+}  // namespace
+
+bool ParseBool(const std::string& text, const std::string& key, const std::string& where) {
+  if (text == "true" || text == "yes" || text == "on") return true;
+  if (text == "false" || text == "no" || text == "off") return false;
+  BadType(text, "true or false", key, where);
+}
+
+std::int64_t ParseInt(const std::string& text, const std::string& key, const std::string& where) {
+  std::int64_t value = 0;
+  const char* end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, value);
+  if (result.ec == std::errc() && result.ptr == end) return value;
+  // 3.2e6 is a whole number too.
+  const double real = ParseDouble(text, key, where);
+  if (real != std::floor(real) || std::abs(real) > 9e15)
+    BadType(text, "a whole number", key, where);
+  return static_cast<std::int64_t>(real);
+}
+
+double ParseDouble(const std::string& text, const std::string& key, const std::string& where) {
+  double value = 0;
+  const char* begin = text.data();
+  const char* end = begin + text.size();
+  if (begin != end && *begin == '+') ++begin;
+  const auto result = std::from_chars(begin, end, value);
+  if (result.ec != std::errc() || result.ptr != end || !std::isfinite(value)) {
+    BadType(text, "a finite number", key, where);
+  }
+  return value;
+}
+
+void CheckRange(std::int64_t value, std::int64_t low, std::uint64_t high, const std::string& key,
+                const std::string& where) {
+  if (value < low || (value > 0 && static_cast<std::uint64_t>(value) > high)) {
+    throw ConfigError(
+        fmt::format("{} = {} does not fit into [{}, {}] ({})", key, value, low, high, where));
+  }
+}
+
+void CheckNumber(double value, const std::vector<Constraint>& constraints, const std::string& key,
+                 const std::string& where) {
+  for (const Constraint& constraint : constraints) {
+    if (constraint.number && !constraint.number(value)) {
+      throw ConfigError(
+          fmt::format("{} = {} violates {} {} ({})", key, value, key, constraint.text, where));
+    }
+  }
+}
+
+void CheckWord(const std::string& value, const std::vector<Constraint>& constraints,
+               const std::string& key, const std::string& where) {
+  for (const Constraint& constraint : constraints) {
+    if (constraint.word && !constraint.word(value)) {
+      throw ConfigError(
+          fmt::format("{} = {} violates {} {} ({})", key, value, key, constraint.text, where));
+    }
+  }
+}
+
+}  // namespace config_internal
+
+Constraint FormerlyNamed(std::string name) { return {"", nullptr, nullptr, std::move(name)}; }
+
+namespace {
+
+constexpr int kMaxDepth = 64;  // a YAML alias inside its own anchor would nest for ever
+
+void Flatten(const YAML::Node& node, const std::string& prefix, const std::string& name,
+             std::map<std::string, ConfigSource::Leaf>* leaves) {
+  const auto where = [&](const YAML::Node& at) {
+    return fmt::format("{}:{}", name, at.Mark().line + 1);
+  };
+  if (std::count(prefix.begin(), prefix.end(), '.') > kMaxDepth) {
+    throw ConfigError(fmt::format("{}: keys are nested deeper than {} levels", name, kMaxDepth));
+  }
+  std::set<std::string> seen;
+  for (const auto& item : node) {
+    if (!item.first.IsScalar()) throw ConfigError(where(item.first) + ": a key has to be a word");
+    const std::string key = prefix + item.first.Scalar();
+    const YAML::Node& value = item.second;
+    const auto insert = [&](const std::string& leaf_key, ConfigSource::Leaf leaf) {
+      if (!leaves->emplace(leaf_key, std::move(leaf)).second) {
+        throw ConfigError(fmt::format("key '{}' stands twice ({})", leaf_key, where(item.first)));
+      }
+    };
+    if (!seen.insert(key).second) {
+      throw ConfigError(fmt::format("key '{}' stands twice ({})", key, where(item.first)));
+    }
+    switch (value.Type()) {
+      case YAML::NodeType::Scalar:
+        insert(key, {{value.Scalar()}, false, where(item.first)});
+        break;
+      case YAML::NodeType::Map: {
+        Flatten(value, key + ".", name, leaves);
+        break;
+      }
+      case YAML::NodeType::Sequence: {
+        ConfigSource::Leaf leaf{{}, true, where(item.first)};
+        int index = 0;
+        for (const YAML::Node& element : value) {
+          if (element.IsMap()) {
+            Flatten(element, fmt::format("{}[{}].", key, index), name, leaves);
+          } else if (element.IsScalar()) {
+            leaf.values.push_back(element.Scalar());
+          } else {
+            throw ConfigError(fmt::format("{}[{}]: a nested list is not expected ({})", key, index,
+                                          where(item.first)));
+          }
+          ++index;
+        }
+        if (index == static_cast<int>(leaf.values.size())) {
+          insert(key, std::move(leaf));
+        } else if (!leaf.values.empty()) {
+          throw ConfigError(
+              fmt::format("{}: the list mixes maps and values ({})", key, where(item.first)));
+        }
+        break;
+      }
+      default:
+        throw ConfigError(fmt::format("key '{}' has no value ({})", key, where(item.first)));
+    }
+  }
+}
+
+}  // namespace
+
+ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string& name) {
+  ConfigSource source;
+  try {
+    const YAML::Node root = YAML::Load(yaml);
+    if (root.IsNull()) return source;
+    if (!root.IsMap()) throw ConfigError(name + ": a config is a map of `key: value`");
+    Flatten(root, "", name, &source.leaves_);
+  } catch (const YAML::Exception& e) {
+    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, e.msg));
+  }
+  return source;
+}
+
+ConfigSource ConfigSource::FromFile(const std::string& path) {
+  std::vector<std::string> chain;
+  std::vector<ConfigSource> sources;
+  for (std::string next = FindInputFile(path); !next.empty();) {
+    const std::string canonical = std::filesystem::weakly_canonical(next).string();
+    if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
+      throw ConfigError(fmt::format("{}: `inherits` comes back to this file", next));
+    }
+    chain.push_back(canonical);
+    ConfigSource source = FromString(ReadFile(next), next);
+    std::string base;
+    const auto inherits = source.leaves_.find("inherits");
+    if (inherits != source.leaves_.end()) {
+      if (inherits->second.is_sequence) {
+        throw ConfigError(
+            fmt::format("inherits wants one file, not a list ({})", inherits->second.where));
+      }
+      base = (std::filesystem::path(next).parent_path() / inherits->second.values.at(0)).string();
+      source.leaves_.erase(inherits);
+    }
+    sources.push_back(std::move(source));
+    next = base;
+  }
+  ConfigSource merged = sources.back();
+  for (auto it = sources.rbegin() + 1; it != sources.rend(); ++it) merged.Merge(*it);
+  return merged;
+}
+
+void ConfigSource::Set(const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos || equals == 0) {
+    throw ConfigError(
+        fmt::format("--set {}: KEY=VALUE is expected, as in --set optimizer.lr=1e-3", assignment));
+  }
+  const std::string key = assignment.substr(0, equals);
+  Leaf leaf;
+  leaf.where = "--set";
+  try {
+    const YAML::Node value = YAML::Load(assignment.substr(equals + 1));
+    if (value.IsScalar()) {
+      leaf.values.push_back(value.Scalar());
+    } else if (value.IsSequence()) {
+      leaf.is_sequence = true;
+      for (const YAML::Node& element : value) leaf.values.push_back(element.as<std::string>());
+    } else {
+      throw ConfigError(
+          fmt::format("--set {}: the value is neither a scalar nor a list", assignment));
+    }
+  } catch (const YAML::Exception& e) {
+    throw ConfigError(fmt::format("--set {}: {}", assignment, e.msg));
+  }
+  // A list takes the place of the maps that stood there; an item of the list ends its being empty.
+  if (leaf.is_sequence) {
+    const std::string items = key + "[";
+    for (auto it = leaves_.lower_bound(items);
+         it != leaves_.end() && it->first.compare(0, items.size(), items) == 0;) {
+      it = leaves_.erase(it);
+    }
+  } else if (key.find('[') != std::string::npos) {
+    leaves_.erase(key.substr(0, key.find('[')));
+  }
+  leaves_[key] = leaf;
+}
+
+void ConfigSource::Merge(const ConfigSource& over) {
+  for (const auto& [key, leaf] : over.leaves_) {
+    // A list of maps replaces the inherited list as a whole; so does an empty list.
+    std::size_t bracket = key.find("[0].");
+    if (bracket == std::string::npos && leaf.is_sequence) bracket = key.size();
+    if (bracket != std::string::npos) {
+      const std::string list = key.substr(0, bracket) + "[";
+      leaves_.erase(key.substr(0, bracket));
+      for (auto it = leaves_.lower_bound(list);
+           it != leaves_.end() && it->first.compare(0, list.size(), list) == 0;) {
+        it = over.leaves_.count(it->first) ? std::next(it) : leaves_.erase(it);
+      }
+    }
+    leaves_[key] = leaf;
+  }
+}
+
+std::string ConfigReader::NameInSource(const std::string& name,
+                                       const std::vector<Constraint>& checks) const {
+  // The first leaf of a key, a group or a list.
+  const auto find = [&](const std::string& key) {
+    auto leaf = source_.leaves_.lower_bound(key);
+    while (leaf != source_.leaves_.end() && leaf->first.compare(0, key.size(), key) == 0) {
+      if (leaf->first.size() == key.size() || leaf->first[key.size()] == '.' ||
+          leaf->first[key.size()] == '[')
+        return leaf;
+      ++leaf;
+    }
+    return source_.leaves_.end();
+  };
+  for (const Constraint& check : checks) {
+    if (check.former_name.empty()) continue;
+    const auto former = find(prefix_ + check.former_name);
+    if (former == source_.leaves_.end()) continue;
+    const std::string was = prefix_ + check.former_name, is = prefix_ + name;
+    if (const auto present = find(is); present != source_.leaves_.end()) {
+      throw ConfigError(fmt::format("{} ({}) is the former name of {} ({}): leave one of them out",
+                                    was, former->second.where, is, present->second.where));
+    }
+    fmt::print(stderr, "warning: {} ({}) is now called {}\n", was, former->second.where, is);
+    return check.former_name;
+  }
+  return name;
+}
+
+const ConfigSource::Leaf* ConfigReader::Find(const std::string& key, bool sequence) {
+  known_.insert(key);
+  const auto found = source_.leaves_.find(key);
+  if (found == source_.leaves_.end()) return nullptr;
+  if (found->second.is_sequence != sequence) {
+    throw ConfigError(fmt::format("{} wants {} ({})", key,
+                                  sequence ? "a list, as in [1, 2]" : "a single value, not a list",
+                                  found->second.where));
+  }
+  return &found->second;
+}
+
+bool ConfigReader::IsEmptyList(const std::string& key) {
+  known_.insert(key);
+  const auto found = source_.leaves_.find(key);
+  if (found == source_.leaves_.end()) return false;
+  if (!found->second.is_sequence || !found->second.values.empty()) {
+    throw ConfigError(
+        fmt::format("{} wants a list of maps, as in [{{name: a}}] ({})", key, found->second.where));
+  }
+  return true;
+}
+
+void ConfigReader::RequireSize(const ConfigSource::Leaf& leaf, std::size_t size,
+                               const std::string& key) {
+  if (leaf.values.size() != size) {
+    throw ConfigError(fmt::format("{} has {} values; {} are expected ({})", key, leaf.values.size(),
+                                  size, leaf.where));
+  }
+}
+
+int ConfigReader::CountItems(const std::string& key) const {
+  const std::string prefix = key + "[";
+  std::map<std::uint64_t, const std::pair<const std::string, ConfigSource::Leaf>*> items;
+  for (auto it = source_.leaves_.lower_bound(prefix);
+       it != source_.leaves_.end() && it->first.compare(0, prefix.size(), prefix) == 0; ++it) {
+    const char* const begin = it->first.data() + prefix.size();
+    const char* const end = it->first.data() + it->first.size();
+    std::uint64_t index = 0;
+    const auto result = std::from_chars(begin, end, index);
+    if (result.ec != std::errc() || result.ptr == end || *result.ptr != ']') {
+      throw ConfigError(fmt::format("{} has no index: {}[0] is the first item ({})", it->first, key,
+                                    it->second.where));
+    }
+    items.emplace(index, &*it);
+  }
+  std::uint64_t count = 0;
+  for (const auto& [index, leaf] : items) {
+    if (index != count) {
+      throw ConfigError(fmt::format(
+          "{} violates that items have indices from 0 on without a gap: {}[{}] is missing ({})",
+          leaf->first, key, count, leaf->second.where));
+    }
+    ++count;
+  }
+  return static_cast<int>(count);
+}
+
+void ConfigReader::RejectUnknown() const {
+  const std::vector<std::string> known(known_.begin(), known_.end());
+  for (const auto& [key, leaf] : source_.leaves_) {
+    if (known_.count(key)) continue;
+    const std::string nearest = NearestKey(key, known);
+    throw ConfigError(
+        fmt::format("unknown key '{}' ({}){}", key, leaf.where,
+                    nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
+  }
+}
+
+std::string NearestKey(const std::string& key, const std::vector<std::string>& known) {
+  std::string best;
+  std::size_t best_distance = std::numeric_limits<std::size_t>::max();
+  const auto last_part = [](const std::string& k) { return k.substr(k.rfind('.') + 1); };
+  for (const std::string& candidate : known) {
+    if (last_part(candidate) == last_part(key)) return candidate;
+    std::vector<std::size_t> row(candidate.size() + 1);
+    for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
+    for (std::size_t i = 1; i <= key.size(); ++i) {
+      std::size_t diagonal = row[0];
+      row[0] = i;
+      for (std::size_t j = 1; j < row.size(); ++j) {
+        const std::size_t change = diagonal + (key[i - 1] == candidate[j - 1] ? 0 : 1);
+        diagonal = row[j];
+        row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
+      }
+    }
+    if (row.back() < best_distance) {
+      best_distance = row.back();
+      best = candidate;
+    }
+  }
+  return best_distance <= std::max<std::size_t>(2, key.size() / 2) ? best : "";
+}
+
+namespace {
+
+std::string Quoted(const std::string& text) {
+  YAML::Emitter emitter;
+  emitter << YAML::DoubleQuoted << text;
+  return emitter.c_str();
+}
+
+}  // namespace
+
+std::string ConfigWriter::Indent() {
+  std::string indent(static_cast<std::size_t>(2 * depth_), ' ');
+  if (item_start_) {
+    item_start_ = false;
+    indent.replace(indent.size() - 2, 2, "- ");
+  }
+  return indent;
+}
+
+void ConfigWriter::Leaf(const std::string& name, const std::string& value, bool quote,
+                        const char* doc, const std::vector<Constraint>& checks) {
+  if (form_ == Form::kYaml) {
+    text_ += fmt::format("{}{}: {}\n", Indent(), name, quote ? Quoted(value) : value);
+    return;
+  }
+  std::string path;
+  for (const std::string& part : path_) path += part + ".";
+  std::string constraint;
+  for (const Constraint& check : checks) {
+    if (check.text.empty()) continue;
+    constraint += (constraint.empty() ? "" : ", ") + check.text;
+  }
+  text_ += fmt::format("| `{}{}` | {} | {} | {} |\n", path, name,
+                       value.empty() ? "" : "`" + MarkdownCell(value) + "`", MarkdownCell(doc),
+                       MarkdownCell(constraint));
+}
+
+void ConfigWriter::Sequence(const std::string& name, const std::vector<std::string>& values,
+                            bool quote, const char* doc, const std::vector<Constraint>& checks) {
+  std::string list = "[";
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    list += (i ? ", " : "") + (quote && form_ == Form::kYaml ? Quoted(values[i]) : values[i]);
+  }
+  Leaf(name, list + "]", false, doc, checks);
+}
+
+void ConfigWriter::Open(const std::string& name, const char* /*doc*/) {
+  if (form_ == Form::kYaml) {
+    text_ += fmt::format("{}{}:\n", Indent(), name);
+    ++depth_;
+  }
+  path_.push_back(name);
+}
+
+void ConfigWriter::Close() {
+  path_.pop_back();
+  if (form_ == Form::kYaml) --depth_;
+}
+
+void ConfigWriter::OpenList(const std::string& name) {
+  text_ += fmt::format("{}{}:\n", Indent(), name);
+  ++depth_;
+}
+
+void ConfigWriter::CloseList() { --depth_; }
+
+void ConfigWriter::OpenItem() {
+  ++depth_;
+  item_start_ = true;
+}
+
+void ConfigWriter::CloseItem() { --depth_; }
+
+}  // namespace volalign

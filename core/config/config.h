@@ -1,0 +1,314 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <map>
+#include <set>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+/// Configuration: plain structs with defaults that describe their keys once,
+///
+///   struct OptimizerConfig {
+///     double lr = 2e-4;
+///     template <class Archive>
+///     void Describe(Archive& ar) {
+///       ar("lr", lr, "initial learning rate", AtLeast(0));
+///     }
+///   };
+///
+/// and from that description are read (unknown or duplicate keys are errors that name file, line
+/// and the nearest known key), checked, written back in full, and documented.
+
+/// A condition on a number or string; `text` completes "KEY = VALUE violates KEY ...".
+struct Constraint {
+  std::string text;
+  std::function<bool(double)> number;
+  std::function<bool(const std::string&)> word;
+  std::string former_name = "";  ///< no condition, but a name that the key had: see FormerlyNamed
+};
+Constraint Above(double low);
+Constraint AtLeast(double low);
+Constraint Between(double low, double high);  ///< closed interval
+Constraint OneOf(std::vector<std::string> words);
+/// The key or group is read under this name, too, with a warning on stderr that names the present
+/// one. Files that give both are in error.
+Constraint FormerlyNamed(std::string name);
+
+/// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
+/// of scalars are one leaf; sequences of maps become "sensors[0].name".
+class ConfigSource {
+ public:
+  struct Leaf {
+    std::vector<std::string> values;
+    bool is_sequence = false;
+    std::string where;  ///< "file:line" or "--set"
+  };
+
+  ConfigSource() = default;
+  /// Reads a YAML file; a top-level key `inherits: other.yaml` (relative to the file) is read first
+  /// and overridden leaf by leaf. Throws IoError, or ConfigError on bad YAML, duplicate keys or a
+  /// cycle of inheritance.
+  static ConfigSource FromFile(const std::string& path);
+  static ConfigSource FromString(const std::string& yaml, const std::string& name);
+  /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]". Throws
+  /// ConfigError.
+  void Set(const std::string& assignment);
+
+  const std::map<std::string, Leaf>& leaves() const { return leaves_; }
+
+ private:
+  void Merge(const ConfigSource& over);
+  std::map<std::string, Leaf> leaves_;
+  friend class ConfigReader;
+};
+
+namespace config_internal {
+template <class T>
+struct IsScalar : std::bool_constant<std::is_arithmetic_v<T> || std::is_same_v<T, std::string>> {};
+template <class T>
+struct IsVector : std::false_type {};
+template <class T>
+struct IsVector<std::vector<T>> : std::true_type {};
+template <class T>
+struct IsArray : std::false_type {};
+template <class T, std::size_t N>
+struct IsArray<std::array<T, N>> : std::true_type {};
+
+std::string ToText(bool value);
+std::string ToText(std::int64_t value);
+std::string ToText(double value);  // shortest text that reads back exactly
+std::string ToText(const std::string& value);
+template <class T>
+std::string ScalarText(const T& value) {
+  if constexpr (std::is_same_v<T, bool> || std::is_same_v<T, std::string>) {
+    return ToText(value);
+  } else if constexpr (std::is_integral_v<T>) {
+    return ToText(static_cast<std::int64_t>(value));
+  } else {
+    return ToText(static_cast<double>(value));
+  }
+}
+/// Throw ConfigError that names key, value and place when the text is of another type.
+bool ParseBool(const std::string& text, const std::string& key, const std::string& where);
+std::int64_t ParseInt(const std::string& text, const std::string& key, const std::string& where);
+double ParseDouble(const std::string& text, const std::string& key, const std::string& where);
+/// Throws ConfigError unless low <= value <= high, the limits of the key's own type.
+void CheckRange(std::int64_t value, std::int64_t low, std::uint64_t high, const std::string& key,
+                const std::string& where);
+template <class T>
+T ParseScalar(const std::string& text, const std::string& key, const std::string& where) {
+  if constexpr (std::is_same_v<T, bool>) {
+    return ParseBool(text, key, where);
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    return text;
+  } else if constexpr (std::is_integral_v<T>) {
+    const std::int64_t value = ParseInt(text, key, where);
+    CheckRange(value, static_cast<std::int64_t>(std::numeric_limits<T>::min()),
+               static_cast<std::uint64_t>(std::numeric_limits<T>::max()), key, where);
+    return static_cast<T>(value);
+  } else {
+    return static_cast<T>(ParseDouble(text, key, where));
+  }
+}
+void CheckNumber(double value, const std::vector<Constraint>& constraints, const std::string& key,
+                 const std::string& where);
+void CheckWord(const std::string& value, const std::vector<Constraint>& constraints,
+               const std::string& key, const std::string& where);
+template <class T>
+void CheckScalar(const T& value, const std::vector<Constraint>& constraints, const std::string& key,
+                 const std::string& where) {
+  if constexpr (std::is_same_v<T, std::string>) {
+    CheckWord(value, constraints, key, where);
+  } else {
+    CheckNumber(static_cast<double>(value), constraints, key, where);
+  }
+}
+}  // namespace config_internal
+
+/// Fills a struct from a source; remembers which keys exist.
+class ConfigReader {
+ public:
+  explicit ConfigReader(const ConfigSource& source) : source_(source) {}
+
+  template <class T, class... C>
+  void operator()(const std::string& name, T& value, const char* /*doc*/, const C&... constraints) {
+    using namespace config_internal;
+    const std::vector<Constraint> checks{constraints...};
+    const std::string key = prefix_ + NameInSource(name, checks);
+    if constexpr (IsScalar<T>::value) {
+      const auto* leaf = Find(key, false);
+      if (leaf) value = ParseScalar<T>(leaf->values.at(0), key, leaf->where);
+      CheckScalar(value, checks, key, leaf ? leaf->where : "default");
+    } else if constexpr (IsArray<T>::value) {
+      const auto* leaf = Find(key, true);
+      if (leaf) {
+        RequireSize(*leaf, value.size(), key);
+        for (std::size_t i = 0; i < value.size(); ++i) {
+          value[i] = ParseScalar<typename T::value_type>(leaf->values[i], key, leaf->where);
+        }
+      }
+      for (const auto& x : value) CheckScalar(x, checks, key, leaf ? leaf->where : "default");
+    } else if constexpr (IsVector<T>::value) {
+      if constexpr (IsScalar<typename T::value_type>::value) {
+        const auto* leaf = Find(key, true);
+        if (leaf) {
+          value.clear();
+          for (const auto& text : leaf->values) {
+            value.push_back(ParseScalar<typename T::value_type>(text, key, leaf->where));
+          }
+        }
+        for (const auto& x : value) {
+          typename T::value_type copy = x;
+          CheckScalar(copy, checks, key, leaf ? leaf->where : "default");
+        }
+      } else {
+        if (IsEmptyList(key)) value.clear();
+        const int n = CountItems(key);
+        if (n > 0) value.assign(static_cast<std::size_t>(n), typename T::value_type());
+        for (int i = 0; i < static_cast<int>(value.size()); ++i) {
+          Nested(key + "[" + std::to_string(i) + "].", value[static_cast<std::size_t>(i)]);
+        }
+      }
+    } else {
+      Nested(key + ".", value);
+    }
+  }
+
+  /// Throws ConfigError for the first key of the source that no struct described.
+  void RejectUnknown() const;
+
+ private:
+  template <class T>
+  void Nested(const std::string& prefix, T& value) {
+    const std::string saved = prefix_;
+    prefix_ = prefix;
+    value.Describe(*this);
+    prefix_ = saved;
+  }
+  /// `name`, or a former name that the source uses.
+  std::string NameInSource(const std::string& name, const std::vector<Constraint>& checks) const;
+  const ConfigSource::Leaf* Find(const std::string& key, bool sequence);
+  static void RequireSize(const ConfigSource::Leaf& leaf, std::size_t size, const std::string& key);
+  bool IsEmptyList(const std::string& key);
+  /// Throws ConfigError unless the items' indices are 0, 1, ... without a gap.
+  int CountItems(const std::string& key) const;
+
+  const ConfigSource& source_;
+  std::set<std::string> known_;
+  std::string prefix_;
+};
+
+/// Writes a struct as YAML, every key with its value (the resolved config), or, with `document`, as
+/// a Markdown table row a key: name, default, meaning, constraint.
+class ConfigWriter {
+ public:
+  enum class Form { kYaml, kMarkdown };
+  explicit ConfigWriter(Form form = Form::kYaml) : form_(form) {}
+
+  template <class T, class... C>
+  void operator()(const std::string& name, T& value, const char* doc, const C&... constraints) {
+    using namespace config_internal;
+    const std::vector<Constraint> checks{constraints...};
+    if constexpr (IsScalar<T>::value) {
+      Leaf(name, ScalarText(value), std::is_same_v<T, std::string>, doc, checks);
+    } else if constexpr (IsArray<T>::value || IsVector<T>::value) {
+      if constexpr (IsScalar<typename T::value_type>::value) {
+        std::vector<std::string> texts;
+        for (const auto& x : value) {
+          typename T::value_type copy = x;
+          texts.push_back(ScalarText(copy));
+        }
+        Sequence(name, texts, std::is_same_v<typename T::value_type, std::string>, doc, checks);
+      } else {
+        if (form_ == Form::kMarkdown) {
+          typename T::value_type item;
+          Open(name + "[]", doc);
+          item.Describe(*this);
+          Close();
+        } else if (value.empty()) {
+          Sequence(name, {}, false, doc, checks);
+        } else {
+          OpenList(name);
+          for (auto& item : value) {
+            OpenItem();
+            item.Describe(*this);
+            CloseItem();
+          }
+          CloseList();
+        }
+      }
+    } else {
+      Open(name, doc);
+      value.Describe(*this);
+      Close();
+    }
+  }
+
+  const std::string& text() const { return text_; }
+
+ private:
+  void Leaf(const std::string& name, const std::string& value, bool quote, const char* doc,
+            const std::vector<Constraint>& checks);
+  void Sequence(const std::string& name, const std::vector<std::string>& values, bool quote,
+                const char* doc, const std::vector<Constraint>& checks);
+  void Open(const std::string& name, const char* doc);
+  void Close();
+  void OpenList(const std::string& name);
+  void CloseList();
+  void OpenItem();
+  void CloseItem();
+  std::string Indent();
+
+  Form form_;
+  std::string text_;
+  std::vector<std::string> path_;
+  int depth_ = 0;
+  bool item_start_ = false;
+};
+
+/// Reads and checks a whole struct; unknown keys are errors.
+template <class T>
+T ReadConfig(const ConfigSource& source, T config = T()) {
+  ConfigReader reader(source);
+  config.Describe(reader);
+  reader.RejectUnknown();
+  return config;
+}
+
+/// The resolved config as YAML; ReadConfig of it gives an equal struct.
+template <class T>
+std::string WriteConfig(T config) {
+  ConfigWriter writer;
+  config.Describe(writer);
+  return writer.text();
+}
+
+/// Markdown table of all keys with defaults, meanings and constraints (docs/config.md).
+template <class T>
+std::string DocumentConfig(T config = T()) {
+  ConfigWriter writer(ConfigWriter::Form::kMarkdown);
+  config.Describe(writer);
+  return writer.text();
+}
+
+/// Checks a struct that was filled in code: throws ConfigError like reading does.
+template <class T>
+void ValidateConfig(T config) {
+  ConfigSource empty;
+  ConfigReader reader(empty);
+  config.Describe(reader);
+}
+
+/// The known key nearest to `key` by edit distance, or "" when none is near.
+std::string NearestKey(const std::string& key, const std::vector<std::string>& known);
+
+}  // namespace volalign

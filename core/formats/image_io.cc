@@ -1,0 +1,318 @@
+#include "core/formats/image_io.h"
+
+#include <fmt/format.h>
+#include <png.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <csetjmp>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+
+namespace volalign {
+
+namespace {
+
+// No depth sensor comes near these; a file that claims more is refused before memory is taken.
+constexpr int kMaxSide = 1 << 15;
+constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels as text fit
+
+struct Pixels {
+  int width = 0, height = 0, bit_depth = 0, channels = 0;
+  std::vector<std::uint8_t> bytes;  // rows without padding; 16-bit samples in machine order
+};
+
+struct ReadState {
+  const std::string* bytes;
+  std::size_t at = 0;
+  std::string error;
+};
+
+void OnReadError(png_structp png, png_const_charp message) {
+  static_cast<ReadState*>(png_get_error_ptr(png))->error = message;
+  longjmp(png_jmpbuf(png), 1);
+}
+
+void OnWarning(png_structp, png_const_charp) {}
+
+void ReadBytes(png_structp png, png_bytep out, png_size_t size) {
+  auto* state = static_cast<ReadState*>(png_get_io_ptr(png));
+  if (state->at + size > state->bytes->size()) png_error(png, "the file is truncated");
+  std::memcpy(out, state->bytes->data() + state->at, size);
+  state->at += size;
+}
+
+/// libpng leaves through longjmp: nothing with a destructor may live between setjmp and the calls.
+bool DecodeRows(png_structp png, png_infop info, std::size_t file_size, Pixels* pixels,
+                std::vector<png_bytep>* rows) {
+  if (setjmp(png_jmpbuf(png))) return false;
+  png_read_info(png, info);
+  pixels->width = static_cast<int>(png_get_image_width(png, info));
+  pixels->height = static_cast<int>(png_get_image_height(png, info));
+  pixels->bit_depth = png_get_bit_depth(png, info);
+  pixels->channels = png_get_channels(png, info);
+  if (png_get_color_type(png, info) == PNG_COLOR_TYPE_PALETTE)
+    png_error(png, "a palette image is not expected");
+  if (pixels->bit_depth < 8) png_error(png, "less than 8 bits a sample are not expected");
+  if (pixels->bit_depth == 16) png_set_swap(png);
+  if (pixels->width > kMaxSide || pixels->height > kMaxSide)
+    png_error(png, "the image is too large");
+  png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  const std::size_t row = png_get_rowbytes(png, info);
+  // Deflate packs at most 1032 to 1: a small file that announces a huge image is not worth a try.
+  if (row * static_cast<std::size_t>(pixels->height) / 1100 > file_size)
+    png_error(png, "the file is truncated");
+  if (static_cast<std::size_t>(pixels->width) * static_cast<std::size_t>(pixels->height) >
+      kMaxPixels)
+    png_error(png, "the image is too large");
+  pixels->bytes.resize(row * static_cast<std::size_t>(pixels->height));
+  rows->resize(static_cast<std::size_t>(pixels->height));
+  for (std::size_t v = 0; v < rows->size(); ++v) (*rows)[v] = pixels->bytes.data() + v * row;
+  png_read_image(png, rows->data());
+  png_read_end(png, nullptr);
+  return true;
+}
+
+Pixels DecodePng(const std::string& bytes, const std::string& name) {
+  ReadState state{&bytes, 0, ""};
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &state, OnReadError, OnWarning);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  if (!info) throw Error("libpng could not be initialised");
+  png_set_read_fn(png, &state, ReadBytes);
+  Pixels pixels;
+  std::vector<png_bytep> rows;
+  const bool decoded = DecodeRows(png, info, bytes.size(), &pixels, &rows);
+  png_destroy_read_struct(&png, &info, nullptr);
+  if (!decoded) throw DataError(fmt::format("{}: not a readable PNG: {}", name, state.error));
+  return pixels;
+}
+
+void AppendBytes(png_structp png, png_bytep data, png_size_t size) {
+  static_cast<std::string*>(png_get_io_ptr(png))->append(reinterpret_cast<char*>(data), size);
+}
+
+bool EncodeRows(png_structp png, png_infop info, int width, int height, int bit_depth, int colour,
+                PngEffort effort, std::vector<png_bytep>* rows) {
+  if (setjmp(png_jmpbuf(png))) return false;
+  if (effort == PngEffort::kFast) {
+    constexpr int kRunLengths = 3;  // zlib's Z_RLE
+    png_set_compression_level(png, 1);
+    png_set_compression_strategy(png, kRunLengths);
+    png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_UP);
+  }
+  png_set_IHDR(png, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
+               bit_depth, colour, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+               PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(png, info);
+  if (bit_depth == 16) png_set_swap(png);
+  png_write_image(png, rows->data());
+  png_write_end(png, nullptr);
+  return true;
+}
+
+std::string Encode(const void* data, int width, int height, int bit_depth, int channels,
+                   PngEffort effort) {
+  if (width <= 0 || height <= 0) throw Error("an empty image cannot be written as PNG");
+  const std::size_t row = static_cast<std::size_t>(width * channels * bit_depth / 8);
+  std::vector<png_bytep> rows(static_cast<std::size_t>(height));
+  auto* base = const_cast<png_bytep>(static_cast<const std::uint8_t*>(data));
+  for (std::size_t v = 0; v < rows.size(); ++v) rows[v] = base + v * row;
+  ReadState state{nullptr, 0, ""};
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &state, OnReadError, OnWarning);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  if (!info) throw Error("libpng could not be initialised");
+  std::string bytes;
+  png_set_write_fn(png, &bytes, AppendBytes, nullptr);
+  const bool encoded =
+      EncodeRows(png, info, width, height, bit_depth,
+                 channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, effort, &rows);
+  png_destroy_write_struct(&png, &info);
+  if (!encoded) throw Error(fmt::format("PNG encoding failed: {}", state.error));
+  return bytes;
+}
+
+/// Reads PGM headers' and P2's numbers: white space and # comments between them.
+class PgmScanner {
+ public:
+  PgmScanner(const std::string& bytes, const std::string& name) : bytes_(bytes), name_(name) {}
+
+  long Number(const char* what) {
+    while (at_ < bytes_.size()) {
+      if (bytes_[at_] == '#') {
+        while (at_ < bytes_.size() && bytes_[at_] != '\n') ++at_;
+      } else if (std::isspace(static_cast<unsigned char>(bytes_[at_]))) {
+        ++at_;
+      } else {
+        break;
+      }
+    }
+    if (at_ >= bytes_.size())
+      throw DataError(fmt::format("{}: truncated PGM: {} is missing", name_, what));
+    long value = 0;
+    std::size_t digits = 0;
+    while (at_ < bytes_.size() && std::isdigit(static_cast<unsigned char>(bytes_[at_])) &&
+           digits < 9) {
+      value = 10 * value + (bytes_[at_++] - '0');
+      ++digits;
+    }
+    if (digits == 0 || (at_ < bytes_.size() && bytes_[at_] != '#' && !AtSpace())) {
+      throw DataError(
+          fmt::format("{}: bad PGM: byte {} is not part of a number ({})", name_, at_, what));
+    }
+    return value;
+  }
+  void Skip(std::size_t n) { at_ += n; }
+  /// The single white space between a binary file's header and its pixels.
+  void SkipSpace() {
+    if (at_ < bytes_.size() && !AtSpace())
+      throw DataError(fmt::format("{}: bad PGM: no white space ends the header", name_));
+    ++at_;
+  }
+  std::size_t at() const { return at_; }
+
+ private:
+  bool AtSpace() const { return std::isspace(static_cast<unsigned char>(bytes_[at_])); }
+
+  const std::string& bytes_;
+  const std::string& name_;
+  std::size_t at_ = 0;
+};
+
+void RequireAtMost(long value, long maximum, std::size_t pixel, const std::string& name) {
+  if (value <= maximum) return;
+  throw DataError(
+      fmt::format("{}: bad PGM: pixel {} has {} > maximum {}", name, pixel, value, maximum));
+}
+
+Image16 DecodePgm(const std::string& bytes, const std::string& name) {
+  PgmScanner scanner(bytes, name);
+  const bool ascii = bytes[1] == '2';
+  scanner.Skip(2);
+  const long width = scanner.Number("width"), height = scanner.Number("height");
+  const long maximum = scanner.Number("maximum");
+  if (width <= 0 || height <= 0 || width > kMaxSide || height > kMaxSide) {
+    throw DataError(fmt::format("{}: bad PGM: size {}x{}", name, width, height));
+  }
+  if (maximum <= 0 || maximum > 65535) {
+    throw DataError(
+        fmt::format("{}: bad PGM: maximum {} violates 0 < maximum < 65536", name, maximum));
+  }
+  const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const std::size_t sample = !ascii && maximum > 255 ? 2 : 1;
+  if (!ascii) scanner.SkipSpace();
+  const std::size_t left = bytes.size() - std::min(bytes.size(), scanner.at());
+  if (left < count * sample) {
+    throw DataError(fmt::format("{}: truncated PGM: {} bytes hold no {}x{} pixels of {} bytes",
+                                name, left, width, height, sample));
+  }
+  if (count > kMaxPixels) {
+    throw DataError(
+        fmt::format("{}: bad PGM: {}x{} are more than {} pixels", name, width, height, kMaxPixels));
+  }
+  Image16 image(static_cast<int>(width), static_cast<int>(height));
+  if (ascii) {
+    for (std::size_t i = 0; i < image.size(); ++i) {
+      const long value = scanner.Number("a pixel");
+      RequireAtMost(value, maximum, i, name);
+      image[i] = static_cast<std::uint16_t>(value);
+    }
+    return image;
+  }
+  const auto* p = reinterpret_cast<const std::uint8_t*>(bytes.data()) + scanner.at();
+  for (std::size_t i = 0; i < image.size(); ++i, p += sample) {
+    const long value = sample == 2 ? (p[0] << 8 | p[1]) : p[0];
+    RequireAtMost(value, maximum, i, name);
+    image[i] = static_cast<std::uint16_t>(value);
+  }
+  return image;
+}
+
+/// Of a PNG with so many bits and channels, which `kind` has. Throws DataError for others.
+template <class Pixel>
+Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const char* kind, int bits,
+                      int channels) {
+  const Pixels pixels = DecodePng(bytes, name);
+  if (pixels.bit_depth != bits || pixels.channels != channels) {
+    throw DataError(fmt::format(
+        "{}: {} has {} bits and {} channel{}; this one has {} bits and {} channels", name, kind,
+        bits, channels, channels == 1 ? "" : "s", pixels.bit_depth, pixels.channels));
+  }
+  Image<Pixel> image(pixels.width, pixels.height);
+  std::memcpy(static_cast<void*>(image.data()), pixels.bytes.data(), pixels.bytes.size());
+  return image;
+}
+
+}  // namespace
+
+Image16 ReadDepthFile(const std::filesystem::path& path) {
+  return DecodeDepth(ReadFile(path, kMaxFileBytes), path.string());
+}
+
+Image16 DecodeDepth(const std::string& bytes, const std::string& name) {
+  if (bytes.size() > 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) {
+    return DecodePgm(bytes, name);
+  }
+  if (bytes.compare(0, 4, "\x89PNG") != 0) {
+    throw DataError(fmt::format(
+        "{}: neither a PNG nor a PGM (P2, P5) image; depth is expected as one of these", name));
+  }
+  return PixelsOf<std::uint16_t>(bytes, name, "a depth PNG", 16, 1);
+}
+
+LabelImage ReadPng8(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path, kMaxFileBytes);
+  return PixelsOf<std::uint8_t>(bytes, path.string(), "a label PNG", 8, 1);
+}
+
+RgbImage ReadPngRgb(const std::filesystem::path& path) {
+  return PixelsOf<Rgb>(ReadFile(path, kMaxFileBytes), path.string(), "an RGB PNG", 8, 3);
+}
+
+template <class Pixel>
+std::string EncodePng(const Image<Pixel>& image, PngEffort effort) {
+  constexpr int kChannels = std::is_same_v<Pixel, Rgb> ? 3 : 1;
+  return Encode(image.data(), image.width(), image.height(), 8 * sizeof(Pixel) / kChannels,
+                kChannels, effort);
+}
+
+template <class Pixel>
+void WritePng(const std::filesystem::path& path, const Image<Pixel>& image) {
+  if (image.empty())
+    throw Error(fmt::format("{}: an empty image cannot be written", path.string()));
+  WriteFileAtomically(path, EncodePng(image));
+}
+
+template std::string EncodePng(const Image16&, PngEffort);
+template std::string EncodePng(const LabelImage&, PngEffort);
+template std::string EncodePng(const RgbImage&, PngEffort);
+template void WritePng(const std::filesystem::path&, const Image16&);
+template void WritePng(const std::filesystem::path&, const LabelImage&);
+template void WritePng(const std::filesystem::path&, const RgbImage&);
+
+DepthImage ToMetres(const Image16& raw, double depth_scale) {
+  DepthImage depth(raw.width(), raw.height());
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    depth[i] = static_cast<float>(raw[i] * depth_scale);
+  }
+  return depth;
+}
+
+Image16 FromMetres(const DepthImage& depth, double depth_scale) {
+  Image16 raw(depth.width(), depth.height());
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    const double steps = std::round(static_cast<double>(depth[i]) / depth_scale);
+    raw[i] = steps >= 0 && steps <= 65535 ? static_cast<std::uint16_t>(steps) : 0;
+  }
+  return raw;
+}
+
+}  // namespace volalign

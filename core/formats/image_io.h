@@ -1,0 +1,39 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "core/base/image.h"
+
+namespace volalign {
+
+/// Reads a 16-bit depth file by its content: PNG (16-bit grey), PGM ASCII (P2) or PGM binary (P5,
+/// 8 or 16 bits). Throws IoError if the file cannot be opened, is no regular file or has over 512
+/// MiB, DataError if it is truncated, of another kind, of over 2^26 pixels or holds values above
+/// its maximum.
+Image16 ReadDepthFile(const std::filesystem::path& path);
+/// The same of such a file in memory; `name` begins every message.
+Image16 DecodeDepth(const std::string& bytes, const std::string& name);
+
+/// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.
+LabelImage ReadPng8(const std::filesystem::path& path);
+
+/// Reads an 8-bit RGB PNG. Throws IoError or DataError.
+RgbImage ReadPngRgb(const std::filesystem::path& path);
+
+/// What a PNG is to be: small, or encoded some ten times faster for a tenth more bytes (data sets).
+enum class PngEffort { kSmall, kFast };
+/// Of an Image16, LabelImage or RgbImage, as WritePng.
+template <class Pixel>
+std::string EncodePng(const Image<Pixel>& image, PngEffort effort = PngEffort::kSmall);
+
+/// Encodes in memory and replaces `path` atomically (see WriteFileAtomically).
+template <class Pixel>
+void WritePng(const std::filesystem::path& path, const Image<Pixel>& image);
+
+/// Metres = raw * depth_scale.
+DepthImage ToMetres(const Image16& raw, double depth_scale);
+/// Rounds to the nearest step; values that do not fit into 16 bits become 0 ("no measurement").
+Image16 FromMetres(const DepthImage& depth, double depth_scale);
+
+}  // namespace volalign

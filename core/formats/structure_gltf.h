@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+
+#include "core/geometry/structure.h"
+
+namespace volalign {
+
+/// Writes glTF 2.0 binary: one named node a box (its transform is structure_from_box, metres, y
+/// up), one primitive a side with extras {side, label, centre, exposed_centroid} (structure frame).
+/// Throws IoError.
+void WriteStructureGlb(const std::filesystem::path& path, const Structure& structure);
+
+/// Reads what WriteStructureGlb wrote. Throws IoError, or DataError naming the node or primitive
+/// whose geometry, label or extras are missing or contradict each other.
+Structure ReadStructureGlb(const std::filesystem::path& path);
+
+/// By extension: .glb through ReadStructureGlb, .yaml or .yml through ReadStructureYaml.
+Structure ReadStructure(const std::filesystem::path& path);
+
+}  // namespace volalign

@@ -1,0 +1,166 @@
+#include "core/geometry/lens.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+/// The radial part of the model is tabulated up to this radius on the plane z = 1 (87 deg off the
+/// axis), in steps of this length, unless it folds over before.
+constexpr double kWidestRadius = 20;
+constexpr double kRadiusStep = 0.005;
+/// Newton's method starts from that table, so that two steps are the rule.
+constexpr int kNewtonSteps = 20;
+constexpr double kConvergedPx = 1e-6;
+/// With tangential distortion a ray may fold over at a slightly larger radius than the table's.
+constexpr double kFoldMargin = 0.02;
+
+struct Coefficients {
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+
+  explicit Coefficients(const Intrinsics& intrinsics) {
+    std::array<double, 8> k{};
+    std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), k.begin());
+    k1 = k[0], k2 = k[1], p1 = k[2], p2 = k[3], k3 = k[4], k4 = k[5], k5 = k[6], k6 = k[7];
+  }
+  double Numerator(double r2) const { return 1 + r2 * (k1 + r2 * (k2 + r2 * k3)); }
+  double Denominator(double r2) const { return 1 + r2 * (k4 + r2 * (k5 + r2 * k6)); }
+  /// Radial factor, and its derivative by r^2.
+  double Radial(double r2, double* derivative) const {
+    const double inverse = 1 / Denominator(r2), radial = Numerator(r2) * inverse;
+    *derivative =
+        (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) * inverse;
+    return radial;
+  }
+  /// The ray as the lens bends it, on the plane z = 1, and the derivative by the ray.
+  Eigen::Vector2d Bend(const Eigen::Vector2d& ray, Eigen::Matrix2d* jacobian) const {
+    const double x = ray.x(), y = ray.y(), r2 = x * x + y * y;
+    double slope = 0;
+    const double radial = Radial(r2, &slope);
+    const double cross = 2 * (slope * x * y + p1 * x + p2 * y);
+    *jacobian << radial + 2 * slope * x * x + 2 * p1 * y + 6 * p2 * x, cross,  //
+        cross, radial + 2 * slope * y * y + 6 * p1 * y + 2 * p2 * x;
+    return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+  }
+};
+
+/// Inverts the lens model.
+class LensInverse {
+ public:
+  explicit LensInverse(const Intrinsics& intrinsics)
+      : lens_(intrinsics), tolerance_(kConvergedPx / std::min(intrinsics.fx, intrinsics.fy)) {
+    double slope = 0;
+    for (double r = 0; r <= kWidestRadius; r += kRadiusStep) {
+      const double r2 = r * r, radial = lens_.Radial(r2, &slope);
+      const bool rises = lens_.Denominator(r2) > 0 && radial + 2 * r2 * slope > 0;
+      if (!rises || (!bent_.empty() && r * radial <= bent_.back())) break;
+      bent_.push_back(r * radial);
+    }
+    fold_ = static_cast<double>(bent_.size()) * kRadiusStep;
+  }
+
+  /// The ray that the lens bends to `target`, both on the plane z = 1.
+  std::optional<Eigen::Vector2d> operator()(const Eigen::Vector2d& target) const {
+    const double bent = target.norm();
+    Eigen::Vector2d ray = bent > 0 ? Eigen::Vector2d(target * (Radius(bent) / bent)) : target;
+    Eigen::Matrix2d jacobian;
+    for (int i = 0; i < kNewtonSteps; ++i) {
+      const Eigen::Vector2d error = lens_.Bend(ray, &jacobian) - target;
+      if (!(jacobian.determinant() > 0) || !(ray.norm() <= fold_ * (1 + kFoldMargin))) break;
+      if (error.norm() <= tolerance_) return ray;
+      ray -= jacobian.inverse() * error;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  /// Radius that the radial part alone bends to `bent`; the widest one where none does.
+  double Radius(double bent) const {
+    const auto above = std::upper_bound(bent_.begin(), bent_.end(), bent);
+    if (above == bent_.end()) return static_cast<double>(bent_.size() - 1) * kRadiusStep;
+    const double low = *(above - 1);
+    return (static_cast<double>(above - bent_.begin() - 1) + (bent - low) / (*above - low)) *
+           kRadiusStep;
+  }
+
+  Coefficients lens_;
+  double tolerance_;
+  std::vector<double> bent_;  ///< of radii in steps of kRadiusStep, rising
+  double fold_ = 0;           ///< radius from which on the model does not rise
+};
+
+RayTable PinholeRays(const Intrinsics& intrinsics) {
+  RayTable table{intrinsics.width, intrinsics.height, {}};
+  table.rays.reserve(static_cast<std::size_t>(table.width) *
+                     static_cast<std::size_t>(table.height));
+  for (int v = 0; v < table.height; ++v) {
+    for (int u = 0; u < table.width; ++u) {
+      table.rays.emplace_back(static_cast<float>((u - intrinsics.cx) / intrinsics.fx),
+                              static_cast<float>((v - intrinsics.cy) / intrinsics.fy));
+    }
+  }
+  return table;
+}
+
+RayTable RaysThroughLens(const Intrinsics& intrinsics) {
+  const LensInverse inverse(intrinsics);
+  RayTable table{intrinsics.width, intrinsics.height, {}};
+  const auto pixels =
+      static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
+  table.rays.reserve(pixels);
+  std::size_t lost = 0;
+  for (int v = 0; v < intrinsics.height; ++v) {
+    for (int u = 0; u < intrinsics.width; ++u) {
+      const auto ray =
+          inverse({(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy});
+      lost += !ray;
+      table.rays.push_back(
+          ray ? Eigen::Vector2f(ray->cast<float>())
+              : Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN()));
+    }
+  }
+  if (2 * lost > pixels) {
+    throw DataError(
+        fmt::format("the distortion coefficients cannot be inverted at {} of {} pixels; check "
+                    "their order (k1 k2 p1 p2 k3 k4 k5 k6) and that they belong to these "
+                    "intrinsics",
+                    lost, pixels));
+  }
+  return table;
+}
+
+}  // namespace
+
+BentRay BendRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
+  const Coefficients lens(intrinsics);
+  BentRay bent;
+  bent.bent = lens.Bend(ray, &bent.by_ray);
+  bent.denominator = lens.Denominator(ray.squaredNorm());
+  return bent;
+}
+
+Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
+  Eigen::Matrix2d unused;
+  const Eigen::Vector2d bent = Coefficients(intrinsics).Bend(ray, &unused);
+  return {intrinsics.fx * bent.x() + intrinsics.cx, intrinsics.fy * bent.y() + intrinsics.cy};
+}
+
+RayTable ComputeRays(const Intrinsics& intrinsics) {
+  intrinsics.Validate("ComputeRays");
+  if (!intrinsics.distortion.empty()) return RaysThroughLens(intrinsics);
+  return PinholeRays(intrinsics);
+}
+
+}  // namespace volalign

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "core/geometry/camera.h"
+
+namespace volalign {
+
+/// Pixel of the normalised direction (x/z, y/z), lens distortion included: OpenCV's closed-form
+/// model with 0, 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6).
+Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray);
+
+/// A direction on the plane z = 1 as a lens bends it there.
+struct BentRay {
+  Eigen::Vector2d bent;
+  Eigen::Matrix2d by_ray;  ///< derivative by the direction; its determinant is 0 at a fold
+  /// Of the radial factor: the numerator's k1 and k2 move the bent ray by r^2 and r^4 of the
+  /// direction, over this.
+  double denominator;
+};
+BentRay BendRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray);
+
+/// Rays of every pixel, of a pinhole as of a camera with a lens. A pixel that no ray in front of
+/// the camera reaches before the lens model folds over has a NaN ray. Throws DataError for invalid
+/// intrinsics, and if more than half of the pixels have no ray: the coefficients are wrong then.
+RayTable ComputeRays(const Intrinsics& intrinsics);
+
+}  // namespace volalign

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/base/image.h"
+
+namespace volalign {
+
+struct MiouOptions {
+  int num_classes = 0;
+  /// false: over the classes present in either map (`miou`); true: all classes,
+  /// one that is absent from both maps counting as 1, as the code of the paper's authors has it
+  /// (`miou_authors`).
+  bool absent_counts_as_one = false;
+};
+
+/// Mean intersection over union of one image, background included, over the pixels with depth > 0
+/// (all pixels where `depth` is empty). 1 if no pixel counts. Throws Error on unequal sizes or a
+/// label >= num_classes.
+double MeanIou(const LabelImage& predicted, const LabelImage& truth, const DepthImage& depth,
+               const MiouOptions& options);
+
+/// sqrt(mean over a in A of min over b in B |a - b|^2), the paper's dist(A, B) (Results, eq. RMS).
+/// Both sets non-empty, else Error. Nearest neighbours with nanoflann's kd-tree.
+double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b);
+
+struct SetDistances {
+  double d1 = 0;  ///< dist(A, B), m
+  double d2 = 0;  ///< max(dist(A, B), dist(B, A)), m
+};
+SetDistances CompareSets(const std::vector<Eigen::Vector3d>& a,
+                         const std::vector<Eigen::Vector3d>& b);
+
+/// Mean, standard deviation (population), relative standard deviation, as the paper's tables give
+/// them.
+struct Summary {
+  double mean = 0, std = 0, rsd = 0, median = 0, p95 = 0;
+};
+Summary Summarise(std::vector<double> values);
+
+}  // namespace volalign

@@ -1,0 +1,214 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/config/config.h"
+#include "core/config/config_word.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/scene_config.h"
+
+namespace volalign {
+
+/// What sensors of a group have alike, and each sensor of a rig by itself.
+struct RigMount {
+  std::string sensor = "realsense_d415";
+  double rho_cm = 200;
+  double roll_deg = 90;
+  std::array<double, 3> look_at_cm{0, 0, 0};
+  bool level = false;
+  std::string image_size;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "of the intrinsics pool; also chooses the noise model");
+    ar("rho_cm", rho_cm, "horizontal distance from the rig's centre, cm", Above(0));
+    ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
+    ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
+    ar("level", level, "the optical axis is level: look_at_cm counts without its height");
+    ar("image_size", image_size,
+       "WIDTHxHEIGHT; empty: the pool's own size, a quarter of it where that is wider than 640");
+  }
+};
+
+/// One sensor of a rig. The rig's frame is the structure's at structure_yaw_deg = 0; the position
+/// is (rho cos phi, floor + height, rho sin phi).
+struct RigSensor : RigMount {
+  std::string name;
+  double phi_deg = 0;
+  double height_cm = 100;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "unique; names the files");
+    ar("phi_deg", phi_deg, "angle about the vertical from +x towards +z, deg");
+    ar("height_cm", height_cm, "height above the floor, cm", Above(0));
+    RigMount::Describe(ar);
+  }
+};
+
+/// A sensor that does not stand where it stood in the first still: its pose is then its first one
+/// times this, about its own axes (x right, y down, z forward).
+struct RigMovement {
+  std::string sensor;
+  std::array<double, 3> translation_mm{0, 0, 0};
+  std::array<double, 3> rotation_deg{0, 0, 0};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "name of the sensor");
+    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
+    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+  }
+};
+
+/// Sensors that differ in angle and height alone: a ring, an arc, or a column.
+struct RigGroup : RigMount {
+  std::string name = "S";
+  std::vector<double> phi_deg{0};
+  std::vector<double> height_cm{100};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "the sensors are called by it and their numbers from 1 on: S1, S2, ...");
+    ar("phi_deg", phi_deg,
+       "angles of the sensors, deg. There are as many sensors as the longer list of phi_deg and "
+       "height_cm has elements; the shorter list is repeated");
+    ar("height_cm", height_cm, "heights of the sensors above the floor, cm", Above(0));
+    RigMount::Describe(ar);
+  }
+};
+
+/// A further place of the structure: where its frame then stands in the frame of its first place.
+struct RigPlacement {
+  double x_cm = 0;
+  double z_cm = 0;
+  double yaw_deg = 0;
+  std::vector<RigMovement> moved;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
+    ar("z_cm", z_cm, "as x_cm");
+    ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
+    ar("moved", moved, "sensors that somebody moved before this still, from their first poses");
+  }
+};
+
+/// Of a sensor, between the stills of several placements: its device's errors (bias, warp and what
+/// else one device does alike in all frames) stay as they are, or each still draws its own.
+enum class DeviceErrorDraw { kPersistent, kRedrawn };
+
+/// The description of a simulated multi-sensor capture, rig.yaml; render/rig.h draws it.
+struct Rig {
+  Rig() {
+    scene.clutter_count = {6, 20};
+    scene.tripod_count = {0, 0};
+    scene.occluder_probability = 0;
+    assembly = {0, 0, 0, 0};
+  }
+
+  std::string structure = "configs/structure.yaml";
+  std::string intrinsics = "configs/intrinsics.yaml";
+  double structure_yaw_deg = 0;
+  std::vector<double> turns_deg;  ///< captures of their own, see Turns
+  bool structure_present = true;
+  bool room = true;
+  bool tripods = true;
+  std::string noise = "sensor";
+  bool state_lens = true;
+  double lens_spread_percent = 0;
+  double hidden_share = 0;
+  double missing_share = 0;
+  std::uint64_t seed = 1;
+  std::vector<RigSensor> sensors;
+  std::vector<RigGroup> groups;          ///< ReadRig makes sensors of them
+  std::vector<RigPlacement> placements;  ///< after the first, which is the identity
+  DeviceErrorDraw device_errors = DeviceErrorDraw::kPersistent;
+  SceneConfig scene;
+  AssemblyConfig assembly;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("structure", structure, "structure file, .yaml or .glb");
+    ar("intrinsics", intrinsics, "pool of measured intrinsics");
+    ar("structure_yaw_deg", structure_yaw_deg,
+       "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
+       "against the sense of phi_deg");
+    ar("turns_deg", turns_deg,
+       "captures to make, one with the structure turned by each of these angles beyond "
+       "structure_yaw_deg, deg: each draws room, assembly and noise anew (from seed, seed + "
+       "1000000, ...); empty: one capture");
+    ar("structure_present", structure_present, "false: the room alone, to test failure");
+    ar("room", room, "false: nothing but the structure");
+    ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
+    ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
+    ar("state_lens", state_lens,
+       "the capture states the lens of the intrinsics pool; false: frames are drawn through it, "
+       "but their intrinsics are given without");
+    ar("lens_spread_percent", lens_spread_percent,
+       "standard deviation of each sensor's true focal length, and of its radial factor at r = 0.6 "
+       "on the plane z = 1, from what the pool says and the capture states, %",
+       Between(0, 5));
+    ar("hidden_share", hidden_share,
+       "share of each sensor's view of the structure that a board 0.7 m before it hides, from the "
+       "left, the right or below as the seed draws it",
+       Between(0, 1));
+    ar("missing_share", missing_share,
+       "share of all pixels that lose their depth beside those that the noise takes it from, each "
+       "by itself",
+       Between(0, 1));
+    ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
+    ar("sensors", sensors, "the sensors");
+    ar("groups", groups,
+       "further sensors, alike but for angle and height: a ring, an arc, a column");
+    ar("placements", placements,
+       "further places of the structure, one still each: sensors and room stay, the structure is "
+       "built again there, out of place by draws of its own, of the same size");
+    DescribeWord(
+        ar, "device_errors", device_errors,
+        std::array<std::pair<const char*, DeviceErrorDraw>, 2>{
+            {{"persistent", DeviceErrorDraw::kPersistent}, {"redrawn", DeviceErrorDraw::kRedrawn}}},
+        "with placements: persistent (bias, warp and what else one device does alike in "
+        "all frames stay from still to still) or redrawn (each still has its own: errors "
+        "average out as those of real devices do not)");
+    ar("scene", scene, "the room's content");
+    ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
+  }
+};
+
+/// Reads and checks a rig: at least one sensor, names unique and fit for file names, movements of
+/// sensors that it has. Sensors of `groups` stand behind those of `sensors`; the result has no
+/// groups. Throws ConfigError.
+Rig ReadRig(const ConfigSource& source);
+
+/// The intrinsics that the pool has for a sensor, at the size of its image; not empty. Throws
+/// ConfigError for a sensor that the pool (named `pool_name`) lacks, or an image size of another
+/// aspect ratio.
+std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
+                                     const std::vector<IntrinsicsPoolEntry>& pool,
+                                     const std::string& pool_name);
+
+/// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
+Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
+
+/// first_from_moved: the frame that the sensor had in the first still from the one that it has
+/// after the movement.
+Pose FirstFromMoved(const RigMovement& movement);
+
+/// The structure's frame at a placement in that of its first place, for a level floor.
+Pose FirstFromPlacement(const RigPlacement& placement);
+
+/// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
+/// modulo 360, and the placements stay where they are among the sensors.
+void TurnStructure(double deg, Rig* rig);
+
+/// The captures that a rig asks for: one a turn, in order, each with a seed of its own and without
+/// turns; the rig itself where it has none.
+std::vector<Rig> Turns(const Rig& rig);
+
+}  // namespace volalign

@@ -1,0 +1,157 @@
+#include "core/geometry/visibility.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace volalign {
+
+namespace {
+
+/// A box as the slab test wants it: the sensor's frame turned into the box's.
+struct LocalBox {
+  Eigen::Matrix3d box_from_ray;
+  Eigen::Vector3d origin;  // ray origin in the box's frame
+  Eigen::Vector3d half;
+};
+
+constexpr int kNoAxis = -1;
+constexpr double kTouching = 1e-3;  // m: a box nearer than this to a side covers it (structure.cc)
+
+/// Entry of the ray origin + t * direction into the box, from outside. Returns false for no hit.
+bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* axis,
+              bool* positive) {
+  const Eigen::Vector3d d = box.box_from_ray * direction;
+  double enter = -std::numeric_limits<double>::infinity();
+  double leave = std::numeric_limits<double>::infinity();
+  int enter_axis = kNoAxis;
+  for (int i = 0; i < 3; ++i) {
+    if (d[i] == 0) {
+      if (std::abs(box.origin[i]) > box.half[i]) return false;
+      continue;
+    }
+    const double inverse = 1 / d[i];
+    double near = (-box.half[i] - box.origin[i]) * inverse;
+    double far = (box.half[i] - box.origin[i]) * inverse;
+    if (near > far) std::swap(near, far);
+    if (near > enter) {
+      enter = near;
+      enter_axis = i;
+    }
+    leave = std::min(leave, far);
+  }
+  if (enter_axis == kNoAxis || !(enter > 0) || enter > leave) return false;
+  *t = enter;
+  *axis = enter_axis;
+  *positive = d[enter_axis] < 0;
+  return true;
+}
+
+int SideIndex(int box, int axis, bool positive) {
+  // kFaces: front +x, back -x, up +y, down -y, right +z, left -z.
+  return box * 6 + axis * 2 + (positive ? 0 : 1);
+}
+
+std::vector<LocalBox> LocalBoxes(const Structure& structure, const Eigen::Vector3d& origin,
+                                 const Eigen::Matrix3d& structure_from_ray) {
+  std::vector<LocalBox> boxes;
+  for (const Box& box : structure.boxes()) {
+    const Pose box_from_structure = box.structure_from_box.inverse();
+    boxes.push_back({box_from_structure.linear() * structure_from_ray, box_from_structure * origin,
+                     box.size / 2});
+  }
+  return boxes;
+}
+
+RayHit FirstHit(const std::vector<LocalBox>& boxes, const Eigen::Vector3d& direction) {
+  RayHit hit;
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    double t = 0;
+    int axis = 0;
+    bool positive = false;
+    if (SlabTest(boxes[b], direction, &t, &axis, &positive) && t < hit.t) {
+      hit.t = t;
+      hit.side = SideIndex(static_cast<int>(b), axis, positive);
+    }
+  }
+  return hit;
+}
+
+}  // namespace
+
+RayHit CastRay(const Structure& structure, const Eigen::Vector3d& origin,
+               const Eigen::Vector3d& direction) {
+  return FirstHit(LocalBoxes(structure, origin, Eigen::Matrix3d::Identity()), direction);
+}
+
+ExpectedView CastView(const Structure& structure, const RayTable& rays,
+                      const Pose& structure_from_sensor) {
+  const std::vector<LocalBox> boxes =
+      LocalBoxes(structure, structure_from_sensor.translation(), structure_from_sensor.linear());
+  // The structure's bounding sphere lets most rays of a wide view go by.
+  const double floor = structure.FloorHeight(), height = structure.Height();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Box& box : structure.boxes()) middle += box.structure_from_box.translation();
+  middle /= static_cast<double>(structure.boxes().size());
+  middle.y() = floor + height / 2;
+  double radius = 0;
+  for (const Box& box : structure.boxes()) {
+    radius = std::max(radius,
+                      (box.structure_from_box.translation() - middle).norm() + box.size.norm() / 2);
+  }
+  const Eigen::Vector3d centre = structure_from_sensor.inverse() * middle;
+  const double clearance = centre.squaredNorm() - radius * radius;
+
+  ExpectedView view{DepthImage(rays.width, rays.height), LabelImage(rays.width, rays.height)};
+  for (int v = 0; v < rays.height; ++v) {
+    for (int u = 0; u < rays.width; ++u) {
+      const Eigen::Vector2f& ray = rays.at(u, v);
+      const Eigen::Vector3d direction(ray.x(), ray.y(), 1);
+      if (clearance > 0) {
+        const double along = direction.dot(centre);
+        if (along < 0 || along * along < clearance * direction.squaredNorm()) continue;
+      }
+      const RayHit hit = FirstHit(boxes, direction);
+      if (hit.side < 0) continue;
+      view.depth(u, v) = static_cast<float>(hit.t);
+      view.labels(u, v) = structure.sides()[static_cast<std::size_t>(hit.side)].label;
+    }
+  }
+  return view;
+}
+
+SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vector3d& p) {
+  SurfaceDistance best;
+  for (std::size_t i = 0; i < structure.sides().size(); ++i) {
+    const double distance = (structure.sides()[i].ClosestPoint(p) - p).norm();
+    if (distance < best.distance) best = {distance, static_cast<int>(i)};
+  }
+  return best;
+}
+
+std::vector<Eigen::Vector3d> SampleExposedSurface(const Structure& structure, double spacing) {
+  std::vector<Eigen::Vector3d> points;
+  for (const Side& side : structure.sides()) {
+    if (side.face == Face::kDown) continue;
+    const int nu = std::max(1, static_cast<int>(std::lround(2 * side.half_u / spacing)));
+    const int nv = std::max(1, static_cast<int>(std::lround(2 * side.half_v / spacing)));
+    for (int i = 0; i < nu; ++i) {
+      for (int j = 0; j < nv; ++j) {
+        const Eigen::Vector3d p = side.centre +
+                                  side.half_u * ((2 * i + 1.0) / nu - 1) * side.axis_u +
+                                  side.half_v * ((2 * j + 1.0) / nv - 1) * side.axis_v;
+        bool covered = false;
+        for (std::size_t b = 0; b < structure.boxes().size() && !covered; ++b) {
+          if (static_cast<int>(b) == side.box) continue;
+          const Box& box = structure.boxes()[b];
+          const Eigen::Vector3d local =
+              box.structure_from_box.inverse() * Eigen::Vector3d(p + kTouching * side.normal);
+          covered = (local.cwiseAbs().array() <= box.size.array() / 2).all();
+        }
+        if (!covered) points.push_back(p);
+      }
+    }
+  }
+  return points;
+}
+
+}  // namespace volalign

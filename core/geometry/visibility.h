@@ -1,0 +1,42 @@
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "core/base/image.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/structure.h"
+
+namespace volalign {
+
+struct RayHit {
+  int side = -1;  ///< index into Structure::sides(), -1 when nothing is hit
+  double t = std::numeric_limits<double>::infinity();  ///< point = origin + t * direction
+};
+
+/// First hit of a ray with the structure's boxes (slab test in each box's frame), t > 0, from
+/// outside.
+RayHit CastRay(const Structure& structure, const Eigen::Vector3d& origin,
+               const Eigen::Vector3d& direction);
+
+struct ExpectedView {
+  DepthImage depth;   ///< z in metres, 0 where no box is hit
+  LabelImage labels;  ///< 0 on `down` sides and where no box is hit
+};
+
+/// What the structure alone shows to a sensor at `structure_from_sensor`: no GL context needed.
+ExpectedView CastView(const Structure& structure, const RayTable& rays,
+                      const Pose& structure_from_sensor);
+
+/// Distance from p (structure frame) to the nearest point of the sides' finite rectangles, and that
+/// side's index.
+struct SurfaceDistance {
+  double distance = std::numeric_limits<double>::infinity();
+  int side = -1;
+};
+SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vector3d& p);
+
+/// Points on the exposed non-`down` surface on a grid of `spacing` m (paper, Results: the set B).
+std::vector<Eigen::Vector3d> SampleExposedSurface(const Structure& structure, double spacing);
+
+}  // namespace volalign

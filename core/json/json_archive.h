@@ -1,0 +1,440 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/json/strict_json.h"
+
+namespace volalign {
+
+/// JSON files: a struct describes its fields once, as those of core/config/config.h do,
+///
+///   struct Shot {
+///     std::string name;
+///     double range_m = 0;
+///     std::optional<Pose> room_from_shot;
+///     template <class Archive>
+///     void Describe(Archive& ar) {
+///       ar("name", name);
+///       ar("range_m", range_m);
+///       ar.Optional("room_from_shot", room_from_shot);
+///     }
+///   };
+///
+/// and from that description is written, keys in this order (WriteDescribed), and read strictly
+/// (ReadDescribed): a key that is missing, unknown, of another type or not finite is a DataError
+/// that says where. A struct that is to know nothing of files is described by a free template
+/// Describe(ar, value) beside what reads and writes it, in namespace volalign.
+///
+/// Fields may be bool, int, std::int64_t, std::uint64_t, double, std::string, enums with
+/// ToString(value) and AllOf(value) (all values), Pose (4x4, row-major), Eigen vectors (a list) and
+/// matrices (a list of rows), described structs, vectors and pairs (a list of two) of all these,
+/// and std::map<std::string, T> or std::vector<std::pair<std::string, T>> (an object).
+///
+/// Both archives have
+///   ar(key, value)              in every file
+///   ar.Optional(key, value)     absent where it has no value, is empty or equals T()
+///   ar.Later(key, value)        always written; where an earlier version's file lacks it, it stays
+///                               as it was
+///   ar.IfFinite(key, value)     numbers (double, Eigen, Pose) that may be unknown: NaN in memory,
+///   an
+///                               absent key in a file; a third argument is read in place of NaN
+///   ar.Constant(key, text)      the same text in every file; any other is an error
+///   ar.Derived(key, value)      written for the file's other readers, not read
+///   ar.OneOrList(key, texts)    absent, a string or a list
+///   ar.Choice(key, flag, a, b)  the text a for true, b for false
+///   ar.ByName(key, items, &Item::name)   an object of the items by their names
+///   Archive::kReading, ar.where()
+class JsonReader;
+class JsonWriter;
+
+template <class Archive, class T>
+void Describe(Archive& ar, T& value) {
+  value.Describe(ar);
+}
+
+template <class Archive>
+void Describe(Archive& ar, PoseError& error) {
+  ar.IfFinite("translation_m", error.translation_m);
+  ar.IfFinite("rotation_deg", error.rotation_deg);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Intrinsics& intrinsics) {
+  ar("width", intrinsics.width);
+  ar("height", intrinsics.height);
+  ar("fx", intrinsics.fx);
+  ar("fy", intrinsics.fy);
+  ar("cx", intrinsics.cx);
+  ar("cy", intrinsics.cy);
+  ar.Later("distortion", intrinsics.distortion);
+  if constexpr (Archive::kReading) intrinsics.Validate(ar.where());
+}
+
+namespace json_internal {
+
+using OrderedJson = nlohmann::ordered_json;
+
+template <class T>
+struct IsOptional : std::false_type {};
+template <class T>
+struct IsOptional<std::optional<T>> : std::true_type {};
+
+template <class T>
+struct IsVector : std::false_type {};
+template <class T>
+struct IsVector<std::vector<T>> : std::true_type {};
+
+template <class T>
+struct IsPair : std::false_type {};
+template <class First, class Second>
+struct IsPair<std::pair<First, Second>> : std::true_type {};
+
+/// Containers that are objects in JSON.
+template <class T>
+struct IsDictionary : std::false_type {};
+template <class T>
+struct IsDictionary<std::map<std::string, T>> : std::true_type {};
+template <class T>
+struct IsDictionary<std::vector<std::pair<std::string, T>>> : std::true_type {};
+
+template <class T>
+inline constexpr bool kIsMatrix = std::is_base_of_v<Eigen::MatrixBase<T>, T>;
+
+template <class T>
+bool AllFinite(const T& value) {
+  if constexpr (std::is_same_v<T, double>) {
+    return std::isfinite(value);
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    return value.matrix().allFinite();
+  } else {
+    return value.allFinite();
+  }
+}
+
+template <class T>
+void SetUnknown(T* value) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  if constexpr (std::is_same_v<T, double>) {
+    *value = kUnknown;
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    value->matrix().setConstant(kUnknown);
+  } else {
+    value->setConstant(kUnknown);
+  }
+}
+
+/// The value itself. Throws Error unless it is finite.
+double Finite(double value, const std::string& place);
+
+/// Throw DataError.
+void RequireCount(std::size_t count, std::size_t expected, const char* what,
+                  const std::string& place);
+void RequireList(const nlohmann::json& json, const std::string& place);
+[[noreturn]] void FailNotOneOf(const std::string& text, const std::vector<std::string>& known,
+                               const std::string& place);
+
+template <class T>
+OrderedJson ToJson(T& value, const std::string& place);
+template <class T>
+void FromJson(const nlohmann::json& json, const std::string& place, T* value);
+
+template <class T>
+bool HasValue(const T& value) {
+  if constexpr (IsOptional<T>::value) {
+    return value.has_value();
+  } else {
+    return !(value == T());
+  }
+}
+
+template <class T>
+OrderedJson MatrixToJson(const T& matrix, const std::string& place) {
+  OrderedJson json = OrderedJson::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    if constexpr (T::ColsAtCompileTime == 1) {
+      json.push_back(Finite(matrix(i), place));
+    } else {
+      OrderedJson row = OrderedJson::array();
+      for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(Finite(matrix(i, j), place));
+      json.push_back(std::move(row));
+    }
+  }
+  return json;
+}
+
+template <class T>
+void MatrixFromJson(const nlohmann::json& json, const std::string& place, T* matrix) {
+  if constexpr (T::ColsAtCompileTime == 1) {
+    std::vector<double> values;
+    FromJson(json, place, &values);
+    RequireCount(values.size(), static_cast<std::size_t>(matrix->rows()), "numbers", place);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      (*matrix)(static_cast<Eigen::Index>(i)) = values[i];
+    }
+  } else {
+    std::vector<std::vector<double>> rows;
+    FromJson(json, place, &rows);
+    RequireCount(rows.size(), static_cast<std::size_t>(matrix->rows()), "rows", place);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      RequireCount(rows[i].size(), static_cast<std::size_t>(matrix->cols()), "columns", place);
+      for (std::size_t j = 0; j < rows[i].size(); ++j) {
+        (*matrix)(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = rows[i][j];
+      }
+    }
+  }
+}
+
+template <class T>
+void EnumFromJson(const nlohmann::json& json, const std::string& place, T* value) {
+  std::string text;
+  ReadJsonValue(json, place, &text);
+  std::vector<std::string> known;
+  for (const T candidate : AllOf(T())) {
+    known.emplace_back(ToString(candidate));
+    if (known.back() != text) continue;
+    *value = candidate;
+    return;
+  }
+  FailNotOneOf(text, known, place);
+}
+
+}  // namespace json_internal
+
+/// Fills a struct from a JSON object.
+class JsonReader {
+ public:
+  static constexpr bool kReading = true;
+  /// The object must outlive the reader.
+  explicit JsonReader(const JsonObject& object) : object_(object) {}
+  const std::string& where() const { return object_.where(); }
+
+  template <class T>
+  void operator()(const std::string& key, T& value) {
+    json_internal::FromJson(object_.Get(key), object_.Place(key), &value);
+  }
+  template <class T>
+  void Optional(const std::string& key, T& value) {
+    value = T();
+    if (!object_.Has(key)) return;
+    if constexpr (json_internal::IsOptional<T>::value) {
+      value.emplace();
+      (*this)(key, *value);
+    } else {
+      (*this)(key, value);
+    }
+  }
+  template <class T>
+  void Later(const std::string& key, T& value) {
+    if (object_.Has(key)) (*this)(key, value);
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value) {
+    json_internal::SetUnknown(&value);
+    if (object_.Has(key)) (*this)(key, value);
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value, const T& absent) {
+    value = absent;
+    if (object_.Has(key)) (*this)(key, value);
+  }
+  void Constant(const std::string& key, const std::string& text);
+  template <class T>
+  void Derived(const std::string& key, const T& /*value*/) {
+    object_.Has(key);
+  }
+  void OneOrList(const std::string& key, std::vector<std::string>& texts);
+  void Choice(const std::string& key, bool& flag, const std::string& when_true,
+              const std::string& when_false);
+  template <class T, class Named>
+  void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) {
+    const JsonObject object = object_.Child(key);
+    items.clear();
+    for (const std::string& item : object.Keys()) {
+      items.emplace_back();
+      items.back().*name = item;
+      json_internal::FromJson(object.Get(item), object.Place(item), &items.back());
+    }
+  }
+
+ private:
+  const JsonObject& object_;
+};
+
+/// Builds a JSON object from a struct.
+class JsonWriter {
+ public:
+  static constexpr bool kReading = false;
+  explicit JsonWriter(std::string where)
+      : where_(std::move(where)), json_(nlohmann::ordered_json::object()) {}
+  const std::string& where() const { return where_; }
+  nlohmann::ordered_json Take() { return std::move(json_); }
+
+  template <class T>
+  void operator()(const std::string& key, T& value) {
+    json_[key] = json_internal::ToJson(value, Place(key));
+  }
+  template <class T>
+  void Optional(const std::string& key, T& value) {
+    if (!json_internal::HasValue(value)) return;
+    if constexpr (json_internal::IsOptional<T>::value) {
+      (*this)(key, *value);
+    } else {
+      (*this)(key, value);
+    }
+  }
+  template <class T>
+  void Later(const std::string& key, T& value) {
+    (*this)(key, value);
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value) {
+    if (json_internal::AllFinite(value)) (*this)(key, value);
+  }
+  template <class T>
+  void IfFinite(const std::string& key, T& value, const T& /*absent*/) {
+    IfFinite(key, value);
+  }
+  void Constant(const std::string& key, const std::string& text) { json_[key] = text; }
+  template <class T>
+  void Derived(const std::string& key, T& value) {
+    (*this)(key, value);
+  }
+  void OneOrList(const std::string& key, const std::vector<std::string>& texts);
+  void Choice(const std::string& key, bool flag, const std::string& when_true,
+              const std::string& when_false) {
+    json_[key] = flag ? when_true : when_false;
+  }
+  template <class T, class Named>
+  void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) {
+    nlohmann::ordered_json& object = json_[key] = nlohmann::ordered_json::object();
+    for (T& item : items) {
+      object[item.*name] = json_internal::ToJson(item, Place(key) + ": " + item.*name);
+    }
+  }
+
+ private:
+  std::string Place(const std::string& key) const { return where_ + ": " + key; }
+
+  std::string where_;
+  nlohmann::ordered_json json_;
+};
+
+namespace json_internal {
+
+template <class T>
+OrderedJson ToJson(T& value, const std::string& place) {
+  if constexpr (std::is_same_v<T, double>) {
+    return Finite(value, place);
+  } else if constexpr (std::is_arithmetic_v<T> || std::is_same_v<T, std::string>) {
+    return value;
+  } else if constexpr (std::is_enum_v<T>) {
+    return ToString(value);
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    return MatrixToJson(value.matrix(), place);
+  } else if constexpr (kIsMatrix<T>) {
+    return MatrixToJson(value, place);
+  } else if constexpr (IsDictionary<T>::value) {
+    OrderedJson json = OrderedJson::object();
+    for (auto& [key, item] : value)
+      json[key] = ToJson(item, std::string(place).append(": ").append(key));
+    return json;
+  } else if constexpr (IsVector<T>::value) {
+    OrderedJson json = OrderedJson::array();
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      json.push_back(ToJson(value[i], place + "[" + std::to_string(i) + "]"));
+    }
+    return json;
+  } else if constexpr (IsPair<T>::value) {
+    return OrderedJson::array({ToJson(value.first, place), ToJson(value.second, place)});
+  } else {
+    JsonWriter writer(place);
+    Describe(writer, value);
+    return writer.Take();
+  }
+}
+
+template <class T>
+void FromJson(const nlohmann::json& json, const std::string& place, T* value) {
+  if constexpr (std::is_arithmetic_v<T> || std::is_same_v<T, std::string>) {
+    ReadJsonValue(json, place, value);
+  } else if constexpr (std::is_enum_v<T>) {
+    EnumFromJson(json, place, value);
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    std::vector<std::vector<double>> rows;
+    FromJson(json, place, &rows);
+    *value = PoseFromRows(rows, place);
+  } else if constexpr (kIsMatrix<T>) {
+    MatrixFromJson(json, place, value);
+  } else if constexpr (IsDictionary<T>::value) {
+    const JsonObject object(json, place);
+    value->clear();
+    for (const std::string& key : object.Keys()) {
+      typename T::value_type::second_type item{};
+      FromJson(object.Get(key), object.Place(key), &item);
+      value->insert(value->end(), {key, std::move(item)});
+    }
+  } else if constexpr (IsVector<T>::value) {
+    RequireList(json, place);
+    value->clear();
+    for (std::size_t i = 0; i < json.size(); ++i) {
+      typename T::value_type item{};
+      FromJson(json[i], place + "[" + std::to_string(i) + "]", &item);
+      value->push_back(std::move(item));
+    }
+  } else if constexpr (IsPair<T>::value) {
+    RequireList(json, place);
+    RequireCount(json.size(), 2, "elements", place);
+    FromJson(json[0], place, &value->first);
+    FromJson(json[1], place, &value->second);
+  } else {
+    const JsonObject object(json, place);
+    JsonReader reader(object);
+    Describe(reader, *value);
+    object.RejectOthers();
+  }
+}
+
+}  // namespace json_internal
+
+/// The struct as a JSON object. `where` begins every message. Throws Error for a number that is not
+/// finite.
+template <class T>
+nlohmann::ordered_json DescribedJson(T value, const std::string& where) {
+  return json_internal::ToJson(value, where);
+}
+
+/// The text of a JSON file, indented by `indent`, with a final newline. Throws as DescribedJson.
+template <class T>
+std::string WriteDescribed(T value, const std::string& name, int indent) {
+  return json_internal::ToJson(value, name).dump(indent) + "\n";
+}
+
+/// Reads the text of a file called `name`, or a part of one. Throws DataError.
+template <class T>
+T ReadDescribed(const std::string& text, const std::string& name) {
+  T value;
+  json_internal::FromJson(ParseStrictJson(text, name), name, &value);
+  return value;
+}
+template <class T>
+T ReadDescribed(const JsonObject& object) {
+  T value;
+  JsonReader reader(object);
+  Describe(reader, value);
+  object.RejectOthers();
+  return value;
+}
+
+}  // namespace volalign

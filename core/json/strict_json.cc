@@ -1,0 +1,191 @@
+#include "core/json/strict_json.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <utility>
+
+#include "core/base/error.h"
+#include "core/config/config.h"
+#include "core/json/json_archive.h"
+
+namespace volalign {
+
+using Json = nlohmann::json;
+
+namespace {
+
+[[noreturn]] void Fail(const Json& value, const std::string& place, const char* expected) {
+  throw DataError(fmt::format("{} = {} is not {}", place, value.dump(), expected));
+}
+
+template <class T>
+std::vector<T> ReadList(const Json& list, const std::string& place) {
+  std::vector<T> items(list.size());
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    ReadJsonValue(list[i], fmt::format("{}[{}]", place, i), &items[i]);
+  }
+  return items;
+}
+
+}  // namespace
+
+Json ParseStrictJson(const std::string& text, const std::string& name) {
+  std::vector<std::set<std::string>> open;
+  std::string problem;
+  const auto check = [&](int /*depth*/, Json::parse_event_t event, Json& parsed) {
+    switch (event) {
+      case Json::parse_event_t::object_start:
+        open.emplace_back();
+        break;
+      case Json::parse_event_t::object_end:
+        open.pop_back();
+        break;
+      case Json::parse_event_t::key: {
+        const auto key = parsed.get<std::string>();
+        if (!open.back().insert(key).second && problem.empty()) {
+          problem = fmt::format("the key \"{}\" stands twice in one object; remove one", key);
+        }
+        break;
+      }
+      case Json::parse_event_t::value:
+        if (parsed.is_null() && problem.empty()) {
+          problem = "a value is null; leave the key out instead";
+        }
+        break;
+      default:
+        break;
+    }
+    return true;
+  };
+  Json document;
+  try {
+    document = Json::parse(text, check);
+  } catch (const Json::exception& error) {
+    const std::string what = error.what();
+    const std::size_t id = what.find("] ");
+    throw DataError(fmt::format("{}: not valid JSON: {}", name,
+                                id == std::string::npos ? what : what.substr(id + 2)));
+  }
+  if (!problem.empty()) throw DataError(name + ": " + problem);
+  return document;
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, bool* value) {
+  if (!json.is_boolean()) Fail(json, place, "true or false");
+  *value = json.get<bool>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, int* value) {
+  double number = 0;
+  ReadJsonValue(json, place, &number);
+  if (number != std::floor(number) || std::abs(number) > 1e9) Fail(json, place, "a whole number");
+  *value = static_cast<int>(number);
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, std::int64_t* value) {
+  if (!json.is_number_integer()) Fail(json, place, "a whole number");
+  *value = json.get<std::int64_t>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, std::uint64_t* value) {
+  if (!json.is_number_unsigned()) Fail(json, place, "a whole number of 0 or more");
+  *value = json.get<std::uint64_t>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, double* value) {
+  if (!json.is_number() || !std::isfinite(json.get<double>())) Fail(json, place, "a finite number");
+  *value = json.get<double>();
+}
+
+void ReadJsonValue(const Json& json, const std::string& place, std::string* value) {
+  if (!json.is_string()) Fail(json, place, "a string");
+  *value = json.get<std::string>();
+}
+
+JsonObject::JsonObject(const Json& value, std::string where)
+    : value_(&value), document_(where), where_(std::move(where)) {
+  if (!value.is_object()) {
+    throw DataError(
+        fmt::format("{}: a JSON object {{...}} is expected, not {}", where_, value.type_name()));
+  }
+}
+
+const std::string& JsonObject::Renamed(const std::string& part) const {
+  where_ = document_ + ": " + part;
+  return where_;
+}
+
+bool JsonObject::Has(const std::string& key) const {
+  known_.insert(key);
+  return value_->contains(key);
+}
+
+const Json& JsonObject::Get(const std::string& key) const {
+  if (!Has(key)) throw DataError(fmt::format("{}: the key \"{}\" is missing", where_, key));
+  return (*value_)[key];
+}
+
+std::string JsonObject::Text(const std::string& key) const { return Value<std::string>(key); }
+
+double JsonObject::Number(const std::string& key) const { return Value<double>(key); }
+
+int JsonObject::Int(const std::string& key) const { return Value<int>(key); }
+
+const Json& JsonObject::List(const std::string& key, const char* what) const {
+  const Json& value = Get(key);
+  if (!value.is_array()) Fail(value, Place(key), what);
+  return value;
+}
+
+std::vector<double> JsonObject::Numbers(const std::string& key) const {
+  return ReadList<double>(List(key, "a list of numbers"), Place(key));
+}
+
+std::vector<std::string> JsonObject::Texts(const std::string& key) const {
+  return ReadList<std::string>(List(key, "a list of strings"), Place(key));
+}
+
+std::vector<std::vector<double>> JsonObject::Matrix(const std::string& key) const {
+  std::vector<std::vector<double>> rows;
+  for (const Json& row : List(key, "a list of rows of numbers")) {
+    if (!row.is_array()) Fail(row, Place(key), "a row of numbers");
+    rows.push_back(ReadList<double>(row, Place(key)));
+  }
+  return rows;
+}
+
+JsonObject JsonObject::Child(const std::string& key) const {
+  return JsonObject(Get(key), Place(key));
+}
+
+std::vector<JsonObject> JsonObject::Children(const std::string& key) const {
+  const Json& value = List(key, "a list of objects");
+  std::vector<JsonObject> children;
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    children.emplace_back(value[i], fmt::format("{}[{}]", Place(key), i));
+    children.back().document_ = where_;
+  }
+  return children;
+}
+
+std::vector<std::string> JsonObject::Keys() const {
+  std::vector<std::string> keys;
+  for (const auto& item : value_->items()) keys.push_back(item.key());
+  return keys;
+}
+
+void JsonObject::RejectOthers() const {
+  for (const auto& item : value_->items()) {
+    if (known_.count(item.key())) continue;
+    const std::string nearest =
+        NearestKey(item.key(), std::vector<std::string>(known_.begin(), known_.end()));
+    throw DataError(fmt::format(
+        "{}: the key \"{}\" is unknown{}", where_, item.key(),
+        nearest.empty() ? "; remove it" : fmt::format("; did you mean \"{}\"?", nearest)));
+  }
+}
+
+Intrinsics ParseIntrinsics(const JsonObject& object) { return ReadDescribed<Intrinsics>(object); }
+
+}  // namespace volalign

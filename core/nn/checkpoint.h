@@ -1,0 +1,81 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/structure.h"
+#include "core/nn/network.h"
+
+namespace volalign {
+
+/// A versioned file of named tensors: a dictionary {"format": str, "meta": str (JSON), "digest":
+/// str, "tensors": {name: tensor}} in the zip container of `torch.save`, which Python's
+/// `torch.load` opens. `digest` is the SHA-256 over names, types, shapes and bytes, so that a
+/// flipped bit is an error and not a bad pose.
+struct TensorFile {
+  std::string format;
+  std::string meta;
+  std::map<std::string, at::Tensor> tensors;
+};
+
+/// Writes atomically; tensors of any device are stored on the CPU, contiguous. Throws IoError.
+void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file);
+
+/// Reads a file of `format`. Classes are never resolved, so nothing in a file can run code. Throws
+/// IoError, or DataError for anything that is not such a file, whole and unchanged.
+TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format);
+
+/// Copies `source[prefix + name]` into each of the module's parameters and buffers, converting
+/// float16 to the target's type. Throws DataError with `what` in its message, naming the tensor,
+/// when one is missing, left over or of another shape or type.
+void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::string& prefix,
+                    torch::nn::Module& module, const std::string& what);
+
+/// All parameters and buffers of a module under prefix + name; the tensors alias the module's.
+void AddModuleTensors(const torch::nn::Module& module, const std::string& prefix,
+                      std::map<std::string, at::Tensor>* tensors);
+
+/// What a network was trained on: all that calibration and validation have to know beside the
+/// weights.
+struct CheckpointMeta {
+  StructureNetOptions network;
+  Structure structure;
+  std::pair<double, double> focal_px{0, 0};      ///< least and largest focal length in training, px
+  std::vector<std::pair<int, int>> image_sizes;  ///< width, height
+  std::vector<double> roll_offsets_deg;          ///< mounting rolls in training (PoseConfig), deg
+  std::int64_t samples = 0;  ///< number of training samples, those of run.init included
+  std::string config_yaml;   ///< the resolved training configuration
+  std::string tool;          ///< "volalign 0.1.0"; filled by SaveCheckpoint
+};
+
+inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/1";
+
+/// Writes network and meta. `half` stores the weights as float16 (running statistics stay float32):
+/// half the size, log- probabilities equal to about 1e-2. Throws Error when meta.network differs
+/// from the network's options or the structure has another number of classes, or IoError.
+void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
+                    const CheckpointMeta& meta, bool half);
+
+struct LoadedModel {
+  StructureNet net{nullptr};  ///< float32 on the CPU, in evaluation mode
+  CheckpointMeta meta;
+};
+
+/// Throws IoError, or DataError in one line for files that are truncated, foreign, of an unknown
+/// version or whose tensors are not the network's.
+LoadedModel LoadCheckpoint(const std::filesystem::path& path);
+
+/// The metadata as JSON text, as the file holds it.
+std::string MetaToJson(const CheckpointMeta& meta);
+
+/// Throws DataError unless `structure` has the side names and labels that the model was trained on;
+/// dimensions and placements may differ.
+void CheckStructure(const CheckpointMeta& meta, const Structure& structure);
+
+}  // namespace volalign

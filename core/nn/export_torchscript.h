@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+
+namespace volalign {
+
+/// Writes a checkpoint (core/nn/checkpoint.h) as self-contained TorchScript: `torch.jit.load` in
+/// Python or C++ runs it without our code. Its forward takes depth [B,1,H,W] float32, metres, 0
+/// where there is none, any H, W >= 16, includes the input encoding, and returns the
+/// log-probabilities [B,K,H,W] float32 that StructureNet gives in evaluation mode. The checkpoint's
+/// metadata (structure, labels, focal lengths) is the archive's extra file `volalign.json`. Throws
+/// IoError or DataError.
+void ExportTorchScript(const std::filesystem::path& checkpoint,
+                       const std::filesystem::path& output);
+
+}  // namespace volalign

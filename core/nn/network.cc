@@ -1,0 +1,168 @@
+#include "core/nn/network.h"
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/cat.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <sstream>
+#include <utility>
+
+#include "core/base/error.h"
+#include "core/nn/paper_net.h"
+
+namespace volalign {
+namespace {
+
+std::string ShapeText(const at::Tensor& x) {
+  return fmt::format("[{}]", fmt::join(x.sizes().begin(), x.sizes().end(), ","));
+}
+
+std::map<std::string, NetworkFactory>& Registered() {
+  static std::map<std::string, NetworkFactory> registered;
+  return registered;
+}
+
+std::shared_ptr<StructureNetImpl> MakeNetwork(const StructureNetOptions& options) {
+  if (options.kind == "paper") return std::make_shared<PaperNetImpl>(options);
+  const auto found = Registered().find(options.kind);
+  if (found == Registered().end()) {
+    throw ConfigError(
+        fmt::format("model.kind = '{}' is unknown: use {}, or a program that registers it",
+                    options.kind, fmt::join(NetworkKinds(), ", ")));
+  }
+  return found->second(options);
+}
+
+}  // namespace
+
+const char* ToString(Normalization normalization) {
+  constexpr const char* kWords[] = {"none", "batch", "group"};
+  return kWords[static_cast<int>(normalization)];
+}
+
+const char* ToString(InputEncoding input) {
+  return input == InputEncoding::kDepth ? "depth" : "depth_mask";
+}
+
+std::vector<Normalization> AllOf(Normalization) {
+  return {Normalization::kNone, Normalization::kBatch, Normalization::kGroup};
+}
+
+std::vector<InputEncoding> AllOf(InputEncoding) {
+  return {InputEncoding::kDepth, InputEncoding::kDepthMask};
+}
+
+Normalization ParseNormalization(const std::string& word) {
+  for (Normalization n : AllOf(Normalization())) {
+    if (word == ToString(n)) return n;
+  }
+  throw ConfigError(fmt::format("normalization = '{}' is unknown: use none, batch or group", word));
+}
+
+InputEncoding ParseInputEncoding(const std::string& word) {
+  for (InputEncoding i : AllOf(InputEncoding())) {
+    if (word == ToString(i)) return i;
+  }
+  throw ConfigError(fmt::format("input = '{}' is unknown: use depth or depth_mask", word));
+}
+
+int EncodedChannels(InputEncoding input) { return input == InputEncoding::kDepth ? 1 : 2; }
+
+at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input) {
+  if (depth.dim() != 4 || depth.size(1) != 1 || depth.scalar_type() != at::kFloat) {
+    throw Error(fmt::format("EncodeDepth needs depth [B,1,H,W] of float32, not {} of {}",
+                            ShapeText(depth), at::toString(depth.scalar_type())));
+  }
+  if (input == InputEncoding::kDepth) return depth;
+  const at::Tensor mask = (depth > 0).to(at::kFloat);
+  return at::cat({(depth.clamp_max(kDepthClamp) - kDepthCentre) * mask, mask}, 1);
+}
+
+void StructureNetOptions::Validate() const {
+  const auto require = [](bool holds, const char* name, double value, const char* constraint) {
+    if (!holds) {
+      throw ConfigError(fmt::format("model.{} = {} violates {}", name, value, constraint));
+    }
+  };
+  require(base_channels >= 1, "base_channels", base_channels, "base_channels >= 1");
+  require(num_classes >= 2, "num_classes", num_classes, "num_classes >= 2");
+  require(residual_blocks >= 0, "residual_blocks", residual_blocks, "residual_blocks >= 0");
+  require(std::isfinite(background_bias), "background_bias", background_bias, "a finite number");
+}
+
+bool operator==(const StructureNetOptions& a, const StructureNetOptions& b) {
+  return a.kind == b.kind && a.base_channels == b.base_channels && a.num_classes == b.num_classes &&
+         a.attention == b.attention && a.normalization == b.normalization && a.input == b.input &&
+         a.residual_blocks == b.residual_blocks && a.background_bias == b.background_bias;
+}
+
+void RegisterNetwork(const std::string& kind, NetworkFactory factory) {
+  if (kind == "paper" || !Registered().emplace(kind, std::move(factory)).second)
+    throw Error(fmt::format("there is a network '{}' already", kind));
+}
+
+std::vector<std::string> NetworkKinds() {
+  std::vector<std::string> kinds{"paper"};
+  for (const auto& [kind, factory] : Registered()) kinds.push_back(kind);
+  return kinds;
+}
+
+StructureNet::StructureNet(const StructureNetOptions& options)
+    : ModuleHolder<StructureNetImpl>(MakeNetwork(options)) {}
+
+StructureNetImpl::StructureNetImpl(const StructureNetOptions& options) : options_(options) {
+  options.Validate();
+}
+
+at::Tensor StructureNetImpl::forward(const at::Tensor& input) {
+  return ForwardWithAttention(input).log_probabilities;
+}
+
+void StructureNetImpl::SetComputeType(at::ScalarType dtype) {
+  if (dtype != at::kFloat && dtype != at::kBFloat16) {
+    throw Error(fmt::format("compute type {} is neither Float nor BFloat16", at::toString(dtype)));
+  }
+  dtype_ = dtype;
+}
+
+void StructureNetImpl::RequireInput(const at::Tensor& input) const {
+  const int channels = EncodedChannels(options_.input);
+  if (input.dim() != 4 || input.size(1) != channels || input.size(2) < 16 || input.size(3) < 16 ||
+      input.scalar_type() != at::kFloat) {
+    throw Error(
+        fmt::format("StructureNet needs input [B,{},H,W] of float32 with H, W >= 16 (EncodeDepth), "
+                    "not {} of {}",
+                    channels, ShapeText(input), at::toString(input.scalar_type())));
+  }
+}
+
+std::string StructureNetImpl::prettyString() const {
+  std::ostringstream out;
+  pretty_print(out);
+  return out.str();
+}
+
+void StructureNetImpl::pretty_print(std::ostream& stream) const {
+  stream << fmt::format(
+      "StructureNet(base_channels {}, classes {}, attention {}, normalization {}, "
+      "input {}, residual_blocks {})\n",
+      options_.base_channels, options_.num_classes, options_.attention ? "yes" : "no",
+      ToString(options_.normalization), ToString(options_.input), options_.residual_blocks);
+  for (const auto& item : named_children()) {
+    const at::Tensor weight = item.value()->named_parameters(false)["weight"];
+    stream << fmt::format("  {:<12} {}x{} {} -> {}\n", item.key(), weight.size(2), weight.size(3),
+                          weight.size(1), weight.size(0));
+  }
+  stream << fmt::format("  parameters   {}", CountParameters(*this));
+}
+
+std::int64_t CountParameters(const torch::nn::Module& module) {
+  std::int64_t count = 0;
+  for (const at::Tensor& p : module.parameters()) count += p.numel();
+  return count;
+}
+
+}  // namespace volalign

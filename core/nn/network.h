@@ -1,0 +1,129 @@
+#pragma once
+
+#include <c10/core/ScalarType.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "core/nn/cpu/normalization.h"
+
+namespace volalign {
+
+enum class InputEncoding { kDepth, kDepthMask };
+
+/// "none", "batch", "group"; "depth", "depth_mask". Parsing throws ConfigError for other words.
+const char* ToString(Normalization normalization);
+const char* ToString(InputEncoding input);
+std::vector<Normalization> AllOf(Normalization);
+std::vector<InputEncoding> AllOf(InputEncoding);
+Normalization ParseNormalization(const std::string& word);
+InputEncoding ParseInputEncoding(const std::string& word);
+
+/// Channels that EncodeDepth makes: 1 or 2.
+int EncodedChannels(InputEncoding input);
+
+/// depth_mask: depth is centred here, m, where the structure stands in training.
+inline constexpr double kDepthCentre = 2.0;
+/// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
+/// far values (Azure Kinect reports up to 16 m) from dominating the batch statistics.
+inline constexpr double kDepthClamp = 6.0;
+
+/// Network input [B,C,H,W] float32 of depth maps [B,1,H,W] float32, m, 0 where there is none.
+///   kDepth:     depth itself (the paper), C = 1
+///   kDepthMask: (min(depth, kDepthClamp) - kDepthCentre) * mask and mask = depth > 0, C = 2
+/// Throws Error for another shape or type.
+at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
+
+/// The defaults are the network of the paper (section "Semantic Correspondences").
+struct StructureNetOptions {
+  std::string kind = "paper";  ///< of NetworkKinds()
+  int base_channels = 32;      ///< c >= 1
+  int num_classes = 21;        ///< K >= 2, background included
+  bool attention = true;
+  Normalization normalization = Normalization::kNone;
+  InputEncoding input = InputEncoding::kDepth;
+  int residual_blocks = 4;     ///< >= 0
+  double background_bias = 0;  ///< initial bias of the background class in the classifier
+
+  /// Throws ConfigError that names option, value and constraint.
+  void Validate() const;
+  friend bool operator==(const StructureNetOptions& a, const StructureNetOptions& b);
+};
+
+/// What the network makes of an encoded input.
+struct NetworkOutput {
+  at::Tensor log_probabilities;  ///< [B,K,H,W] float32
+  /// The paper's mask M, [B,1,H/16,W/16] float32 from 0 to 1; undefined without attention.
+  at::Tensor attention;
+};
+
+/// A network that segments the structure's sides: encoded depth in, log-probabilities out. The
+/// paper's is PaperNet (core/nn/paper_net.h); a program registers others under names of their own
+/// (RegisterNetwork).
+class StructureNetImpl : public torch::nn::Module {
+ public:
+  /// Throws ConfigError for invalid options.
+  explicit StructureNetImpl(const StructureNetOptions& options);
+
+  /// Encoded input [B,C,H,W] float32 (EncodeDepth), any H, W >= 16. Throws Error for another shape.
+  virtual NetworkOutput ForwardWithAttention(const at::Tensor& input) = 0;
+
+  /// Its log-probabilities alone, [B,K,H,W] float32; the way to train.
+  virtual at::Tensor forward(const at::Tensor& input);
+
+  /// Type in which most of the network is computed: kFloat or kBFloat16. Weights stay float32.
+  /// bfloat16 has 16 mm steps at 3 m, so the depth itself must never get there. Throws Error for
+  /// another type.
+  void SetComputeType(at::ScalarType dtype);
+
+  /// Memory layout of the activations in training.
+  void SetChannelsLast(bool channels_last) { channels_last_ = channels_last; }
+
+  const StructureNetOptions& options() const { return options_; }
+  /// The options, a line for each child with a convolution's weight, the number of parameters.
+  void pretty_print(std::ostream& stream) const override;
+  std::string prettyString() const;
+
+ protected:
+  /// Throws Error where `input` is not what ForwardWithAttention takes.
+  void RequireInput(const at::Tensor& input) const;
+  at::ScalarType compute_type() const { return dtype_; }
+  bool channels_last() const { return channels_last_; }
+
+ private:
+  StructureNetOptions options_;
+  at::ScalarType dtype_ = at::kFloat;
+  bool channels_last_ = false;
+};
+
+/// Makes a network, its weights drawn from LibTorch's default generator.
+using NetworkFactory = std::function<std::shared_ptr<StructureNetImpl>(const StructureNetOptions&)>;
+
+/// Makes `kind` a value of model.kind, for training and for loading checkpoints. To be called at
+/// the start of a program, before other threads run. Throws Error where there is such a kind.
+void RegisterNetwork(const std::string& kind, NetworkFactory factory);
+
+/// "paper", then the registered kinds.
+std::vector<std::string> NetworkKinds();
+
+/// A network of the registered kinds.
+class StructureNet : public torch::nn::ModuleHolder<StructureNetImpl> {
+ public:
+  StructureNet(std::nullptr_t)
+      : ModuleHolder(nullptr) {}  // NOLINT: an empty holder, as TORCH_MODULE has it
+  /// That of options.kind. Throws ConfigError for invalid options and a kind that is not
+  /// registered.
+  explicit StructureNet(const StructureNetOptions& options);
+};
+
+/// Number of trainable values.
+std::int64_t CountParameters(const torch::nn::Module& module);
+
+}  // namespace volalign

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <c10/core/ScalarType.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/nn/network.h"
+
+namespace volalign {
+
+/// Convolution ("same" padding, odd kernel, stride 1), then normalisation if there is one.
+/// Parameters `weight` [out,in,k,k] and `bias` [out] (absent before a normalisation, which would
+/// cancel it), and of a normalisation `norm_weight`, `norm_bias` [out], with kBatch also buffers
+/// `running_mean`, `running_var` [out].
+class ConvUnitImpl : public torch::nn::Module {
+ public:
+  ConvUnitImpl(int in, int out, int kernel, Normalization normalization);
+
+  /// x [B,in,H,W] -> [B,out,H,W] in `dtype`.
+  at::Tensor forward(const at::Tensor& x, at::ScalarType dtype);
+
+  at::Tensor weight, bias, norm_weight, norm_bias, running_mean, running_var;
+
+ private:
+  Normalization normalization_;
+};
+TORCH_MODULE(ConvUnit);
+
+/// The layers of the network.
+struct PaperNetLayers {
+  struct ResidualBlock {
+    ConvUnit first{nullptr}, second{nullptr};
+  };
+  struct DecoderLevel {
+    ConvUnit first{nullptr}, second{nullptr}, up{nullptr}, merge{nullptr};
+  };
+  std::vector<std::vector<ConvUnit>> encoder;  ///< a group between two pools each
+  std::vector<ResidualBlock> bottleneck;
+  ConvUnit attention{nullptr};        ///< empty without attention
+  std::vector<DecoderLevel> decoder;  ///< lowest resolution first
+  ConvUnit last{nullptr}, classifier{nullptr};
+};
+
+/// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
+/// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
+/// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0. In
+/// bfloat16 the first convolution, the normalisation statistics and the log-softmax stay float32.
+class PaperNetImpl : public StructureNetImpl {
+ public:
+  /// Throws ConfigError for invalid options.
+  explicit PaperNetImpl(const StructureNetOptions& options);
+
+  /// On a CPU, channels-last training has passes of its own (training_forward.h).
+  at::Tensor forward(const at::Tensor& input) override;
+  NetworkOutput ForwardWithAttention(const at::Tensor& input) override;
+
+ private:
+  ConvUnit Add(const std::string& name, int in, int out, int kernel);
+  at::Tensor Relu(ConvUnit& unit, const at::Tensor& x);
+
+  PaperNetLayers layers_;
+};
+
+}  // namespace volalign

@@ -1,0 +1,129 @@
+#include "core/plot/svg.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace volalign {
+
+namespace {
+
+constexpr int kSteps = 5;  // of an axis, about
+
+std::string Escaped(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    escaped += c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '&' ? "&amp;" : std::string(1, c);
+  }
+  return escaped;
+}
+
+std::string Coordinates(const std::vector<Svg::Point>& points) {
+  std::string text;
+  for (const Svg::Point& p : points) text += fmt::format("{:.1f},{:.1f} ", p.x, p.y);
+  return text;
+}
+
+}  // namespace
+
+PlotAxis PlotAxis::Of(const std::vector<double>& values, double from, double to) {
+  PlotAxis axis{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+                from, to};
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    axis.low = std::min(axis.low, value);
+    axis.high = std::max(axis.high, value);
+  }
+  if (axis.low < axis.high) return axis;
+  const double value = std::isfinite(axis.low) ? axis.low : 0.5;
+  const double half = value == 0 ? 0.5 : std::abs(value) / 2;
+  return {value - half, value + half, from, to};
+}
+
+double PlotAxis::Step() const {
+  const double rough = (high - low) / kSteps;
+  const double power = std::pow(10.0, std::floor(std::log10(rough)));
+  const double share = rough / power;
+  return power * (share < 1.5 ? 1 : share < 3.5 ? 2 : share < 7.5 ? 5 : 10);
+}
+
+std::vector<double> PlotAxis::Ticks() const {
+  const double step = Step();
+  std::vector<double> ticks;
+  for (double k = std::ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k) {
+    ticks.push_back(k == 0 ? 0 : k * step);
+  }
+  return ticks;
+}
+
+PlotAxis PlotAxis::RoundedOut() const {
+  const double step = Step();
+  const PlotAxis rounded{step * std::floor(low / step), step * std::ceil(high / step), from, to};
+  return rounded.Step() == step ? rounded : rounded.RoundedOut();
+}
+
+Svg::Svg(double width, double height, const std::string& css, double left)
+    : text_(fmt::format(
+          "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" "
+          "viewBox=\"{2:.0f} 0 {0:.0f} {1:.0f}\" font-family=\"sans-serif\" font-size=\"13\">\n"
+          "<style>text{{fill:#222}}{3}</style>\n"
+          "<rect x=\"{2:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" fill=\"#fff\"/>\n",
+          width, height, left, css)) {}
+
+void Svg::Line(const Point& from, const Point& to, const std::string& attributes) {
+  Element("line", fmt::format("x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" {}", from.x,
+                              from.y, to.x, to.y, attributes));
+}
+
+void Svg::Rectangle(const Point& corner, double width, double height, const std::string& attributes,
+                    const std::string& title) {
+  text_ += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" {}",
+                       corner.x, corner.y, width, height, attributes);
+  Close("rect", title);
+}
+
+void Svg::Circle(const Point& centre, double radius, const std::string& attributes) {
+  Element("circle", fmt::format("cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\" {}", centre.x, centre.y,
+                                radius, attributes));
+}
+
+void Svg::Polygon(const std::vector<Point>& points, const std::string& attributes,
+                  const std::string& title) {
+  text_ += fmt::format("<polygon points=\"{}\" {}", Coordinates(points), attributes);
+  Close("polygon", title);
+}
+
+void Svg::Polyline(const std::vector<Point>& points, const std::string& attributes) {
+  Element("polyline",
+          fmt::format("points=\"{}\" fill=\"none\" {}", Coordinates(points), attributes));
+}
+
+void Svg::Text(const Point& at, const std::string& text, const std::string& attributes) {
+  text_ += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" {}>{}</text>\n", at.x, at.y, attributes,
+                       Escaped(text));
+}
+
+void Svg::TurnedText(const Point& at, double deg, const std::string& text,
+                     const std::string& attributes) {
+  Text(at, text,
+       fmt::format("{} transform=\"rotate({:g} {:.1f} {:.1f})\"", attributes, deg, at.x, at.y));
+}
+
+void Svg::Element(const std::string& name, const std::string& attributes) {
+  text_ += fmt::format("<{} {}/>\n", name, attributes);
+}
+
+void Svg::Grid(const PlotAxis& y, double left, double right) {
+  for (const double tick : y.Ticks()) {
+    Line({left, y.At(tick)}, {right, y.At(tick)}, "stroke=\"#ddd\"");
+    Text({left - 6, y.At(tick) + 4}, fmt::format("{:g}", tick), "text-anchor=\"end\"");
+  }
+}
+
+void Svg::Close(const std::string& name, const std::string& title) {
+  text_ += title.empty() ? "/>\n" : fmt::format("><title>{}</title></{}>\n", Escaped(title), name);
+}
+
+}  // namespace volalign

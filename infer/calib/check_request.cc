@@ -1,0 +1,80 @@
+#include "infer/calib/check_request.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+/// Two views of something.
+bool AreSame(const DepthImage& a, const DepthImage& b) {
+  const bool shows_something = std::any_of(a.begin(), a.end(), [](float z) { return z > 0; });
+  return shows_something && a.width() == b.width() && a.height() == b.height() &&
+         std::equal(a.begin(), a.end(), b.begin());
+}
+
+/// A sensor is one device that stands still: only what is in front of it may change.
+void CheckSameSensor(const SensorFrame& first, const std::string& first_still,
+                     const SensorFrame& frame, const std::string& still) {
+  if (!(frame.intrinsics == first.intrinsics) || frame.sensor != first.sensor) {
+    throw DataError(fmt::format(
+        "sensor \"{}\" has other intrinsics or is of another kind in {} than in {}; captures of "
+        "one calibration have the same sensors in the same modes",
+        frame.name, still, first_still));
+  }
+  if (AreSame(frame.depth, first.depth)) {
+    throw DataError(
+        fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs the "
+                    "stack in another place, and frames of its own",
+                    frame.name, still, first_still));
+  }
+}
+
+}  // namespace
+
+CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
+                        const CalibrateOptions& options, bool model) {
+  ValidateConfig(options);
+  ParseEstimate(options.refine.estimate);
+  const PoseMethod method = options.initial.method;
+  if (!model && (method == PoseMethod::kNetwork || method == PoseMethod::kPaper)) {
+    throw ConfigError(
+        "initial.method asks for the labels of a network, and there is no model; give one "
+        "(--model), or choose geometry");
+  }
+  if (stills.empty()) throw DataError("there is no capture to calibrate");
+  std::map<std::string, std::pair<const SensorFrame*, const Still*>> first_of;
+  std::set<std::string> still_names;
+  for (const Still& still : stills) {
+    if (!still_names.insert(still.name).second) {
+      throw DataError(
+          fmt::format("two captures are named \"{}\"; names must be unique", still.name));
+    }
+    std::set<std::string> names;
+    for (const SensorFrame& frame : still.frames) {
+      if (!names.insert(frame.name).second) {
+        throw DataError(
+            fmt::format("two sensors are named \"{}\"; names must be unique", frame.name));
+      }
+      const auto [entry, is_first] = first_of.emplace(frame.name, std::pair(&frame, &still));
+      if (!is_first)
+        CheckSameSensor(*entry->second.first, entry->second.second->name, frame, still.name);
+    }
+  }
+  for (const std::string& name : options.refine.without_structure) {
+    if (first_of.count(name) > 0) continue;
+    throw ConfigError(fmt::format(
+        "refine.without_structure names \"{}\", which is no sensor of the capture", name));
+  }
+  return {std::move(stills), std::move(structure)};
+}
+
+}  // namespace volalign

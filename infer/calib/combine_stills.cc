@@ -1,0 +1,188 @@
+#include "infer/calib/combine_stills.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "core/base/lists.h"
+
+namespace volalign {
+
+namespace {
+
+/// A sensor in one still.
+struct OfSensor {
+  std::size_t still = 0;
+  FrameResult* result = nullptr;
+  const RefinedFrame* refined = nullptr;  // of one that was refined
+
+  bool IsPlaced() const { return refined && result->structure_from_sensor; }
+};
+
+/// What concerns the sensor itself, in whichever still it shows.
+bool ConcernsSensor(SensorCode code) {
+  const std::set<SensorCode> of_sensor = {SensorCode::kDisagrees,   SensorCode::kDuplicateDepth,
+                                          SensorCode::kSamePose,    SensorCode::kIntrinsicsSuspect,
+                                          SensorCode::kLensSuspect, SensorCode::kNotFinite};
+  return of_sensor.count(code) > 0;
+}
+
+/// The frame whose outcome is the sensor's: of one without a pose, one that is unconnected rather
+/// than one that sees no stack.
+const FrameResult& MostTelling(const std::vector<OfSensor>& frames) {
+  const auto rank = [](const FrameResult& frame) {
+    if (!frame.structure_from_sensor) return frame.code == SensorCode::kUnconnected ? 2 : 3;
+    return frame.status == SensorStatus::kOk ? 0 : 1;
+  };
+  const FrameResult* best = frames.front().result;
+  for (const OfSensor& frame : frames) {
+    if (rank(*frame.result) < rank(*best)) best = frame.result;
+  }
+  return *best;
+}
+
+/// Where the sensor stands: as most of its frames have it, by one that the refinement took, if
+/// there is one among them.
+const OfSensor* Standing(const std::vector<OfSensor>& frames) {
+  constexpr double kTogether = 0.03;  // m, of a sensor that stands in one place
+  const OfSensor* standing = nullptr;
+  std::pair<int, bool> best;
+  for (const OfSensor& frame : frames) {
+    if (!frame.IsPlaced()) continue;
+    int agree = 0;
+    for (const OfSensor& other : frames) {
+      if (!other.IsPlaced()) continue;
+      const Pose& there = other.refined->first_from_sensor;
+      const PoseError apart = ComparePoses(there, frame.refined->first_from_sensor);
+      agree += apart.translation_m < kTogether ? 1 : 0;
+    }
+    const std::pair<int, bool> rank(agree, frame.refined->accepted && !frame.refined->refused_fit);
+    if (standing && rank <= best) continue;
+    standing = &frame;
+    best = rank;
+  }
+  return standing;
+}
+
+/// Figures of all frames together: sums, and means over their points.
+void PoolFigures(const std::vector<OfSensor>& frames, SensorOutcome* sensor) {
+  const std::vector<double SensorOutcome::*> means = {
+      &SensorOutcome::inlier_share, &SensorOutcome::miou, &SensorOutcome::label_iou,
+      &SensorOutcome::explained_share};
+  const std::vector<double SensorOutcome::*> roots = {&SensorOutcome::rms_to_structure_m,
+                                                      &SensorOutcome::initial_rms_to_structure_m};
+  for (const auto figure : means) sensor->*figure = 0;
+  for (const auto figure : roots) sensor->*figure = 0;
+  sensor->points = 0;
+  std::set<std::string> sides;
+  for (const OfSensor& frame : frames) {
+    if (!frame.IsPlaced()) continue;
+    const SensorOutcome& of = *frame.result;
+    for (const auto figure : means) sensor->*figure += of.points * of.*figure;
+    for (const auto figure : roots) sensor->*figure += of.points * (of.*figure) * (of.*figure);
+    sides.insert(of.sides.begin(), of.sides.end());
+    sensor->points += of.points;
+  }
+  const double points = std::max(1, sensor->points);
+  for (const auto figure : means) sensor->*figure /= points;
+  for (const auto figure : roots) sensor->*figure = std::sqrt(sensor->*figure / points);
+  sensor->sides.assign(sides.begin(), sides.end());
+}
+
+FrameResult CombineFrames(const std::vector<OfSensor>& frames,
+                          const std::vector<StillResult>& stills,
+                          const std::optional<Pose>& ground_truth) {
+  FrameResult sensor;
+  static_cast<SensorOutcome&>(sensor) = MostTelling(frames);
+  const OfSensor* standing = Standing(frames);
+  if (!standing) return sensor;
+  const FrameResult& at = *standing->result;
+  const Pose& placement = stills[standing->still].first_from_placement;
+  sensor.structure_from_sensor = standing->refined->first_from_sensor;
+  sensor.covariance = standing->refined->first_covariance;
+  sensor.initial = placement * at.initial;
+  sensor.together.reset();
+  if (at.together) sensor.together = placement * *at.together;
+  sensor.refinement_accepted = at.refinement_accepted;
+  PoolFigures(frames, &sensor);
+  for (const OfSensor& frame : frames) {
+    if (sensor.status == SensorStatus::kFailed || !ConcernsSensor(frame.result->code)) continue;
+    if (ConcernsSensor(sensor.code)) break;
+    sensor.status = SensorStatus::kWeak;
+    static_cast<Finding&>(sensor) = *frame.result;
+  }
+  sensor.error.reset();
+  sensor.initial_error.reset();
+  if (ground_truth) {
+    sensor.error = ComparePoses(*sensor.structure_from_sensor, *ground_truth);
+    sensor.initial_error = ComparePoses(sensor.initial, *ground_truth);
+  }
+  DemoteIfNotFinite(&sensor);
+  return sensor;
+}
+
+/// Root mean squares over all stills, weighed by their points.
+std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& stills) {
+  SetDistances squares;
+  double points = 0;
+  for (const StillResult& still : stills) {
+    if (!still.metrics) continue;
+    double of_still = 0;
+    for (const FrameResult& sensor : still.sensors) of_still += sensor.points;
+    squares.d1 += of_still * still.metrics->d1 * still.metrics->d1;
+    squares.d2 += of_still * still.metrics->d2 * still.metrics->d2;
+    points += of_still;
+  }
+  if (!(points > 0)) return std::nullopt;
+  return SetDistances{std::sqrt(squares.d1 / points), std::sqrt(squares.d2 / points)};
+}
+
+/// Each two sensors' overlap, of the first still that has both.
+std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
+  std::vector<PairResult> pairs;
+  for (const StillResult& still : stills) {
+    for (const PairResult& pair : still.pairs) {
+      AddIfNew(pair, &pairs, [&](const PairResult& other) {
+        return (other.a == pair.a && other.b == pair.b) || (other.a == pair.b && other.b == pair.a);
+      });
+    }
+  }
+  return pairs;
+}
+
+}  // namespace
+
+CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResult> stills,
+                                const SomeFrames<FrameSolution>& frames) {
+  CalibrationResult result;
+  if (stills.size() == 1) {
+    static_cast<StackResult&>(result) = std::move(stills.front());
+    return result;
+  }
+  result.stills = std::move(stills);
+  std::vector<std::vector<OfSensor>> of_sensor(capture.sensors.size());
+  std::vector<std::optional<Pose>> truths(capture.sensors.size());
+  for (const FrameId id : capture.sensor_of.Ids()) {
+    const std::size_t sensor = capture.sensor_of[id];
+    const auto solved = frames.find(id);
+    of_sensor[sensor].push_back({id.still, &result.stills[id.still].sensors[id.frame],
+                                 solved != frames.end() ? &solved->second.refined : nullptr});
+    if (id.still == 0) truths[sensor] = capture[id].ground_truth;
+  }
+  for (std::size_t k = 0; k < of_sensor.size(); ++k)
+    result.sensors.push_back(CombineFrames(of_sensor[k], result.stills, truths[k]));
+  result.pairs = CombinePairs(result.stills);
+  result.metrics = CombineMetrics(result.stills);
+  result.assembly = result.stills.front().assembly;
+  for (const StillResult& still : result.stills) {
+    if (still.assembly && still.assembly->altered()) result.assembly = still.assembly;
+  }
+  result.built = result.stills.front().built;
+  result.boxes = result.stills.front().boxes;
+  return result;
+}
+
+}  // namespace volalign

@@ -1,0 +1,228 @@
+#include "infer/calib/joint_solution.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+#include <variant>
+
+#include "core/base/parallel_for.h"
+#include "core/geometry/pose.h"
+#include "infer/calib/look.h"
+#include "infer/checks/join.h"
+#include "infer/checks/neighbours.h"
+#include "infer/checks/verdict.h"
+#include "infer/checks/verification.h"
+#include "infer/initial/shape_check.h"
+#include "infer/lens/find_lenses.h"
+
+namespace volalign {
+
+namespace {
+
+/// Labels follow the joint solution, so often at most, and while a sensor moves farther than this,
+/// m.
+constexpr int kLabelRounds = 6;
+constexpr double kLabelsStay = 0.002;
+
+/// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
+/// again, so many times at most.
+constexpr double kLinearPx = 2;
+constexpr int kMostLooks = 3;
+
+/// Frames that are located, none of which contradicts the others about where the stack stood.
+struct Located {
+  PerFrame<LocateResult> results;
+  std::vector<Pose> first_from_stack;
+};
+
+PerFrame<LocateResult> Without(PerFrame<LocateResult> results, const SomeFrames<Finding>& aside) {
+  for (const auto& [id, finding] : aside) results[id] = finding;
+  return results;
+}
+
+Located Join(const Seen& seen, PerFrame<LocateResult> results) {
+  Stood stood = JoinStills(seen, results);
+  return {Without(std::move(results), stood.contradicted), std::move(stood.first_from_stack)};
+}
+
+Located Locate(const Seen& seen, const StackFinding& stack, const LocateOptions& options) {
+  return Join(seen, LocateByNeighbours(seen, LocateAlone(seen, stack, options), options));
+}
+
+/// Only frames without structure terms, which have not been refined alone, need the coarse stage.
+RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& frames,
+                            const std::vector<Pose>& first_from_stack, RefineSetup setup) {
+  std::vector<FrameInput> all;
+  setup.schedule.coarse = false;
+  for (const auto& [id, frame] : frames) {
+    all.push_back(frame);
+    setup.schedule.coarse = setup.schedule.coarse || frame.role == FrameRole::kOverlap;
+  }
+  return Refine(seen.capture->structure, all, setup, seen.lenses.lenses, first_from_stack);
+}
+
+/// The poses that labels follow: those of frames that the structure holds, where the refinement was
+/// accepted. A frame that was refused begins where it did.
+SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const RefineResult& refined) {
+  SomeFrames<Pose> poses;
+  auto found = refined.frames.begin();
+  for (const auto& [id, frame] : frames) {
+    if (frame.role == FrameRole::kStructure && found->accepted)
+      poses[id] = found->structure_from_sensor;
+    ++found;
+  }
+  return poses;
+}
+
+/// How far, m, the frame that moved farthest is from where it began.
+double LargestMove(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
+  double moved = 0;
+  for (const auto& [id, pose] : poses)
+    moved = std::max(moved, ComparePoses(frames.at(id).start, pose).translation_m);
+  return moved;
+}
+
+/// Whether the last round has moved each frame by less than its position is known to, or nowhere to
+/// speak of.
+bool StandStill(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses,
+                const RefineResult& refined) {
+  auto found = refined.frames.begin();
+  for (const auto& [id, frame] : frames) {
+    const RefinedFrame& solution = *found++;
+    const auto pose = poses.find(id);
+    if (pose == poses.end()) continue;
+    const double moved = ComparePoses(frame.start, pose->second).translation_m;
+    if (!(moved < std::max(kLabelsStay, LargestSigmaPosition(pose->second, solution.covariance))))
+      return false;
+  }
+  return true;
+}
+
+/// The frames as they begin at these poses, labelled by them.
+SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frames,
+                                  const SomeFrames<Pose>& poses, const RefineResult& refined,
+                                  const LocateOptions& options) {
+  const std::vector<std::pair<FrameId, Pose>> all(poses.begin(), poses.end());
+  ParallelFor(all.size(), options.threads, [&](std::size_t k) {
+    const auto& [id, pose] = all[k];
+    FrameInput& frame = frames.at(id);
+    frame.start = pose;
+    frame.points = PointsAt(seen, id, refined.placements[id.still].built, pose, options);
+  });
+  return frames;
+}
+
+LensSet WithChanges(LensSet lenses, const std::vector<RefinedLens>& refined) {
+  for (std::size_t i = 0; i < lenses.lenses.size(); ++i)
+    lenses.lenses[i].change = refined[i].change;
+  return lenses;
+}
+
+Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames,
+                RefineResult refined, const SolveReport& report) {
+  std::vector<FrameId> ids;
+  for (const auto& [id, frame] : frames) ids.push_back(id);
+  const auto id_of = [&](int k) { return ids[static_cast<std::size_t>(k)]; };
+  Joint joint{std::move(seen),
+              std::move(located.results),
+              {},
+              {},
+              std::move(refined.placements),
+              std::move(refined.lenses),
+              refined.size_estimated,
+              refined.size_scale,
+              refined.sigma_size_scale,
+              report};
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    FrameSolution& solution = joint.frames[ids[k]];
+    solution.refined = std::move(refined.frames[k]);
+    if (!solution.refined.refused_fit) continue;
+    for (const int other : solution.refined.refused_fit->contradicts)
+      solution.contradicts.push_back(id_of(other));
+  }
+  const CaptureSet& capture = *joint.seen.capture;
+  joint.pairs.resize(capture.stills.size());
+  for (const RefinedPair& pair : refined.pairs) {
+    joint.pairs[id_of(pair.a).still].push_back(
+        {capture[id_of(pair.a)].name, capture[id_of(pair.b)].name, pair.overlap, pair.rms});
+  }
+  return joint;
+}
+
+}  // namespace
+
+SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>& located,
+                                  const SomeFrames<FrameInput>& frames, const RefineResult& refined,
+                                  const InitialPoseOptions& options) {
+  SomeFrames<Finding> shapeless;
+  auto found = refined.frames.begin();
+  for (const auto& [id, frame] : frames) {
+    const Pose& pose = found++->structure_from_sensor;
+    if (!std::get<LocatedFrame>(located[id]).visible_by_geometry ||
+        VisibleWithShape(seen.views[id], refined.placements[id.still].built, pose, options)) {
+      continue;
+    }
+    shapeless[id] = ExplainMissingShape();
+  }
+  return shapeless;
+}
+
+Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
+                   const CalibrateOptions& options, const CalibrateProgress& progress,
+                   StageClock* clock) {
+  const auto begin = [&](const char* stage) {
+    if (progress) progress(stage);
+  };
+  const LocateOptions locate{options.initial, options.refine, options.verdict, options.threads};
+  const auto locate_all = [&] {
+    begin("each sensor by itself");
+    Located located = Locate(seen, stack, locate);
+    clock->Lap("placement");
+    begin("all sensors together");
+    return located;
+  };
+  SolveReport report;
+  int labelled = 0, looks = 1;
+  Located located = locate_all();
+  SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results, options.refine);
+  RefineSetup setup(options.refine);
+  for (;;) {
+    RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
+    ++report.rounds;
+    const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
+    report.moved_m = LargestMove(frames, poses);
+    if (report.moved_m >= kLabelsStay && labelled < kLabelRounds) {  // label
+      frames = LabelledAt(seen, std::move(frames), poses, refined, locate);
+      // Points are associated anew in each round.
+      setup.schedule.fine_iterations =
+          poses.size() == frames.size() ? 1 : options.refine.fine_iterations;
+      ++labelled;
+      continue;
+    }
+    const SomeFrames<Finding> shapeless =
+        FindShapeless(seen, located.results, frames, refined, options.initial);
+    if (!shapeless.empty()) {  // set aside
+      located = Join(seen, Without(std::move(located.results), shapeless));
+    } else {  // look
+      clock->Lap("refinement");
+      LensSet lenses = WithChanges(seen.lenses, refined.lenses);
+      report.moved_px = LargestShift(seen.lenses, lenses);
+      if (report.moved_px > 0)
+        seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
+      report.converged = refined.converged;
+      report.settled =
+          report.converged && StandStill(frames, poses, refined) && report.moved_px < kLinearPx;
+      if (report.moved_px < kLinearPx || looks == kMostLooks)
+        return MakeJoint(std::move(seen), std::move(located), frames, std::move(refined), report);
+      ++looks;
+      seen.lenses = MeasureLenses(seen.views, std::move(seen.lenses), options.threads);
+      seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);
+      located = locate_all();
+    }
+    frames = FramesToRefine(seen, located.results, options.refine);
+    setup.schedule = options.refine;
+    labelled = 0;
+  }
+}
+
+}  // namespace volalign

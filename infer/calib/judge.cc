@@ -1,0 +1,185 @@
+#include "infer/calib/judge.h"
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "core/base/parallel_for.h"
+#include "infer/calib/combine_stills.h"
+#include "infer/checks/pose_quality.h"
+
+namespace volalign {
+
+namespace {
+
+void SetFinding(SensorStatus status, const Finding& finding, FrameResult* sensor) {
+  sensor->status = status;
+  static_cast<Finding&>(*sensor) = finding;
+}
+
+void TakeRefinement(const RefinedFrame& refined, const Pose& initial, FrameResult* sensor) {
+  sensor->initial = initial;
+  sensor->refinement_accepted = refined.accepted;
+  if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
+  sensor->disagreement = refined.disagreement;
+  sensor->rms_together_m = refined.rms_together;
+  sensor->rms_alone_m = refined.rms_alone;
+  sensor->structure_from_sensor = refined.structure_from_sensor;
+  sensor->covariance = refined.covariance;
+  sensor->depth_offset_m = refined.depth_offset;
+  sensor->depth_gain = refined.depth_gain;
+  sensor->sigma_depth_offset_m = refined.sigma_depth_offset;
+  sensor->sigma_depth_gain = refined.sigma_depth_gain;
+}
+
+void TakeLens(const Joint& joint, FrameId id, FrameResult* sensor) {
+  const LensSet& lenses = joint.seen.lenses;
+  sensor->lens = {lenses.Of(id).source, lenses.Of(id).prior_sigmas};
+  if (joint.lenses.empty()) return;
+  const RefinedLens& refined = joint.lenses[lenses.of_frame[id]];
+  if (refined.estimated) sensor->lens.source = LensSource::kEstimated;
+  sensor->lens.sigmas = refined.sigmas;
+}
+
+/// Empty where the solution has settled.
+std::string WhatMoves(const SolveReport& report) {
+  if (report.settled) return "";
+  return fmt::format("round {} moved a sensor by {:.1f} mm, the last lens a picture by {:.1f} px{}",
+                     report.rounds, 1000 * report.moved_m, report.moved_px,
+                     report.converged ? "" : ", and it ended by the number of its steps");
+}
+
+/// Residuals, errors and status of a located frame at its reported pose.
+void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& suspect_lens,
+                const CalibrateOptions& options, FrameResult* sensor) {
+  const SensorFrame& frame = (*joint.seen.capture)[id];
+  const auto& located = std::get<LocatedFrame>(joint.located[id]);
+  const Labelled& labelled = joint.seen.labelled[id];
+  const RefinedFrame& refined = joint.frames.at(id).refined;
+  const Structure& built = joint.stacks[id.still].built;
+  const Pose& pose = *sensor->structure_from_sensor;
+  static_cast<PoseQuality&>(*sensor) = MeasureQuality(
+      Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
+      labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose,
+      options.initial.patch.min_confidence);
+  sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
+                                                    joint.seen.capture->structure, sensor->initial)
+                                           .rms_m;
+  if (frame.ground_truth) {
+    sensor->error = ComparePoses(pose, *frame.ground_truth);
+    sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);
+  }
+  std::optional<ContradictedSensors> contradiction;
+  if (sensor->together)
+    contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
+  const std::optional<Finding> weakness = FindWeakness(
+      {*sensor, pose, sensor->covariance, refined.problem, contradiction,
+       joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
+       located.by_neighbours, labelled.other_pose, labelled.floor_would_tell,
+       frame.quarter_turns != kAutoTurns, located.visible_by_geometry, WhatMoves(joint.report)},
+      options.verdict);
+  sensor->status = SensorStatus::kOk;
+  if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
+  DemoteIfNotFinite(sensor);
+}
+
+void JudgeTwins(const VerdictOptions& options, std::vector<FrameResult>* sensors) {
+  std::vector<std::string> names;
+  std::vector<std::optional<Pose>> poses;
+  for (const FrameResult& sensor : *sensors) {
+    names.push_back(sensor.name);
+    poses.push_back(sensor.structure_from_sensor);
+  }
+  const std::vector<std::optional<Finding>> twins = FindTwins(names, poses, options);
+  for (std::size_t i = 0; i < twins.size(); ++i) {
+    if (twins[i]) SetFinding(SensorStatus::kWeak, *twins[i], &(*sensors)[i]);
+  }
+}
+
+std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& sensors,
+                                                const Structure& built) {
+  std::vector<Eigen::Vector3d> captured;
+  for (const FrameResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    const std::vector<Eigen::Vector3d> points =
+        LabelledPoints(Corrected(sensor.view, sensor.depth_gain, sensor.depth_offset_m),
+                       sensor.segmentation.labels, *sensor.structure_from_sensor);
+    captured.insert(captured.end(), points.begin(), points.end());
+  }
+  return CompareWithSurface(captured, built);
+}
+
+/// What is known of a frame but for the verdict on a located one. Takes its images.
+FrameResult ResultOf(FrameId id, Joint* joint) {
+  const Seen& seen = joint->seen;
+  Labelled& labelled = joint->seen.labelled[id];
+  FrameResult sensor;
+  sensor.name = (*seen.capture)[id].name;
+  sensor.intrinsics = seen.lenses.Effective(id);
+  sensor.intrinsics_given = (*seen.capture)[id].intrinsics;
+  TakeLens(*joint, id, &sensor);
+  sensor.view = std::move(joint->seen.views[id]);
+  sensor.segmentation = std::move(labelled.segmentation);
+  sensor.quarter_turns = labelled.quarter_turns;
+  if (const auto* failure = std::get_if<Finding>(&joint->located[id])) {
+    SetFinding(SensorStatus::kFailed, *failure, &sensor);
+    return sensor;
+  }
+  const auto& located = std::get<LocatedFrame>(joint->located[id]);
+  const FrameSolution& solution = joint->frames.at(id);
+  TakeRefinement(solution.refined, located.InitialPoseOf(labelled.initial), &sensor);
+  sensor.initial_source = located.by_neighbours ? PoseSource::kNeighbours : labelled.source;
+  for (const FrameId other : solution.contradicts)
+    sensor.disagrees_with.push_back((*seen.capture)[other].name);
+  return sensor;
+}
+
+/// A still with its frames' results.
+StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
+                        std::optional<AssemblyReport> assembly, const VerdictOptions& verdict,
+                        Joint* joint) {
+  RefinedPlacement& stack = joint->stacks[still];
+  JudgeTwins(verdict, &sensors);
+  StillResult result;
+  result.name = joint->seen.capture->stills[still].name;
+  result.first_from_placement = stack.first_from_placement;
+  result.covariance = stack.covariance;
+  result.metrics = MeasureSetDistances(sensors, stack.built);
+  result.pairs = std::move(joint->pairs[still]);
+  result.sensors = std::move(sensors);
+  result.assembly = std::move(assembly);
+  result.built = std::move(stack.built);
+  result.boxes = std::move(stack.boxes);
+  return result;
+}
+
+}  // namespace
+
+CalibrationResult Judge(Joint joint, const StackFinding& stack,
+                        const PerFrame<std::optional<Finding>>& suspect_lenses,
+                        const CalibrateOptions& options) {
+  PerFrame<FrameResult> sensors =
+      MapFrames(joint.located, options.threads, [&](FrameId id) { return ResultOf(id, &joint); });
+  std::vector<FrameId> solved;
+  for (const auto& [id, solution] : joint.frames) solved.push_back(id);
+  ParallelFor(solved.size(), options.threads, [&](std::size_t k) {
+    const FrameId id = solved[k];
+    JudgeFrame(joint, id, suspect_lenses[id], options, &sensors[id]);
+  });
+  std::vector<StillResult> stills;
+  for (std::size_t s = 0; s < sensors.stills(); ++s) {
+    stills.push_back(
+        GatherStill(s, std::move(sensors.OfStill(s)), stack[s], options.verdict, &joint));
+  }
+  CalibrationResult result = CombineStills(*joint.seen.capture, std::move(stills), joint.frames);
+  result.size_estimated = joint.size_estimated;
+  result.size_scale = joint.size_scale;
+  result.sigma_size_scale = joint.sigma_size_scale;
+  result.solve = joint.report;
+  return result;
+}
+
+}  // namespace volalign

@@ -1,0 +1,304 @@
+#include "infer/capture/capture.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/json/strict_json.h"
+#include "infer/capture/mean_depth.h"
+#include "infer/formats/depth_file.h"
+#include "infer/formats/intrinsics_file.h"
+#include "infer/formats/recording.h"
+
+namespace volalign {
+
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kDefaultFrames = 10;  // of a recording
+constexpr int kMostFrames = 1000;
+
+int ParseTurns(const JsonObject& object) {
+  if (!object.Has("quarter_turns")) return kAutoTurns;
+  const Json& value = object.Get("quarter_turns");
+  if (value.is_string() && value.get<std::string>() == "auto") return kAutoTurns;
+  if (value.is_number_integer()) {
+    const auto turns = value.get<std::int64_t>();
+    if (turns >= 0 && turns <= 3) return static_cast<int>(turns);
+  }
+  throw DataError(fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor \"auto\"",
+                              object.where(), value.dump()));
+}
+
+std::string ParseName(const JsonObject& object) {
+  std::string name = object.Text("name");
+  if (!IsFileName(name)) {
+    throw DataError(
+        fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
+                    "use another plain word",
+                    object.where(), name));
+  }
+  return name;
+}
+
+/// Any text serves as a kind of device; a control character in it is an accident, and would spoil
+/// the printed report.
+std::string ParseKind(const JsonObject& object) {
+  if (!object.Has("sensor")) return "";
+  std::string kind = object.Text("sensor");
+  const auto is_control = [](char c) { return std::iscntrl(static_cast<unsigned char>(c)) != 0; };
+  if (std::any_of(kind.begin(), kind.end(), is_control)) {
+    throw DataError(fmt::format(
+        "{}: sensor = {} has a control character; name the kind of device in plain text",
+        object.where(), Json(kind).dump()));
+  }
+  return kind;
+}
+
+std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
+  if (object.Get("depth").is_string()) return {object.Text("depth")};
+  std::vector<std::string> files = object.Texts("depth");
+  if (files.empty()) {
+    throw DataError(
+        fmt::format("{}: depth is an empty list; name at least one depth file", object.where()));
+  }
+  return files;
+}
+
+/// Where depth comes from: files, or a stream of a recording with what that says of it.
+struct DepthSource {
+  std::vector<StoredDepth> images;
+  std::optional<Intrinsics> intrinsics;
+  std::optional<double> depth_scale;
+  std::string kind, serial;
+};
+
+/// Runs `read`; what it throws names the sensor first.
+template <class Read>
+auto ReadingFor(const std::string& where, const Read& read) {
+  try {
+    return read();
+  } catch (const IoError& error) {
+    throw IoError(fmt::format("{}: {}; depth paths are relative to the capture's folder", where,
+                              error.what()));
+  } catch (const DataError& error) {
+    throw DataError(fmt::format("{}: {}", where, error.what()));
+  }
+}
+
+DepthSource ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path) {
+  const int frames = object.Has("frames") ? object.Int("frames") : kDefaultFrames;
+  if (frames < 1 || frames > kMostFrames) {
+    throw DataError(fmt::format("{}: frames = {} violates 1 <= frames <= {}", object.where(),
+                                frames, kMostFrames));
+  }
+  std::vector<RecordedDepth> streams =
+      ReadingFor(object.where(), [&] { return ReadRecording(path, frames); });
+  std::vector<std::string> names;
+  for (const RecordedDepth& stream : streams) names.push_back(stream.stream);
+  std::size_t chosen = 0;
+  if (object.Has("stream")) {
+    const std::string wanted = object.Text("stream");
+    chosen =
+        static_cast<std::size_t>(std::find(names.begin(), names.end(), wanted) - names.begin());
+    if (chosen == names.size()) {
+      throw DataError(fmt::format("{}: {} has no depth stream \"{}\", but {}", object.where(),
+                                  path.string(), wanted, fmt::join(names, ", ")));
+    }
+  } else if (streams.size() > 1) {
+    throw DataError(fmt::format("{}: {} has several depth streams; choose one by \"stream\": {}",
+                                object.where(), path.string(), fmt::join(names, ", ")));
+  }
+  RecordedDepth& stream = streams[chosen];
+  return {std::move(stream.frames), stream.intrinsics, stream.depth_scale, stream.kind,
+          stream.serial};
+}
+
+DepthSource ReadDepth(const JsonObject& object, const std::vector<std::string>& files,
+                      const std::filesystem::path& folder) {
+  const auto is_recording = [&](const std::string& file) { return IsRecording(folder / file); };
+  const auto recording = std::find_if(files.begin(), files.end(), is_recording);
+  if (recording != files.end()) {
+    if (files.size() > 1) {
+      throw DataError(fmt::format("{}: {} is a recording; it cannot stand in a list of depth files",
+                                  object.where(), *recording));
+    }
+    return ReadRecordedDepth(object, folder / *recording);
+  }
+  DepthSource source;
+  for (const std::string& file : files) {
+    source.images.push_back(
+        ReadingFor(object.where(), [&] { return ReadStoredDepth(folder / file); }));
+  }
+  return source;
+}
+
+/// Stated by the sensor itself, else by its recording, else for the whole capture.
+double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
+                       std::optional<double> common) {
+  std::optional<double> scale = recorded ? recorded : common;
+  if (object.Has("depth_scale")) scale = object.Number("depth_scale");
+  if (!scale) {
+    throw DataError(fmt::format(
+        "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
+        object.where()));
+  }
+  if (!(*scale > 0)) {
+    throw DataError(
+        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), *scale));
+  }
+  return *scale;
+}
+
+/// A file's name, volalign's own keys, or one of the other forms of infer/formats.
+Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem::path& folder,
+                                 const DepthSource& source) {
+  const Image<float>& first = source.images.front().values;
+  const FrameSize size{first.width(), first.height()};
+  if (!object.Has("intrinsics")) {
+    if (source.intrinsics) return *source.intrinsics;
+    throw DataError(
+        fmt::format("{}: the key \"intrinsics\" is missing; give an object, or the name of a file",
+                    object.where()));
+  }
+  const Json& given = object.Get("intrinsics");
+  if (given.is_string()) {
+    return ReadingFor(object.where(),
+                      [&] { return ReadIntrinsicsFile(folder / given.get<std::string>(), size); });
+  }
+  if (given.is_object() && !given.contains("fx") && !given.contains("cx") && !given.empty())
+    return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
+  if (given.is_object() && given.contains("ppx"))
+    return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
+  return ParseIntrinsics(object.Child("intrinsics"));
+}
+
+void RequireSizes(const DepthSource& source, const Intrinsics& intrinsics,
+                  const std::vector<std::string>& files, const std::string& where) {
+  for (std::size_t i = 0; i < source.images.size(); ++i) {
+    const Image<float>& image = source.images[i].values;
+    if (image.width() == intrinsics.width && image.height() == intrinsics.height) continue;
+    throw DataError(fmt::format(
+        "{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution", where,
+        files[std::min(i, files.size() - 1)], image.width(), image.height(), intrinsics.width,
+        intrinsics.height));
+  }
+}
+
+SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& folder,
+                        std::optional<double> common_scale) {
+  SensorFrame frame;
+  frame.name = ParseName(object);
+  const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
+  frame.depth_files = ParseDepthFiles(object);
+  const DepthSource source = ReadDepth(object, frame.depth_files, folder);
+  frame.intrinsics = ParseSensorIntrinsics(object, folder, source);
+  frame.quarter_turns = ParseTurns(object);
+  frame.sensor = object.Has("sensor") ? ParseKind(object) : source.kind;
+  frame.serial = object.Has("serial") ? object.Text("serial") : source.serial;
+  frame.depth_scale = ParseDepthScale(object, source.depth_scale, common_scale);
+  object.RejectOthers();
+  RequireSizes(source, frame.intrinsics, frame.depth_files, where);
+  SetMeanDepth(source.images, &frame);
+  return frame;
+}
+
+/// Gives the sensors the poses that `truth` has for them.
+void ParseGroundTruth(const JsonObject& truth, const std::string& name,
+                      std::vector<SensorFrame>* sensors) {
+  for (SensorFrame& frame : *sensors) {
+    if (!truth.Has(frame.name)) continue;
+    frame.ground_truth = PoseFromRows(truth.Matrix(frame.name),
+                                      fmt::format("{}: ground_truth of \"{}\"", name, frame.name));
+  }
+  truth.RejectOthers();
+}
+
+std::string ReadCaptureText(const std::filesystem::path& path) {
+  try {
+    return ReadFile(path);
+  } catch (const IoError& error) {
+    throw IoError(
+        fmt::format("{}; give a capture.json, which docs/formats.md describes", error.what()));
+  }
+}
+
+}  // namespace
+
+std::vector<Still> StillsOf(std::vector<Capture> captures) {
+  const auto name_all = [&](const auto& name_of) {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < captures.size(); ++i) names.push_back(name_of(i));
+    return names;
+  };
+  const auto serve = [](const std::vector<std::string>& names) {
+    return std::set<std::string>(names.begin(), names.end()).size() == names.size() &&
+           std::all_of(names.begin(), names.end(), IsFileName);
+  };
+  std::vector<std::string> names = {""};
+  if (captures.size() > 1) {
+    names = name_all([&](std::size_t i) { return captures[i].path.stem().string(); });
+    if (!serve(names)) {
+      names = name_all([&](std::size_t i) {
+        return std::filesystem::absolute(captures[i].path).parent_path().filename().string();
+      });
+    }
+    if (!serve(names))
+      names = name_all([](std::size_t i) { return fmt::format("still_{}", i + 1); });
+  }
+  std::vector<Still> stills;
+  for (std::size_t i = 0; i < captures.size(); ++i)
+    stills.push_back({names[i], std::move(captures[i].sensors)});
+  return stills;
+}
+
+bool IsFileName(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." && name != "overview" && name != "merged" &&
+         name.find_first_of("/\\") == std::string::npos;
+}
+
+Capture ReadCapture(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  const Json document = ParseStrictJson(ReadCaptureText(path), name);
+  const JsonObject root(document, name);
+
+  if (root.Has("format") && root.Text("format") != kCaptureFormat) {
+    throw DataError(fmt::format("{}: format \"{}\" is unknown; this version reads \"{}\"", name,
+                                root.Text("format"), kCaptureFormat));
+  }
+  Capture capture;
+  capture.path = path;
+  const std::filesystem::path folder = path.parent_path();
+  std::optional<double> scale;
+  if (root.Has("depth_scale")) scale = root.Number("depth_scale");
+  if (root.Has("structure")) capture.structure = folder / root.Text("structure");
+
+  std::set<std::string> names;
+  for (const JsonObject& object : root.Children("sensors")) {
+    capture.sensors.push_back(ParseSensor(object, folder, scale));
+    const std::string& sensor = capture.sensors.back().name;
+    if (!names.insert(sensor).second) {
+      throw DataError(
+          fmt::format("{}: two sensors are named \"{}\"; names must be unique", name, sensor));
+    }
+  }
+  if (capture.sensors.empty()) {
+    throw DataError(fmt::format("{}: sensors is empty; list at least one sensor", name));
+  }
+  if (root.Has("ground_truth")) {
+    ParseGroundTruth(root.Child("ground_truth"), name, &capture.sensors);
+  }
+  root.RejectOthers();
+  return capture;
+}
+
+}  // namespace volalign

@@ -1,0 +1,306 @@
+#include "infer/capture/capture_draft.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/base/error.h"
+#include "core/base/statistics.h"
+#include "core/base/text.h"
+#include "infer/capture/capture.h"
+#include "infer/capture/capture_folder.h"
+#include "infer/formats/depth_file.h"
+#include "infer/formats/intrinsics_file.h"
+#include "infer/formats/recording.h"
+
+namespace volalign {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostListed = 5;  // files of one kind that a sentence names
+
+/// One sensor as far as the folder tells.
+struct DraftSensor {
+  std::string name;
+  std::vector<fs::path> files;  // frames, or one recording
+  std::string stream;           // of a recording with several
+  int width = 0, height = 0;
+  double median = 0;  // of the first frame's measured values, in the file's units
+  std::optional<double> depth_scale;
+  std::string kind, serial;
+  std::optional<Intrinsics> intrinsics;
+};
+
+class Drafter {
+ public:
+  Drafter(fs::path folder, const CaptureDraftOptions& options)
+      : folder_(std::move(folder)), options_(options) {}
+
+  CaptureDraft Run(const fs::path& output_folder) {
+    std::error_code error;
+    if (!fs::is_directory(folder_, error))
+      throw IoError(folder_.string() + ": no such folder; name the one that has the depth files");
+    const FolderContent top = LookInto(folder_);
+    AddFlat(top);
+    std::vector<fs::path> folders;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder_))
+      if (entry.is_directory()) folders.push_back(entry.path());
+    std::sort(folders.begin(), folders.end(), ComesBefore);
+    for (const fs::path& sub : folders) AddSubFolder(sub);
+    if (sensors_.empty()) {
+      throw DataError(
+          fmt::format("{}: no depth file or recording is in it or in a folder of it; expected {}, "
+                      ".bag, .db3 or .mkv{}",
+                      folder_.string(), kDepthFormats,
+                      draft_.found.empty() ? "" : " (" + draft_.found.front() + ")"));
+    }
+    std::set<fs::path> used;
+    for (DraftSensor& sensor : sensors_) FindIntrinsics(top, &sensor, &used);
+    draft_.json = Write(output_folder);
+    draft_.sensors = static_cast<int>(sensors_.size());
+    return std::move(draft_);
+  }
+
+ private:
+  void AddFlat(const FolderContent& content) {
+    std::map<std::string, std::vector<fs::path>> frames;
+    std::vector<std::string> order;
+    for (const fs::path& image : content.images) {
+      const std::string stem = image.stem().string();
+      std::string name = NameBesideDepth(stem).value_or(stem);
+      if (name.empty()) name = "depth";
+      if (!frames.count(name)) order.push_back(name);
+      frames[name].push_back(image);
+    }
+    for (const std::string& name : order) AddImages(name, frames[name]);
+    for (const fs::path& recording : content.recordings)
+      AddRecording(recording.stem().string(), recording);
+    SayLeftOut(content, "");
+  }
+
+  void AddSubFolder(const fs::path& sub) {
+    const std::string name = sub.filename().string();
+    const FolderContent content = LookInto(sub);
+    std::map<std::string, std::vector<fs::path>> groups;  // by name without the number
+    for (const fs::path& image : content.images)
+      groups[WithoutNumber(image.stem().string())].push_back(image);
+    if (groups.size() > 1) {
+      std::map<std::string, std::vector<fs::path>> named;
+      for (const auto& group : groups)
+        if (Lower(group.first).find("depth") != std::string::npos) named.insert(group);
+      if (named.size() != 1) {
+        draft_.unknown.push_back(
+            fmt::format("{}: which of its images are depth: {}... (name them depth_0001 and so on)",
+                        name, content.images.front().filename().string()));
+        return;
+      }
+      groups = named;
+    }
+    const std::size_t before = sensors_.size();
+    if (!groups.empty()) AddImages(name, groups.begin()->second);
+    for (const fs::path& recording : content.recordings) {
+      const bool alone = groups.empty() && content.recordings.size() == 1;
+      AddRecording(alone ? name : name + "_" + recording.stem().string(), recording);
+    }
+    for (std::size_t i = before; i < sensors_.size(); ++i)
+      own_[sensors_[i].name] = content.intrinsics;
+    SayLeftOut(content, name + "/");
+  }
+
+  void SayLeftOut(const FolderContent& content, const std::string& where) {
+    std::vector<std::string> names = content.left_out;
+    if (names.empty()) return;
+    const bool more = names.size() > kMostListed;
+    names.resize(std::min(names.size(), kMostListed));
+    draft_.found.push_back(fmt::format("left out, by their names: {}{}{}", where,
+                                       fmt::join(names, ", "), more ? ", ..." : ""));
+  }
+
+  void AddImages(const std::string& name, const std::vector<fs::path>& files) {
+    DraftSensor sensor;
+    for (const fs::path& file : files) {
+      try {
+        const StoredDepth depth = ReadStoredDepth(file);
+        if (sensor.files.empty()) {
+          SetSize(depth, &sensor);
+        } else if (depth.values.width() != sensor.width || depth.values.height() != sensor.height) {
+          throw DataError(fmt::format("{}: {}x{}, unlike the first of its sensor", file.string(),
+                                      depth.values.width(), depth.values.height()));
+        }
+        sensor.files.push_back(file);
+      } catch (const Error& error) {
+        draft_.found.push_back(fmt::format("left out: {}", error.what()));
+      }
+    }
+    if (sensor.files.empty()) return;
+    sensor.name = UniqueName(name);
+    draft_.found.push_back(
+        fmt::format("{}: {} depth frame{} of {}x{}: {}", sensor.name, sensor.files.size(),
+                    sensor.files.size() == 1 ? "" : "s, one still,", sensor.width, sensor.height,
+                    fs::relative(sensor.files.front(), folder_).string()));
+    sensors_.push_back(std::move(sensor));
+  }
+
+  void AddRecording(const std::string& name, const fs::path& file) {
+    std::vector<RecordedDepth> streams;
+    try {
+      streams = ReadRecording(file, 1);
+    } catch (const Error& error) {
+      draft_.unknown.push_back(fmt::format("what {} holds: {}", name, error.what()));
+      return;
+    }
+    for (const RecordedDepth& stream : streams) {
+      DraftSensor sensor;
+      sensor.name = UniqueName(name);
+      sensor.files = {file};
+      SetSize(stream.frames.front(), &sensor);
+      if (streams.size() > 1) sensor.stream = stream.stream;
+      sensor.depth_scale = stream.depth_scale;
+      sensor.kind = stream.kind;
+      sensor.serial = stream.serial;
+      sensor.intrinsics = stream.intrinsics;
+      draft_.found.push_back(fmt::format(
+          "{}: depth stream {} of {}, {}x{}{}{}", sensor.name, stream.stream,
+          fs::relative(file, folder_).string(), sensor.width, sensor.height,
+          stream.depth_scale
+              ? fmt::format(", {} m a unit ({})", *stream.depth_scale, stream.depth_scale_source)
+              : "",
+          stream.intrinsics ? ", intrinsics of the recording" : ""));
+      sensors_.push_back(std::move(sensor));
+    }
+  }
+
+  static void SetSize(const StoredDepth& depth, DraftSensor* sensor) {
+    sensor->width = depth.values.width();
+    sensor->height = depth.values.height();
+    std::vector<float> measured;
+    std::copy_if(depth.values.begin(), depth.values.end(), std::back_inserter(measured),
+                 [](float value) { return value > 0; });
+    sensor->median = static_cast<double>(Median(measured));
+  }
+
+  std::string UniqueName(const std::string& wanted) {
+    const std::string base = IsFileName(wanted) ? wanted : "sensor";
+    std::string name = base;
+    for (int i = 2; !names_.insert(name).second; ++i) name = fmt::format("{}_{}", base, i);
+    return name;
+  }
+
+  /// Files that may be the sensor's, the nearest first.
+  std::vector<fs::path> Candidates(const FolderContent& top, const DraftSensor& sensor) const {
+    std::vector<fs::path> files;
+    if (const auto own = own_.find(sensor.name); own != own_.end()) files = own->second;
+    std::vector<fs::path> shared;
+    for (const fs::path& file : top.intrinsics) {
+      const std::string stem = Lower(file.stem().string());
+      const std::string name = Lower(sensor.name);
+      const bool begins = stem.rfind(name, 0) == 0 &&
+                          (stem.size() == name.size() ||
+                           !std::isalnum(static_cast<unsigned char>(stem[name.size()])));
+      if (begins) files.push_back(file);
+      const bool is_other = std::any_of(sensors_.begin(), sensors_.end(), [&](const auto& other) {
+        return stem.rfind(Lower(other.name), 0) == 0;
+      });
+      if (!is_other) shared.push_back(file);
+    }
+    if (files.empty() && options_.intrinsics) return {*options_.intrinsics};
+    return files.empty() && shared.size() == 1 ? shared : files;
+  }
+
+  void FindIntrinsics(const FolderContent& top, DraftSensor* sensor, std::set<fs::path>* used) {
+    if (sensor->intrinsics) return;
+    const std::vector<fs::path> candidates = Candidates(top, *sensor);
+    std::string why = "no file of intrinsics is beside it";
+    for (const fs::path& file : candidates) {
+      try {
+        const Intrinsics read = ReadIntrinsicsFile(file, {sensor->width, sensor->height});
+        if (read.width != sensor->width || read.height != sensor->height) {
+          throw DataError(fmt::format("{} is for {}x{}, the frames are {}x{}", file.string(),
+                                      read.width, read.height, sensor->width, sensor->height));
+        }
+        sensor->intrinsics = read;
+        used->insert(file);
+        draft_.found.push_back(
+            fmt::format("{}: intrinsics of {}", sensor->name, file.filename().string()));
+        return;
+      } catch (const Error& error) {
+        why = error.what();
+      }
+    }
+    draft_.unknown.push_back(
+        fmt::format("{}: intrinsics (fx, fy, cx, cy, distortion of the {}x{} frames): {}",
+                    sensor->name, sensor->width, sensor->height, why));
+  }
+
+  nlohmann::ordered_json SensorJson(const DraftSensor& sensor, const fs::path& output_folder) {
+    nlohmann::ordered_json json;
+    json["name"] = sensor.name;
+    std::vector<std::string> files;
+    for (const fs::path& file : sensor.files)
+      files.push_back(fs::relative(file, output_folder).generic_string());
+    if (files.size() == 1)
+      json["depth"] = files.front();
+    else
+      json["depth"] = files;
+    if (!sensor.stream.empty()) json["stream"] = sensor.stream;
+    const std::string kind = sensor.kind.empty() ? options_.sensor : sensor.kind;
+    if (!kind.empty()) json["sensor"] = kind;
+    if (!sensor.serial.empty()) json["serial"] = sensor.serial;
+    const std::optional<double> scale =
+        sensor.depth_scale ? sensor.depth_scale : options_.depth_scale;
+    if (scale) {
+      json["depth_scale"] = *scale;
+    } else {
+      draft_.unknown.push_back(fmt::format(
+          "{}: depth_scale, metres per unit: the median of its first frame is {:.6g}, which is "
+          "{:.3g} m at 0.001 (mm), {:.3g} m at 0.0001, {:.3g} m at 1; --depth-scale gives it",
+          sensor.name, sensor.median, 0.001 * sensor.median, 0.0001 * sensor.median,
+          sensor.median));
+    }
+    if (sensor.intrinsics) {
+      const Intrinsics& k = *sensor.intrinsics;
+      json["intrinsics"] = {{"width", k.width}, {"height", k.height}, {"fx", k.fx},
+                            {"fy", k.fy},       {"cx", k.cx},         {"cy", k.cy}};
+      if (!k.distortion.empty()) json["intrinsics"]["distortion"] = k.distortion;
+      if (k.distortion.empty() && kind.empty()) {
+        draft_.found.push_back(fmt::format(
+            "{}: nothing says whether its frames are rectified or what lens it has; \"sensor\" (a "
+            "name of configs/intrinsics.yaml) or \"distortion\" would",
+            sensor.name));
+      }
+    }
+    return json;
+  }
+
+  std::string Write(const fs::path& output_folder) {
+    nlohmann::ordered_json json;
+    json["format"] = kCaptureFormat;
+    json["sensors"] = nlohmann::ordered_json::array();
+    for (const DraftSensor& sensor : sensors_)
+      json["sensors"].push_back(SensorJson(sensor, output_folder));
+    return json.dump(2) + "\n";
+  }
+
+  fs::path folder_;
+  const CaptureDraftOptions& options_;
+  CaptureDraft draft_;
+  std::vector<DraftSensor> sensors_;
+  std::set<std::string> names_;
+  std::map<std::string, std::vector<fs::path>> own_;  // intrinsics in a sensor's sub-folder
+};
+
+}  // namespace
+
+CaptureDraft DraftCapture(const std::filesystem::path& folder,
+                          const std::filesystem::path& output_folder,
+                          const CaptureDraftOptions& options) {
+  return Drafter(folder, options).Run(output_folder);
+}
+
+}  // namespace volalign

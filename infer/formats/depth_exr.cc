@@ -1,0 +1,117 @@
+// OpenEXR by its own library, from memory.
+
+#include <ImathBox.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfInputFile.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "infer/formats/depth_file.h"
+
+namespace volalign::formats_internal {
+
+namespace {
+
+class Memory : public Imf::IStream {
+ public:
+  Memory(const std::string& bytes, const std::string& name)
+      : Imf::IStream(name.c_str()), bytes_(bytes) {}
+
+  bool read(char out[], int count) override {
+    if (count < 0 || static_cast<std::size_t>(count) > bytes_.size() - at_)
+      throw std::runtime_error("the file is truncated");
+    std::memcpy(out, bytes_.data() + at_, static_cast<std::size_t>(count));
+    at_ += static_cast<std::size_t>(count);
+    return at_ < bytes_.size();
+  }
+  std::uint64_t tellg() override { return at_; }
+  void seekg(std::uint64_t position) override {
+    if (position > bytes_.size()) throw std::runtime_error("the file is truncated");
+    at_ = static_cast<std::size_t>(position);
+  }
+
+ private:
+  const std::string& bytes_;
+  std::size_t at_ = 0;
+};
+
+/// "View Layer.Depth.Z" -> "Z".
+std::string LastPart(const std::string& channel) {
+  const std::size_t dot = channel.rfind('.');
+  return dot == std::string::npos ? channel : channel.substr(dot + 1);
+}
+
+/// The channels that may be depth, the first of them to be read, the others equal to it.
+std::vector<std::string> DepthChannels(const Imf::ChannelList& list, const std::string& name) {
+  std::vector<std::string> all;
+  for (auto it = list.begin(); it != list.end(); ++it) all.emplace_back(it.name());
+  if (all.size() == 1) return all;
+  for (const char* word : {"Z", "Y", "V"}) {
+    std::vector<std::string> named;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(named),
+                 [&](const std::string& channel) { return LastPart(channel) == word; });
+    if (named.size() == 1) return named;
+  }
+  const std::vector<std::string> grey = {"R", "G", "B"};
+  if (all.size() <= 4 && std::all_of(grey.begin(), grey.end(), [&](const std::string& channel) {
+        return std::find(all.begin(), all.end(), channel) != all.end();
+      })) {
+    return grey;
+  }
+  throw DataError(fmt::format(
+      "{}: none of the channels {} is the only one, nor named Z or Y; write depth alone", name,
+      fmt::join(all, ", ")));
+}
+
+Image<float> ReadChannel(Imf::InputFile& file, const std::string& channel, int width, int height) {
+  const Imath::Box2i window = file.header().dataWindow();
+  Image<float> values(width, height);
+  Imf::FrameBuffer buffer;
+  buffer.insert(channel, Imf::Slice::Make(Imf::FLOAT, values.data(), window, sizeof(float),
+                                          sizeof(float) * static_cast<std::size_t>(width)));
+  file.setFrameBuffer(buffer);
+  file.readPixels(window.min.y, window.max.y);
+  return values;
+}
+
+}  // namespace
+
+StoredDepth DecodeExr(const std::string& bytes, const std::string& name) {
+  try {
+    Memory memory(bytes, name);
+    Imf::InputFile file(memory);
+    const Imath::Box2i window = file.header().dataWindow();
+    const long long width = 1LL + window.max.x - window.min.x;
+    const long long height = 1LL + window.max.y - window.min.y;
+    RequireSize(width, height, name);
+    const std::vector<std::string> channels = DepthChannels(file.header().channels(), name);
+    StoredDepth depth;
+    depth.whole_numbers = file.header().channels()[channels[0].c_str()].type == Imf::UINT;
+    const int w = static_cast<int>(width), h = static_cast<int>(height);
+    depth.values = ReadChannel(file, channels[0], w, h);
+    for (std::size_t i = 1; i < channels.size(); ++i) {
+      if (!(ReadChannel(file, channels[i], w, h) == depth.values))
+        throw DataError(fmt::format("{}: R, G and B differ: a colour image, not depth", name));
+    }
+    return depth;
+  } catch (const DataError&) {
+    throw;
+  } catch (const std::exception& error) {
+    const std::string text = error.what();
+    throw DataError(
+        fmt::format("{}: not a readable OpenEXR image: {}", name, text.substr(0, text.find('\n'))));
+  }
+}
+
+}  // namespace volalign::formats_internal

@@ -1,0 +1,171 @@
+// TIFF by libtiff, from memory: nothing that a file says makes it open another one.
+
+#include <fmt/format.h>
+#include <tiffio.h>
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "infer/formats/depth_file.h"
+
+namespace volalign::formats_internal {
+
+namespace {
+
+struct Memory {
+  const std::string* bytes;
+  std::size_t at = 0;
+};
+
+tsize_t Read(thandle_t handle, tdata_t out, tsize_t size) {
+  auto* memory = static_cast<Memory*>(handle);
+  if (size < 0 || memory->at > memory->bytes->size()) return 0;
+  const std::size_t count =
+      std::min(static_cast<std::size_t>(size), memory->bytes->size() - memory->at);
+  std::memcpy(out, memory->bytes->data() + memory->at, count);
+  memory->at += count;
+  return static_cast<tsize_t>(count);
+}
+
+tsize_t Write(thandle_t, tdata_t, tsize_t) { return 0; }
+
+toff_t Seek(thandle_t handle, toff_t offset, int whence) {
+  auto* memory = static_cast<Memory*>(handle);
+  if (whence == SEEK_CUR) offset += memory->at;
+  if (whence == SEEK_END) offset += memory->bytes->size();
+  memory->at = static_cast<std::size_t>(offset);
+  return offset;
+}
+
+int Close(thandle_t) { return 0; }
+toff_t Size(thandle_t handle) { return static_cast<Memory*>(handle)->bytes->size(); }
+
+/// Handlers of one open file. They return 1: the process's own handlers are not called as well.
+int OnError(TIFF*, void* last_error, const char* module, const char* format, va_list arguments) {
+  char text[512];
+  std::vsnprintf(text, sizeof(text), format, arguments);
+  *static_cast<std::string*>(last_error) = fmt::format("{}: {}", module ? module : "", text);
+  return 1;
+}
+int OnWarning(TIFF*, void*, const char*, const char*, va_list) { return 1; }
+
+[[noreturn]] void FailUnreadable(const std::string& name, const std::string& last_error) {
+  throw DataError(fmt::format("{}: not a readable TIFF: {}", name, last_error));
+}
+
+struct Layout {
+  std::uint32_t width = 0, height = 0;
+  std::uint16_t bits = 1, samples = 1, format = SAMPLEFORMAT_UINT;
+};
+
+Layout ReadLayout(TIFF* tiff, const std::string& name) {
+  Layout layout;
+  TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &layout.width);
+  TIFFGetField(tiff, TIFFTAG_IMAGELENGTH, &layout.height);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_BITSPERSAMPLE, &layout.bits);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLESPERPIXEL, &layout.samples);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLEFORMAT, &layout.format);
+  RequireSize(layout.width, layout.height, name);
+  const bool is_float =
+      layout.format == SAMPLEFORMAT_IEEEFP && (layout.bits == 32 || layout.bits == 64);
+  const bool is_integer =
+      (layout.format == SAMPLEFORMAT_UINT || layout.format == SAMPLEFORMAT_INT) &&
+      (layout.bits == 8 || layout.bits == 16 || layout.bits == 32);
+  if (layout.samples != 1 || !(is_float || is_integer)) {
+    throw DataError(fmt::format(
+        "{}: a depth TIFF has 1 channel of 16 or 32-bit integers or 32-bit floats; this one has {} "
+        "of {} bits, sample format {}",
+        name, layout.samples, layout.bits, layout.format));
+  }
+  return layout;
+}
+
+template <class T>
+float As(const std::uint8_t* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof(value));
+  return static_cast<float>(value);
+}
+
+float Decode(const Layout& layout, const std::uint8_t* bytes) {
+  const bool is_signed = layout.format == SAMPLEFORMAT_INT;
+  if (layout.format == SAMPLEFORMAT_IEEEFP)
+    return layout.bits == 32 ? As<float>(bytes) : As<double>(bytes);
+  if (layout.bits == 8) return is_signed ? As<std::int8_t>(bytes) : As<std::uint8_t>(bytes);
+  if (layout.bits == 16) return is_signed ? As<std::int16_t>(bytes) : As<std::uint16_t>(bytes);
+  return is_signed ? As<std::int32_t>(bytes) : As<std::uint32_t>(bytes);
+}
+
+void ReadTiles(TIFF* tiff, const Layout& layout, const std::string& name,
+               const std::string& last_error, Image<float>* values) {
+  std::uint32_t tile_width = 0, tile_height = 0;
+  TIFFGetField(tiff, TIFFTAG_TILEWIDTH, &tile_width);
+  TIFFGetField(tiff, TIFFTAG_TILELENGTH, &tile_height);
+  RequireSize(tile_width, tile_height, name);
+  const std::size_t sample = layout.bits / 8u;
+  std::vector<std::uint8_t> tile(
+      std::max(static_cast<std::size_t>(TIFFTileSize(tiff)), sample * tile_width * tile_height));
+  for (std::uint32_t y = 0; y < layout.height; y += tile_height) {
+    for (std::uint32_t x = 0; x < layout.width; x += tile_width) {
+      if (TIFFReadTile(tiff, tile.data(), x, y, 0, 0) < 0) FailUnreadable(name, last_error);
+      for (std::uint32_t v = y; v < std::min(y + tile_height, layout.height); ++v) {
+        for (std::uint32_t u = x; u < std::min(x + tile_width, layout.width); ++u) {
+          (*values)(static_cast<int>(u), static_cast<int>(v)) =
+              Decode(layout,
+                     tile.data() + sample * (static_cast<std::size_t>(v - y) * tile_width + u - x));
+        }
+      }
+    }
+  }
+}
+
+void ReadLines(TIFF* tiff, const Layout& layout, const std::string& name,
+               const std::string& last_error, Image<float>* values) {
+  const std::size_t sample = layout.bits / 8u;
+  std::vector<std::uint8_t> line(
+      std::max(static_cast<std::size_t>(TIFFScanlineSize(tiff)), sample * layout.width));
+  for (std::uint32_t v = 0; v < layout.height; ++v) {
+    if (TIFFReadScanline(tiff, line.data(), v, 0) < 0) FailUnreadable(name, last_error);
+    for (std::uint32_t u = 0; u < layout.width; ++u)
+      (*values)(static_cast<int>(u), static_cast<int>(v)) =
+          Decode(layout, line.data() + sample * u);
+  }
+}
+
+}  // namespace
+
+StoredDepth DecodeTiff(const std::string& bytes, const std::string& name) {
+  std::string last_error;
+  const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
+                                                                             TIFFOpenOptionsFree);
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), OnError, &last_error);
+  TIFFOpenOptionsSetWarningHandlerExtR(options.get(), OnWarning, nullptr);
+  Memory memory{&bytes, 0};
+  // "m": no memory mapping, which would be another way to the bytes.
+  const std::unique_ptr<TIFF, void (*)(TIFF*)> tiff(
+      TIFFClientOpenExt(name.c_str(), "rm", &memory, Read, Write, Seek, Close, Size, nullptr,
+                        nullptr, options.get()),
+      [](TIFF* open) {
+        if (open) TIFFClose(open);
+      });
+  if (!tiff) FailUnreadable(name, last_error);
+  const Layout layout = ReadLayout(tiff.get(), name);
+  StoredDepth depth;
+  depth.whole_numbers = layout.format != SAMPLEFORMAT_IEEEFP;
+  depth.values = Image<float>(static_cast<int>(layout.width), static_cast<int>(layout.height));
+  if (TIFFIsTiled(tiff.get())) {
+    ReadTiles(tiff.get(), layout, name, last_error, &depth.values);
+  } else {
+    ReadLines(tiff.get(), layout, name, last_error, &depth.values);
+  }
+  return depth;
+}
+
+}  // namespace volalign::formats_internal

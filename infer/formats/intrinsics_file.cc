@@ -1,0 +1,224 @@
+#include "infer/formats/intrinsics_file.h"
+
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <optional>
+#include <regex>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "infer/formats/kinect_calibration.h"
+#include "infer/formats/lens_names.h"
+#include "infer/formats/printed_intrinsics.h"
+
+namespace volalign {
+
+using formats_internal::NamedLens;
+
+namespace {
+
+constexpr std::uint64_t kMaxFileBytes = 1 << 24;
+constexpr char kForms[] =
+    "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
+    "or ROS's camera_matrix, RealSense's ppx and coeffs, or the Azure Kinect's "
+    "CalibrationInformation";
+
+/// The first of `keys` that the map has.
+YAML::Node FirstOf(const YAML::Node& map, std::initializer_list<const char*> keys) {
+  for (const char* key : keys) {
+    if (map[key]) return map[key];
+  }
+  return YAML::Node(YAML::NodeType::Undefined);
+}
+
+YAML::Node Required(const YAML::Node& map, std::initializer_list<const char*> keys,
+                    const std::string& name) {
+  YAML::Node node = FirstOf(map, keys);
+  if (!node) {
+    throw DataError(
+        fmt::format("{}: {} is missing: the intrinsics hold for one image size and lens, which "
+                    "have to be stated",
+                    name, *keys.begin()));
+  }
+  return node;
+}
+
+void AppendNumbers(const YAML::Node& node, std::vector<double>* numbers) {
+  if (node.IsSequence()) {
+    for (const YAML::Node& item : node) AppendNumbers(item, numbers);
+  } else {
+    numbers->push_back(node.as<double>());
+  }
+}
+
+/// The numbers of [1, 2], [[1], [2]] or {rows, cols, data: [1, 2]}.
+std::vector<double> Numbers(const YAML::Node& node) {
+  std::vector<double> numbers;
+  AppendNumbers(node.IsMap() && node["data"] ? node["data"] : node, &numbers);
+  return numbers;
+}
+
+Intrinsics FromMatrix(const YAML::Node& map, const YAML::Node& matrix, const std::string& name) {
+  const std::vector<double> k = Numbers(matrix);
+  if (k.size() != 9)
+    throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, k.size()));
+  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) {
+    throw DataError(name +
+                    ": the camera matrix is not [fx, 0, cx, 0, fy, cy, 0, 0, 1], row by row");
+  }
+  for (const char* key : {"binning_x", "binning_y"}) {
+    if (map[key] && map[key].as<int>() > 1)
+      throw DataError(fmt::format("{}: {} = {}: give the intrinsics of the image as it is stored",
+                                  name, key, map[key].as<int>()));
+  }
+  if (const YAML::Node roi = map["roi"];
+      roi && roi.IsMap() && roi["x_offset"] &&
+      (roi["x_offset"].as<int>() != 0 || roi["y_offset"].as<int>() != 0)) {
+    throw DataError(name + ": roi: give the intrinsics of the image as it is stored, cut out");
+  }
+  Intrinsics intrinsics{Required(map, {"image_width", "width"}, name).as<int>(),
+                        Required(map, {"image_height", "height"}, name).as<int>(),
+                        k[0],
+                        k[4],
+                        k[2],
+                        k[5],
+                        {}};
+  const YAML::Node lens = FirstOf(
+      map, {"distortion_coefficients", "D", "d", "dist_coeffs", "distCoeffs", "distortion"});
+  const YAML::Node model = map["distortion_model"];
+  if (lens) {
+    intrinsics.distortion = NamedLens(model ? model.as<std::string>() : "", Numbers(lens), name);
+  }
+  return intrinsics;
+}
+
+Intrinsics FromOpen3d(const YAML::Node& map, const std::string& name) {
+  const std::vector<double> k = Numbers(map["intrinsic_matrix"]);
+  if (k.size() != 9 || k[1] != 0 || k[2] != 0 || k[3] != 0 || k[5] != 0 || k[8] != 1) {
+    throw DataError(name +
+                    ": intrinsic_matrix is not [fx, 0, 0, 0, fy, 0, cx, cy, 1], column by column "
+                    "as Open3D has it");
+  }
+  return {Required(map, {"width"}, name).as<int>(),
+          Required(map, {"height"}, name).as<int>(),
+          k[0],
+          k[4],
+          k[6],
+          k[7],
+          {}};
+}
+
+Intrinsics FromRealSense(const YAML::Node& map, const std::string& name) {
+  Intrinsics intrinsics;
+  intrinsics.width = Required(map, {"width"}, name).as<int>();
+  intrinsics.height = Required(map, {"height"}, name).as<int>();
+  intrinsics.fx = Required(map, {"fx"}, name).as<double>();
+  intrinsics.fy = Required(map, {"fy"}, name).as<double>();
+  intrinsics.cx = Required(map, {"ppx"}, name).as<double>();
+  intrinsics.cy = Required(map, {"ppy"}, name).as<double>();
+  const YAML::Node model = FirstOf(map, {"model", "distortion_model", "distortion"});
+  if (const YAML::Node coefficients = FirstOf(map, {"coeffs", "coefficients"})) {
+    intrinsics.distortion = NamedLens(model && model.IsScalar() ? model.as<std::string>() : "",
+                                      Numbers(coefficients), name);
+  }
+  return intrinsics;
+}
+
+/// A mode of the Azure Kinect's depth camera: its frame is cut out of the chip, whole or binned, of
+/// `chip` pixels a side, at (left, top).
+struct KinectMode {
+  int width, height, chip, left, top;
+};
+constexpr KinectMode kKinectModes[] = {{320, 288, 512, 96, 90},
+                                       {640, 576, 1024, 192, 180},
+                                       {512, 512, 512, 0, 0},
+                                       {1024, 1024, 1024, 0, 0}};
+
+Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
+  const KinectMode* mode = std::find_if(
+      std::begin(kKinectModes), std::end(kKinectModes),
+      [&](const KinectMode& m) { return m.width == frame.width && m.height == frame.height; });
+  if (mode == std::end(kKinectModes)) {
+    throw DataError(fmt::format(
+        "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
+        "1024x1024), so that its raw calibration does not hold for this one",
+        name, frame.width, frame.height));
+  }
+  const YAML::Node given = formats_internal::FindKinectCamera(
+      root, formats_internal::KinectCamera::kDepth, name)["Intrinsics"];
+  const std::string type = given["ModelType"].as<std::string>();
+  const std::vector<double> p = Numbers(given["ModelParameters"]);
+  if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
+    throw DataError(
+        fmt::format("{}: ModelType {} with {} parameters is unknown", name, type, p.size()));
+  // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's side.
+  if (p[10] != 0 || p[11] != 0)
+    throw DataError(name + ": codx and cody, the centre of distortion, are not 0");
+  const double chip = mode->chip;
+  return {mode->width,
+          mode->height,
+          p[2] * chip,
+          p[3] * chip,
+          p[0] * chip - mode->left - 0.5,
+          p[1] * chip - mode->top - 0.5,
+          {p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]}};
+}
+
+/// A document without the directive of OpenCV's FileStorage, which yaml-cpp does not know.
+YAML::Node Load(const std::string& text) {
+  std::size_t begin = 0;
+  if (text.compare(0, 5, "%YAML") == 0) begin = std::min(text.find('\n'), text.size());
+  return YAML::Load(text.substr(begin));
+}
+
+Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
+  const YAML::Node root = Load(text);
+  if (!root.IsMap()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
+  if (root["CalibrationInformation"]) return FromKinect(root, name, frame);
+  if (root["intrinsic_matrix"]) return FromOpen3d(root, name);
+  if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromOpen3d(root["intrinsic"], name);
+  if (root["ppx"]) return FromRealSense(root, name);
+  if (const YAML::Node matrix = FirstOf(root, {"camera_matrix", "cameraMatrix", "K", "k"}))
+    return FromMatrix(root, matrix, name);
+  if (root["fx"]) {
+    const nlohmann::json json = ParseStrictJson(text, name);
+    const JsonObject object(json, name);
+    Intrinsics intrinsics = ParseIntrinsics(object);
+    object.RejectOthers();
+    return intrinsics;
+  }
+  throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
+}
+
+}  // namespace
+
+Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
+                               const FrameSize& frame) {
+  std::optional<Intrinsics> intrinsics = formats_internal::FromRsEnumerate(text, name, frame);
+  if (!intrinsics) intrinsics = formats_internal::FromPyrealsense(text, name);
+  if (!intrinsics) {
+    try {
+      intrinsics = FromDocument(text, name, frame);
+    } catch (const YAML::Exception& error) {
+      throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, error.msg));
+    }
+  }
+  intrinsics->Validate(name);
+  return *intrinsics;
+}
+
+Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
+  return ParseIntrinsicsText(ReadFile(path, kMaxFileBytes), path.string(), frame);
+}
+
+bool LooksLikeIntrinsics(const std::string& text) {
+  static const std::regex words(
+      R"re("?\b(CalibrationInformation|intrinsic_matrix|ppx|camera_matrix|cameraMatrix|K|k|fx)\b"?\s*:|Intrinsic of "Depth"|\]\s+f\[)re");
+  return std::regex_search(text, words);
+}
+
+}  // namespace volalign

@@ -1,0 +1,302 @@
+// Depth of a Matroska file, as the Azure Kinect's recorder writes it: a track of 16-bit big-endian
+// images, the device's raw calibration as an attachment, its serial number as a tag.
+
+#include <ebml/EbmlHead.h>
+#include <ebml/EbmlStream.h>
+#include <ebml/EbmlVoid.h>
+#include <ebml/StdIOCallback.h>
+#include <fmt/format.h>
+#include <matroska/KaxAttached.h>
+#include <matroska/KaxAttachments.h>
+#include <matroska/KaxBlock.h>
+#include <matroska/KaxCluster.h>
+#include <matroska/KaxClusterData.h>
+#include <matroska/KaxSegment.h>
+#include <matroska/KaxSemantic.h>
+#include <matroska/KaxTags.h>
+#include <matroska/KaxTracks.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <exception>
+#include <map>
+#include <memory>
+
+#include "core/base/error.h"
+#include "infer/formats/intrinsics_file.h"
+#include "infer/formats/recording.h"
+
+namespace volalign::formats_internal {
+
+namespace {
+
+namespace mkv = libmatroska;
+
+constexpr double kKinectUnit = 0.001;  // m
+constexpr std::uint64_t kMaxElement = std::uint64_t{1} << 28;
+
+struct Track {
+  std::uint64_t number = 0;
+  std::string name, codec, fourcc;
+  int width = 0, height = 0;
+  std::vector<StoredDepth> frames;
+};
+
+struct Content {
+  std::vector<Track> tracks;  // those of 16-bit grey
+  std::string calibration;    // calibration.json
+  std::map<std::string, std::string> tags;
+};
+
+/// The master's first child of a type; null where it has none.
+template <class T>
+const T* Child(const libebml::EbmlMaster& master) {
+  return static_cast<const T*>(master.FindElt(EBML_INFO(T)));
+}
+
+/// Calls `use` with each child of a type.
+template <class T, class Use>
+void ForEach(const libebml::EbmlMaster& master, Use use) {
+  for (const libebml::EbmlElement* child : master) {
+    if (libebml::EbmlId(*child) == EBML_ID(T)) use(*static_cast<const T*>(child));
+  }
+}
+
+std::string Bytes(const libebml::EbmlBinary* binary) {
+  if (!binary || !binary->GetBuffer()) return "";
+  return std::string(reinterpret_cast<const char*>(binary->GetBuffer()),
+                     static_cast<std::size_t>(binary->GetSize()));
+}
+
+/// Four letters: of a BITMAPINFOHEADER, its biCompression; else of ColourSpace.
+std::string FourCc(const std::string& codec, const std::string& codec_private,
+                   const std::string& colour_space) {
+  if (codec == "V_MS/VFW/FOURCC" && codec_private.size() >= 20) return codec_private.substr(16, 4);
+  return codec == "V_UNCOMPRESSED" ? colour_space : "";
+}
+
+void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
+  const auto* video = Child<mkv::KaxTrackVideo>(entry);
+  const auto* number = Child<mkv::KaxTrackNumber>(entry);
+  const auto* codec = Child<mkv::KaxCodecID>(entry);
+  if (!video || !number || !codec) return;
+  Track track;
+  track.number = static_cast<std::uint64_t>(*number);
+  track.codec = std::string(*codec);
+  track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry)),
+                        Bytes(Child<mkv::KaxVideoColourSpace>(*video)));
+  if (track.fourcc != "b16g" && track.fourcc != "Y16 ") return;
+  if (const auto* name = Child<mkv::KaxTrackName>(entry))
+    track.name = static_cast<const libebml::UTFstring&>(*name).GetUTF8();
+  const auto* width = Child<mkv::KaxVideoPixelWidth>(*video);
+  const auto* height = Child<mkv::KaxVideoPixelHeight>(*video);
+  if (!width || !height) return;
+  track.width = static_cast<int>(std::min<std::uint64_t>(*width, 1 << 20));
+  track.height = static_cast<int>(std::min<std::uint64_t>(*height, 1 << 20));
+  content->tracks.push_back(std::move(track));
+}
+
+/// Of tracks with names, DEPTH is the one; the others (IR) are as grey.
+void KeepDepthTracks(Content* content) {
+  std::vector<Track>& tracks = content->tracks;
+  const auto is_depth = [](const Track& track) { return track.name == "DEPTH"; };
+  const bool named = std::any_of(tracks.begin(), tracks.end(), is_depth);
+  tracks.erase(std::remove_if(tracks.begin(), tracks.end(),
+                              [&](const Track& track) {
+                                return named ? !is_depth(track) : track.name == "IR";
+                              }),
+               tracks.end());
+}
+
+StoredDepth Decode(const Track& track, const std::uint8_t* bytes, std::size_t size,
+                   const std::string& name) {
+  RequireSize(track.width, track.height, name);
+  const std::size_t count =
+      static_cast<std::size_t>(track.width) * static_cast<std::size_t>(track.height);
+  if (size < 2 * count) {
+    throw DataError(fmt::format("{}: damaged: {} bytes are no frame of {}x{}", name, size,
+                                track.width, track.height));
+  }
+  const std::size_t high = track.fourcc == "b16g" ? 0 : 1;
+  StoredDepth depth;
+  depth.whole_numbers = true;
+  depth.values = Image<float>(track.width, track.height);
+  for (std::size_t i = 0; i < count; ++i)
+    depth.values[i] = static_cast<float>(bytes[2 * i + high] << 8 | bytes[2 * i + 1 - high]);
+  return depth;
+}
+
+void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, const std::string& name,
+              Content* content) {
+  auto& block = const_cast<mkv::KaxInternalBlock&>(const_block);  // its getters are not const
+  for (Track& track : content->tracks) {
+    if (track.number != block.TrackNum()) continue;
+    for (unsigned int i = 0; i < block.NumberFrames(); ++i) {
+      if (static_cast<int>(track.frames.size()) >= max_frames) return;
+      const auto& data = block.GetBuffer(i);
+      track.frames.push_back(Decode(track, data.Buffer(), data.Size(), name));
+    }
+  }
+}
+
+void AddCluster(const libebml::EbmlMaster& cluster, int max_frames, const std::string& name,
+                Content* content) {
+  ForEach<mkv::KaxSimpleBlock>(cluster, [&](const mkv::KaxSimpleBlock& block) {
+    AddBlock(block, max_frames, name, content);
+  });
+  ForEach<mkv::KaxBlockGroup>(cluster, [&](const mkv::KaxBlockGroup& group) {
+    if (const auto* block = Child<mkv::KaxBlock>(group))
+      AddBlock(*block, max_frames, name, content);
+  });
+}
+
+void AddAttachments(const libebml::EbmlMaster& attachments, Content* content) {
+  ForEach<mkv::KaxAttached>(attachments, [&](const mkv::KaxAttached& file) {
+    const auto* file_name = Child<mkv::KaxFileName>(file);
+    if (!file_name ||
+        static_cast<const libebml::UTFstring&>(*file_name).GetUTF8() != "calibration.json")
+      return;
+    content->calibration = Bytes(Child<mkv::KaxFileData>(file));
+    // The recorder attaches the device's memory, with the zero that ends it.
+    content->calibration.resize(
+        std::min(content->calibration.size(), content->calibration.find('\0')));
+  });
+}
+
+void AddTags(const libebml::EbmlMaster& tags, Content* content) {
+  ForEach<mkv::KaxTag>(tags, [&](const mkv::KaxTag& tag) {
+    ForEach<mkv::KaxTagSimple>(tag, [&](const mkv::KaxTagSimple& simple) {
+      const auto* key = Child<mkv::KaxTagName>(simple);
+      const auto* value = Child<mkv::KaxTagString>(simple);
+      if (key && value) {
+        content->tags[static_cast<const libebml::UTFstring&>(*key).GetUTF8()] =
+            static_cast<const libebml::UTFstring&>(*value).GetUTF8();
+      }
+    });
+  });
+}
+
+bool HasAllFrames(const Content& content, int max_frames) {
+  return !content.tracks.empty() &&
+         std::all_of(content.tracks.begin(), content.tracks.end(), [&](const Track& track) {
+           return static_cast<int>(track.frames.size()) >= max_frames;
+         });
+}
+
+/// Adds what a part of the segment has; parts of no interest were not read.
+void AddPart(const libebml::EbmlMaster& part, int max_frames, const std::string& name,
+             Content* content) {
+  const libebml::EbmlId id(part);
+  if (id == EBML_ID(mkv::KaxTracks)) {
+    ForEach<mkv::KaxTrackEntry>(part,
+                                [&](const mkv::KaxTrackEntry& entry) { AddTrack(entry, content); });
+    KeepDepthTracks(content);
+  } else if (id == EBML_ID(mkv::KaxAttachments)) {
+    AddAttachments(part, content);
+  } else if (id == EBML_ID(mkv::KaxTags)) {
+    AddTags(part, content);
+  } else {
+    AddCluster(part, max_frames, name, content);
+  }
+}
+
+bool IsWanted(const libebml::EbmlElement& element, const Content& content, int max_frames) {
+  const libebml::EbmlId id(element);
+  if (id == EBML_ID(mkv::KaxCluster))
+    return !content.tracks.empty() && !HasAllFrames(content, max_frames);
+  return id == EBML_ID(mkv::KaxTracks) || id == EBML_ID(mkv::KaxAttachments) ||
+         id == EBML_ID(mkv::KaxTags);
+}
+
+using Element = std::unique_ptr<libebml::EbmlElement>;
+
+Element FindSegment(libebml::EbmlStream* stream) {
+  Element head(stream->FindNextID(EBML_INFO(libebml::EbmlHead), UINT32_MAX));
+  if (!head) return nullptr;
+  head->SkipData(*stream, EBML_CONTEXT(head));
+  while (true) {
+    Element segment(stream->FindNextID(EBML_INFO(mkv::KaxSegment), UINT64_MAX));
+    if (!segment || libebml::EbmlId(*segment) == EBML_ID(mkv::KaxSegment)) return segment;
+    segment->SkipData(*stream, EBML_CONTEXT(segment));
+  }
+}
+
+Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name) {
+  libebml::StdIOCallback file(path.c_str(), MODE_READ);
+  libebml::EbmlStream stream(file);
+  const Element segment = FindSegment(&stream);
+  if (!segment) throw DataError(name + ": damaged: no Matroska segment");
+  Content content;
+  int upper = 0;
+  Element part(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
+  while (part && upper <= 0) {
+    Element beyond;
+    if (IsWanted(*part, content, max_frames)) {
+      if (part->IsFiniteSize() && part->GetSize() > kMaxElement)
+        throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, part->GetSize()));
+      libebml::EbmlElement* found = nullptr;
+      part->Read(stream, EBML_CONTEXT(part), upper, found, true);
+      beyond.reset(found);
+      AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, name, &content);
+      if (!content.calibration.empty() && !content.tags.empty() &&
+          HasAllFrames(content, max_frames))
+        break;
+    }
+    if (!beyond) beyond.reset(part->SkipData(stream, EBML_CONTEXT(part)));
+    if (!beyond) {
+      beyond.reset(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
+    }
+    part = std::move(beyond);
+  }
+  return content;
+}
+
+std::string KinectKind(int width, int height) {
+  if (width == 320 && height == 288) return "azure_kinect_nfov_binned";
+  if (width == 640 && height == 576) return "azure_kinect_nfov_unbinned";
+  if (width == 512 && height == 512) return "azure_kinect_wfov_binned";
+  return width == 1024 && height == 1024 ? "azure_kinect_wfov_unbinned" : "";
+}
+
+RecordedDepth Describe(const Content& content, Track&& track, const std::string& name) {
+  RecordedDepth depth;
+  depth.stream = track.name.empty() ? fmt::format("track {}", track.number) : track.name;
+  const auto has_kinect_tag = [](const auto& tag) { return tag.first.rfind("K4A_", 0) == 0; };
+  if (track.name == "DEPTH" || !content.calibration.empty() ||
+      std::any_of(content.tags.begin(), content.tags.end(), has_kinect_tag)) {
+    depth.device = "Azure Kinect";
+    depth.kind = KinectKind(track.width, track.height);
+    depth.depth_scale = kKinectUnit;
+    depth.depth_scale_source = "the Azure Kinect's unit";
+  }
+  if (const auto serial = content.tags.find("K4A_DEVICE_SERIAL_NUMBER");
+      serial != content.tags.end())
+    depth.serial = serial->second;
+  if (!content.calibration.empty()) {
+    depth.intrinsics = ParseIntrinsicsText(content.calibration, name + ": calibration.json",
+                                           {track.width, track.height});
+  }
+  depth.frames = std::move(track.frames);
+  return depth;
+}
+
+}  // namespace
+
+std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames) {
+  const std::string name = path.string();
+  try {
+    Content content = ReadContent(path, max_frames, name);
+    std::vector<RecordedDepth> streams;
+    for (Track& track : content.tracks) {
+      if (!track.frames.empty()) streams.push_back(Describe(content, std::move(track), name));
+    }
+    return streams;
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw DataError(fmt::format("{}: not a readable Matroska file: {}", name, error.what()));
+  }
+}
+
+}  // namespace volalign::formats_internal

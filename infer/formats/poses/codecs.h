@@ -1,0 +1,64 @@
+#pragma once
+
+// The formats, one pair of functions each, texts in memory. Readers throw DataError with `name`,
+// the file's, in the message. Not for callers of ReadPoses and WritePoses.
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "infer/formats/poses/sensor_pose.h"
+
+namespace volalign::poses_internal {
+
+using Poses = std::vector<SensorPose>;
+/// Throws DataError, with the place, for a word that is no finite number.
+double ParseNumber(const std::string& word, const std::string& place);
+
+/// Of the files of a folder, by name.
+using Files = std::map<std::string, std::string>;
+
+/// The width or height of a picture, of a format whose numbers are all read alike. Throws
+/// DataError, with `place` in its message, for anything but a whole number from 1 on.
+int PixelCount(double value, const std::string& place);
+
+std::string WritePosesJson(const Poses& poses);
+Poses ReadPosesJson(const std::string& text, const std::string& name);
+
+std::string WriteOpen3d(const Poses& poses);
+Poses ReadOpen3d(const std::string& text, const std::string& name);
+
+std::string WriteUnity(const Poses& poses);
+Poses ReadUnity(const std::string& text, const std::string& name);
+
+std::string WriteOpen3dLog(const Poses& poses);
+Poses ReadOpen3dLog(const std::string& text, const std::string& name);
+
+std::string WriteTum(const Poses& poses);
+Poses ReadTum(const std::string& text, const std::string& name);
+
+std::string WriteCsv(const Poses& poses);
+Poses ReadCsv(const std::string& text, const std::string& name);
+
+std::string WriteOpencv(const Poses& poses);
+Poses ReadOpencv(const std::string& text, const std::string& name);
+
+std::string WriteRos(const Poses& poses);
+Poses ReadRos(const std::string& text, const std::string& name);
+
+Files WriteVolumetricCapture(const Poses& poses);
+Poses ReadVolumetricCapture(const Files& files);
+
+/// Where LiveScan3D's camera, whose points it transforms, is to the sensor of that name:
+/// p_camera = T p_sensor.
+using CameraFromSensor = std::function<Pose(const std::string& name)>;
+Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor);
+Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor);
+/// Whether it is one of its files, by its name.
+bool IsLivescanFile(const std::string& file);
+
+Files WriteColmap(const Poses& poses);
+Poses ReadColmap(const Files& files);
+
+}  // namespace volalign::poses_internal

@@ -1,0 +1,194 @@
+// Formats that are JSON: ours, Open3D's camera trajectory, and one for Unity's JsonUtility.
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/error.h"
+#include "core/json/strict_json.h"
+#include "infer/formats/poses/codecs.h"
+
+namespace volalign::poses_internal {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr char kPosesFormat[] = "volalign.poses/1";
+constexpr char kPosesConvention[] =
+    "structure_from_sensor: p_structure = T p_sensor, 4x4, row-major, metres; sensor: x right, y "
+    "down, z forward; structure: y up, right-handed; pixel centres at integer coordinates";
+constexpr char kOpen3dConvention[] =
+    "extrinsic: camera_from_world, 4x4, column-major, metres; camera: x right, y down, z forward; "
+    "world: y up, right-handed; intrinsic_matrix: 3x3, column-major, pixel centres at integer "
+    "coordinates";
+constexpr char kUnityConvention[] =
+    "position and rotation of transforms in a left-handed world, y up, metres: (x, y, z) of the "
+    "structure frame is (-x, y, z); the transform's +z looks at the scene, its +y is the top of "
+    "the "
+    "picture; rotation: quaternion x, y, z, w";
+
+ordered_json IntrinsicsJson(const Intrinsics& k) {
+  ordered_json json = {{"width", k.width}, {"height", k.height}, {"fx", k.fx},
+                       {"fy", k.fy},       {"cx", k.cx},         {"cy", k.cy}};
+  if (!k.distortion.empty()) json["distortion"] = k.distortion;
+  return json;
+}
+
+ordered_json ColumnMajor(const Eigen::MatrixXd& matrix) {
+  return std::vector<double>(matrix.data(), matrix.data() + matrix.size());
+}
+
+Eigen::MatrixXd FromColumnMajor(const JsonObject& object, const std::string& key, int rows) {
+  const std::vector<double> numbers = object.Numbers(key);
+  if (static_cast<int>(numbers.size()) != rows * rows)
+    throw DataError(fmt::format("{}: {} numbers instead of {}", object.Place(key), numbers.size(),
+                                rows * rows));
+  return Eigen::Map<const Eigen::MatrixXd>(numbers.data(), rows, rows);
+}
+
+ordered_json Components(const std::vector<std::string>& names, const std::vector<double>& values) {
+  ordered_json json;
+  for (std::size_t i = 0; i < names.size(); ++i) json[names[i]] = values[i];
+  return json;
+}
+
+Intrinsics Open3dIntrinsics(const JsonObject& object) {
+  const Eigen::MatrixXd matrix = FromColumnMajor(object, "intrinsic_matrix", 3);
+  const Intrinsics k{object.Int("width"),
+                     object.Int("height"),
+                     matrix(0, 0),
+                     matrix(1, 1),
+                     matrix(0, 2),
+                     matrix(1, 2),
+                     {}};
+  k.Validate(object.where());
+  return k;
+}
+
+}  // namespace
+
+std::string WritePosesJson(const Poses& poses) {
+  ordered_json sensors = ordered_json::array();
+  for (const SensorPose& pose : poses) {
+    ordered_json sensor = {{"name", pose.name},
+                           {"structure_from_sensor", ToRows(pose.structure_from_sensor)}};
+    if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
+    sensors.push_back(std::move(sensor));
+  }
+  return ordered_json{{"format", kPosesFormat},
+                      {"convention", kPosesConvention},
+                      {"sensors", std::move(sensors)}}
+             .dump(2) +
+         "\n";
+}
+
+Poses ReadPosesJson(const std::string& text, const std::string& name) {
+  const nlohmann::json document = ParseStrictJson(text, name);
+  const JsonObject root(document, name);
+  if (root.Text("format") != kPosesFormat)
+    throw DataError(fmt::format("{}: format \"{}\" instead of \"{}\"", name, root.Text("format"),
+                                kPosesFormat));
+  root.Has("convention");
+  Poses poses;
+  for (const JsonObject& sensor : root.Children("sensors")) {
+    SensorPose pose;
+    pose.name = sensor.Text("name");
+    pose.structure_from_sensor =
+        PoseFromRows(sensor.Matrix("structure_from_sensor"), sensor.Place("structure_from_sensor"));
+    if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    sensor.RejectOthers();
+    poses.push_back(std::move(pose));
+  }
+  root.RejectOthers();
+  return poses;
+}
+
+// Open3D looks for the keys that it knows, so that the names and the convention may stand beside.
+std::string WriteOpen3d(const Poses& poses) {
+  ordered_json parameters = ordered_json::array(), names = ordered_json::array();
+  for (const SensorPose& pose : poses) {
+    const Intrinsics& k = *pose.intrinsics;
+    Eigen::Matrix3d matrix;
+    matrix << k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1;
+    names.push_back(pose.name);
+    parameters.push_back(
+        {{"class_name", "PinholeCameraParameters"},
+         {"extrinsic", ColumnMajor(pose.structure_from_sensor.inverse().matrix())},
+         {"intrinsic",
+          {{"height", k.height}, {"intrinsic_matrix", ColumnMajor(matrix)}, {"width", k.width}}},
+         {"version_major", 1},
+         {"version_minor", 0}});
+  }
+  return ordered_json{{"class_name", "PinholeCameraTrajectory"},
+                      {"convention", kOpen3dConvention},
+                      {"names", std::move(names)},
+                      {"parameters", std::move(parameters)},
+                      {"version_major", 1},
+                      {"version_minor", 0}}
+             .dump(2) +
+         "\n";
+}
+
+Poses ReadOpen3d(const std::string& text, const std::string& name) {
+  const nlohmann::json document = ParseStrictJson(text, name);
+  const JsonObject root(document, name);
+  if (root.Text("class_name") != "PinholeCameraTrajectory")
+    throw DataError(fmt::format("{}: class_name \"{}\" is no PinholeCameraTrajectory", name,
+                                root.Text("class_name")));
+  const std::vector<std::string> names =
+      root.Has("names") ? root.Texts("names") : std::vector<std::string>{};
+  Poses poses;
+  for (const JsonObject& camera : root.Children("parameters")) {
+    const Eigen::MatrixXd extrinsic = FromColumnMajor(camera, "extrinsic", 4);
+    SensorPose pose;
+    pose.name = poses.size() < names.size() ? names[poses.size()] : std::to_string(poses.size());
+    pose.structure_from_sensor =
+        PoseFromRotation(extrinsic.topLeftCorner<3, 3>(), extrinsic.topRightCorner<3, 1>(),
+                         camera.Place("extrinsic"))
+            .inverse();
+    pose.intrinsics = Open3dIntrinsics(camera.Child("intrinsic"));
+    poses.push_back(std::move(pose));
+  }
+  return poses;
+}
+
+std::string WriteUnity(const Poses& poses) {
+  ordered_json sensors = ordered_json::array();
+  for (const SensorPose& pose : poses) {
+    const Eigen::Vector3d p = UnityFromYUp() * pose.structure_from_sensor.translation();
+    const Eigen::Quaterniond q = QuaternionOf(UnityFromYUp() * pose.structure_from_sensor.linear() *
+                                              UnityCameraFromSensor());
+    ordered_json sensor = {
+        {"name", pose.name},
+        {"position", Components({"x", "y", "z"}, {p.x(), p.y(), p.z()})},
+        {"rotation", Components({"x", "y", "z", "w"}, {q.x(), q.y(), q.z(), q.w()})}};
+    if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
+    sensors.push_back(std::move(sensor));
+  }
+  return ordered_json{{"convention", kUnityConvention}, {"sensors", std::move(sensors)}}.dump(2) +
+         "\n";
+}
+
+Poses ReadUnity(const std::string& text, const std::string& name) {
+  const nlohmann::json document = ParseStrictJson(text, name);
+  const JsonObject root(document, name);
+  Poses poses;
+  for (const JsonObject& sensor : root.Children("sensors")) {
+    const JsonObject p = sensor.Child("position"), q = sensor.Child("rotation");
+    const Pose unity = PoseFromQuaternion(
+        q.Number("w"), q.Number("x"), q.Number("y"), q.Number("z"),
+        UnityFromYUp() * Eigen::Vector3d(p.Number("x"), p.Number("y"), p.Number("z")),
+        sensor.Place("rotation"));
+    SensorPose pose;
+    pose.name = sensor.Text("name");
+    pose.structure_from_sensor = unity;
+    // Both changes of axes are their own inverse.
+    pose.structure_from_sensor.linear() = UnityFromYUp() * unity.linear() * UnityCameraFromSensor();
+    if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    poses.push_back(std::move(pose));
+  }
+  return poses;
+}
+
+}  // namespace volalign::poses_internal

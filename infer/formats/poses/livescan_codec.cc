@@ -1,0 +1,93 @@
+// LiveScan3D's calibration_SERIAL.txt, by its own reader and what it does with the numbers
+// (github.com/MarekKowalski/LiveScan3D, src/LiveScanClient: LoadCalibration in calibration.cpp,
+// StoreFrame in liveScanClient.cpp): T, the rows of R, the number of a marker, whether the sensor
+// is calibrated. A point of the camera, in metres, goes to R (p + T).
+
+#include <fmt/format.h>
+
+#include <array>
+#include <sstream>
+
+#include "core/base/error.h"
+#include "infer/formats/poses/codecs.h"
+
+namespace volalign::poses_internal {
+
+namespace {
+
+constexpr char kBegin[] = "calibration_";
+constexpr char kEnd[] = ".txt";
+constexpr int kMarker = 0;  // read by the program, but not used for its clouds
+/// Numbers and words of the later form: two 4x4 matrices, the marker, whether calibrated.
+constexpr std::size_t kLaterForm = 34;
+
+std::string NameOf(const std::string& file) {
+  std::string name = file.substr(sizeof(kBegin) - 1);
+  const std::size_t end = name.rfind(kEnd);
+  if (end != std::string::npos && end + sizeof(kEnd) - 1 == name.size()) name.resize(end);
+  return name;
+}
+
+std::size_t CountWords(const std::string& text) {
+  std::istringstream stream(text);
+  std::size_t count = 0;
+  for (std::string word; stream >> word;) ++count;
+  return count;
+}
+
+Pose WorldFromCamera(const std::string& text, const std::string& file) {
+  if (CountWords(text) >= kLaterForm) {
+    throw DataError(fmt::format(
+        "{}: the later form of this file, of two 4x4 matrices, needs settings of the server to be "
+        "understood; only that of a vector and a 3x3 matrix is read",
+        file));
+  }
+  // As LiveScan3D reads it, a number ends where no longer one can be made of it. It writes the
+  // matrix without blanks, and gets it back because each number but 1 begins with a zero that the
+  // one before may take.
+  std::istringstream stream(text);
+  std::array<double, 12> v{};
+  for (double& number : v) {
+    if (!(stream >> number))
+      throw DataError(fmt::format("{}: not 12 numbers, a vector and a 3x3 matrix", file));
+  }
+  int marker = 0, calibrated = 0;
+  if (!(stream >> marker >> calibrated))
+    throw DataError(file + ": the marker and whether it is calibrated (1) are missing at the end");
+  if (calibrated != 1)
+    throw DataError(file + ": the last number is not 1: the sensor was not calibrated");
+  const Eigen::Vector3d t(v[0], v[1], v[2]);
+  const Eigen::Matrix3d r = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&v[3]);
+  return PoseFromRotation(r, r * t, file);
+}
+
+}  // namespace
+
+bool IsLivescanFile(const std::string& file) { return file.rfind(kBegin, 0) == 0; }
+
+Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor) {
+  Files files;
+  for (const SensorPose& sensor : poses) {
+    const Pose pose = sensor.structure_from_sensor * camera_from_sensor(sensor.name).inverse();
+    const Eigen::Matrix3d r = pose.linear();
+    const Eigen::Vector3d t = r.transpose() * pose.translation();
+    std::string& text = files[kBegin + sensor.name + kEnd];
+    text = fmt::format("{} {} {}\n", t.x(), t.y(), t.z());
+    for (int row = 0; row < 3; ++row)
+      text += fmt::format("{} {} {}\n", r(row, 0), r(row, 1), r(row, 2));
+    text += fmt::format("{}\n1\n", kMarker);
+  }
+  return files;
+}
+
+Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor) {
+  Poses poses;
+  for (const auto& [file, text] : files) {
+    const std::string name = NameOf(file);
+    poses.push_back({name, WorldFromCamera(text, file) * camera_from_sensor(name), std::nullopt});
+  }
+  if (poses.empty()) throw DataError("the folder has no file calibration_SERIAL.txt");
+  return poses;
+}
+
+}  // namespace volalign::poses_internal

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+
+namespace volalign {
+
+/// What other programs want of a calibration.
+struct SensorPose {
+  std::string name;
+  Pose structure_from_sensor = Pose::Identity();
+  std::optional<Intrinsics> intrinsics;  ///< that the pose belongs to, where they are known
+};
+
+// The frames in which other programs have poses: p_other = ... * p_ours.
+
+/// A world with z up instead of y: (x, y, z) -> (x, -z, y).
+Eigen::Matrix3d ZUpFromYUp();
+/// The left-handed world of Unity, y up: (x, y, z) -> (-x, y, z), as its glTF importers do.
+Eigen::Matrix3d UnityFromYUp();
+/// A camera of Unity, x right, y up, z forward, left-handed, from the sensor frame.
+Eigen::Matrix3d UnityCameraFromSensor();
+/// The camera space of the Kinect for Windows SDK 2.0: x left, y up, z forward.
+Eigen::Matrix3d KinectV2FromSensor();
+
+/// A rotation of the pose that a quaternion or a matrix of limited precision gives; throws
+/// DataError, with `what` in its message, where it is farther than 1e-3 from one.
+Pose PoseFromRotation(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+                      const std::string& what);
+/// The same from a quaternion of about unit length, w first.
+Pose PoseFromQuaternion(double w, double x, double y, double z, const Eigen::Vector3d& translation,
+                        const std::string& what);
+
+/// The quaternion of a rotation, with w >= 0.
+Eigen::Quaterniond QuaternionOf(const Eigen::Matrix3d& rotation);
+
+}  // namespace volalign

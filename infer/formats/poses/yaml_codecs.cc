@@ -1,0 +1,196 @@
+// Formats that are YAML: OpenCV's FileStorage and transforms of ROS.
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/error.h"
+#include "infer/formats/poses/codecs.h"
+
+namespace volalign::poses_internal {
+
+namespace {
+
+constexpr char kWorldFrame[] = "structure";
+constexpr char kOpticalFrame[] = "_depth_optical_frame";
+
+/// A number that YAML's readers, OpenCV's among them, take for a real one.
+std::string Real(double value) {
+  std::string text = fmt::format("{}", value);
+  if (text.find_first_of(".en") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string Reals(const std::vector<double>& values) {
+  std::vector<std::string> texts;
+  texts.reserve(values.size());
+  for (const double value : values) texts.push_back(Real(value));
+  return fmt::format("{}", fmt::join(texts, ", "));
+}
+
+std::string OpencvMatrix(const std::string& key, const Eigen::MatrixXd& matrix) {
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+  return fmt::format(
+      "     {}: !!opencv-matrix\n        rows: {}\n        cols: {}\n"
+      "        dt: d\n        data: [ {} ]\n",
+      key, rows.rows(), rows.cols(),
+      Reals(std::vector<double>(rows.data(), rows.data() + rows.size())));
+}
+
+/// A text in double quotes, as JSON and YAML both have it.
+std::string Quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+
+/// Runs `read`, whose errors of yaml-cpp become DataErrors in one line.
+template <class Read>
+Poses Reading(const std::string& name, Read read) {
+  try {
+    return read();
+  } catch (const YAML::Exception& e) {
+    throw DataError(fmt::format("{}: line {}: {}", name, e.mark.line + 1, e.msg));
+  }
+}
+
+Eigen::MatrixXd MatrixOf(const YAML::Node& node, const std::string& place) {
+  const int rows = node["rows"].as<int>(), cols = node["cols"].as<int>();
+  const auto data = node["data"].as<std::vector<double>>();
+  if (rows < 1 || cols < 1 ||
+      data.size() != static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols))
+    throw DataError(
+        fmt::format("{}: {} numbers in {} rows and {} columns", place, data.size(), rows, cols));
+  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+      data.data(), rows, cols);
+}
+
+Eigen::MatrixXd MatrixOf(const YAML::Node& node, const std::string& place, int rows, int cols) {
+  Eigen::MatrixXd matrix = MatrixOf(node, place);
+  if (matrix.rows() != rows || matrix.cols() != cols)
+    throw DataError(fmt::format("{}: {} x {} instead of {} x {}", place, matrix.rows(),
+                                matrix.cols(), rows, cols));
+  return matrix;
+}
+
+Intrinsics OpencvIntrinsics(const YAML::Node& sensor, const std::string& place) {
+  const Eigen::MatrixXd matrix = MatrixOf(sensor["camera_matrix"], place + ": camera_matrix", 3, 3);
+  Intrinsics k{sensor["image_width"].as<int>(),
+               sensor["image_height"].as<int>(),
+               matrix(0, 0),
+               matrix(1, 1),
+               matrix(0, 2),
+               matrix(1, 2),
+               {}};
+  if (const YAML::Node lens = sensor["distortion_coefficients"]) {
+    const Eigen::MatrixXd coefficients = MatrixOf(lens, place + ": distortion_coefficients");
+    k.distortion.assign(coefficients.data(), coefficients.data() + coefficients.size());
+  }
+  k.Validate(place);
+  return k;
+}
+
+std::string RosTransform(const std::string& child, const Pose& pose) {
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Quaterniond q = QuaternionOf(pose.linear());
+  return fmt::format(
+      "- header: {{frame_id: {}}}\n  child_frame_id: {}\n  transform:\n"
+      "    translation: {{x: {}, y: {}, z: {}}}\n    rotation: {{x: {}, y: {}, z: {}, w: {}}}\n",
+      Quoted(kWorldFrame), Quoted(child), Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()),
+      Real(q.y()), Real(q.z()), Real(q.w()));
+}
+
+}  // namespace
+
+// FileStorage wants its directive and three dashes first, then keys.
+std::string WriteOpencv(const Poses& poses) {
+  std::string text =
+      "%YAML:1.0\n---\n"
+      "convention: \"camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres; "
+      "camera: x right, y down, z forward; world: y up, right-handed; pixel centres at integer "
+      "coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6\"\n"
+      "sensors:\n";
+  for (const SensorPose& pose : poses) {
+    const Pose camera_from_world = pose.structure_from_sensor.inverse();
+    text += "   -\n     name: " + Quoted(pose.name) + "\n";
+    if (pose.intrinsics) {
+      const Intrinsics& k = *pose.intrinsics;
+      Eigen::Matrix3d matrix;
+      matrix << k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1;
+      text += fmt::format("     image_width: {}\n     image_height: {}\n", k.width, k.height) +
+              OpencvMatrix("camera_matrix", matrix);
+      if (!k.distortion.empty()) {
+        text +=
+            OpencvMatrix("distortion_coefficients",
+                         Eigen::Map<const Eigen::RowVectorXd>(
+                             k.distortion.data(), static_cast<Eigen::Index>(k.distortion.size())));
+      }
+    }
+    text += OpencvMatrix("R", camera_from_world.linear()) +
+            OpencvMatrix("t", camera_from_world.translation());
+  }
+  return text;
+}
+
+Poses ReadOpencv(const std::string& text, const std::string& name) {
+  // yaml-cpp knows no directive like OpenCV's.
+  const std::size_t begin = text.find("---");
+  if (begin == std::string::npos || text.compare(0, 5, "%YAML") != 0)
+    throw DataError(name + ": no file of OpenCV's FileStorage");
+  return Reading(name, [&] {
+    Poses poses;
+    for (const YAML::Node& sensor : YAML::Load(text.substr(begin))["sensors"]) {
+      SensorPose pose;
+      pose.name = sensor["name"].as<std::string>();
+      const std::string place = fmt::format("{}: {}", name, pose.name);
+      pose.structure_from_sensor =
+          PoseFromRotation(MatrixOf(sensor["R"], place + ": R", 3, 3),
+                           MatrixOf(sensor["t"], place + ": t", 3, 1), place)
+              .inverse();
+      if (sensor["camera_matrix"]) pose.intrinsics = OpencvIntrinsics(sensor, place);
+      poses.push_back(std::move(pose));
+    }
+    return poses;
+  });
+}
+
+std::string WriteRos(const Poses& poses) {
+  std::string text = fmt::format(
+      "# geometry_msgs/TransformStamped: the pose of child_frame_id in header.frame_id, metres.\n"
+      "# {}: z up, right-handed (REP 103), (x, y, z) of volalign's structure frame is (x, -z, y);\n"
+      "# *{}: x right, y down, z forward. Rotations are quaternions.\n",
+      kWorldFrame, kOpticalFrame);
+  for (const SensorPose& sensor : poses) {
+    Pose z_up = Pose::Identity();
+    z_up.linear() = ZUpFromYUp();
+    text += RosTransform(sensor.name + kOpticalFrame, z_up * sensor.structure_from_sensor);
+  }
+  return text;
+}
+
+Poses ReadRos(const std::string& text, const std::string& name) {
+  return Reading(name, [&] {
+    Poses poses;
+    for (const YAML::Node& node : YAML::Load(text)) {
+      std::string child = node["child_frame_id"].as<std::string>();
+      const std::string parent = node["header"]["frame_id"].as<std::string>();
+      const std::string place = fmt::format("{}: {}", name, child);
+      if (parent != kWorldFrame)
+        throw DataError(
+            fmt::format("{}: in frame \"{}\" instead of \"{}\"", place, parent, kWorldFrame));
+      const YAML::Node t = node["transform"]["translation"], q = node["transform"]["rotation"];
+      const auto number = [](const YAML::Node& of, const char* key) {
+        return of[key].as<double>();
+      };
+      const Pose z_up =
+          PoseFromQuaternion(number(q, "w"), number(q, "x"), number(q, "y"), number(q, "z"),
+                             {number(t, "x"), number(t, "y"), number(t, "z")}, place);
+      const std::size_t end = child.rfind(kOpticalFrame);
+      if (end != std::string::npos) child.resize(end);
+      Pose y_up = Pose::Identity();
+      y_up.linear() = ZUpFromYUp().transpose();
+      poses.push_back({child, y_up * z_up, std::nullopt});
+    }
+    return poses;
+  });
+}
+
+}  // namespace volalign::poses_internal

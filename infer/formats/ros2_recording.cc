@@ -1,0 +1,174 @@
+// Depth streams of a bag of ROS 2 in SQLite (.db3): what RealSense's recorder writes today,
+// and depth images of `ros2 bag record`. Messages are CDR, little-endian.
+
+#include <fmt/format.h>
+#include <sqlite3.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/text.h"
+#include "core/formats/image_io.h"
+#include "infer/formats/byte_reader.h"
+#include "infer/formats/ros_depth.h"
+
+namespace volalign::formats_internal {
+
+namespace {
+
+constexpr char kLittleEndian[] = "\x00\x01\x00\x00";  // the encapsulation's header
+constexpr std::size_t kHeader = 4;
+/// Of compressed_depth_image_transport, before the PNG: a number and two floats.
+constexpr std::size_t kDepthHeader = 12;
+
+/// A message's values, each aligned to its size.
+class CdrReader {
+ public:
+  CdrReader(std::string_view message, const std::string& name)
+      : reader_(message, name), size_(message.size()) {
+    if (reader_.Take(kHeader) != std::string_view(kLittleEndian, kHeader))
+      throw DataError(name + ": a message that is not little-endian CDR");
+  }
+  template <class T>
+  T Value() {
+    const std::size_t over = (size_ - kHeader - reader_.left()) % sizeof(T);
+    if (over != 0) reader_.Take(sizeof(T) - over);
+    return reader_.Value<T>();
+  }
+  std::string_view Bytes() { return reader_.Take(Value<std::uint32_t>()); }
+  std::string Text() {
+    std::string text(Bytes());
+    while (!text.empty() && text.back() == '\0') text.pop_back();
+    return text;
+  }
+  /// std_msgs/Header.
+  void SkipHeader() {
+    Value<std::int32_t>();
+    Value<std::uint32_t>();
+    Text();
+  }
+
+ private:
+  ByteReader reader_;
+  std::size_t size_;
+};
+
+/// sensor_msgs/CompressedImage with "16UC1; compressedDepth png".
+StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
+  CdrReader reader(message, name);
+  reader.SkipHeader();
+  const std::string format = reader.Text();
+  if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos)
+    throw DataError(
+        fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name, format));
+  ByteReader data(reader.Bytes(), name);
+  data.Take(kDepthHeader);
+  const Image16 png = DecodeDepth(std::string(data.Take(data.left())), name);
+  RequireSize(png.width(), png.height(), name);
+  StoredDepth depth{Image<float>(png.width(), png.height()), /*whole_numbers=*/true};
+  std::copy(png.begin(), png.end(), depth.values.begin());
+  return depth;
+}
+
+/// "Name=Intel RealSense D415;Serial Number=9185".
+std::map<std::string, std::string> ParsePairs(const std::string& text) {
+  std::map<std::string, std::string> pairs;
+  for (const std::string& pair : Split(text, ';')) {
+    const std::size_t equals = pair.find('=');
+    if (equals != std::string::npos) pairs.emplace(pair.substr(0, equals), pair.substr(equals + 1));
+  }
+  return pairs;
+}
+
+struct Topic {
+  std::string name, type;
+};
+
+/// The topic of images that a compressed one belongs to.
+std::string Uncompressed(const std::string& topic) {
+  const std::string end = "/compressedDepth";
+  const std::size_t at = topic.rfind(end);
+  return at != std::string::npos && at + end.size() == topic.size() ? topic.substr(0, at) : "";
+}
+
+void Collect(const Topic& topic, std::string_view message, int max_frames, const std::string& name,
+             RosContent* content) {
+  const auto add = [&](const std::string& stream, auto decode) {
+    RecordedDepth& depth = content->streams[stream];
+    depth.stream = stream;
+    if (static_cast<int>(depth.frames.size()) < max_frames) depth.frames.push_back(decode());
+  };
+  if (topic.type == "sensor_msgs/msg/Image") {
+    const RosImage image = ReadImage(CdrReader(message, name));
+    if (!IsDepth(topic.name, image.encoding)) return;
+    add(topic.name, [&] { return DecodeImage(image, name); });
+    if (image.encoding == "32FC1") content->streams[topic.name].depth_scale = 1;
+  } else if (topic.type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic.name).empty()) {
+    add(Uncompressed(topic.name), [&] { return ParseCompressed(message, name); });
+  } else if (topic.type == "sensor_msgs/msg/CameraInfo") {
+    content->infos.emplace(topic.name, ReadCameraInfo(CdrReader(message, name), name));
+  } else if (topic.type == "std_msgs/msg/String" && IsDepthUnits(topic.name)) {
+    const std::string text = CdrReader(message, name).Text();
+    const double unit = std::strtod(text.c_str(), nullptr);
+    if (unit > 0) content->units[topic.name] = unit;
+  } else if (topic.type == "std_msgs/msg/String" && IsDeviceInfo(topic.name)) {
+    content->devices.emplace(topic.name, ParsePairs(CdrReader(message, name).Text()));
+  }
+}
+
+/// A statement, with the values of its `?`, whose rows `use` takes. Throws DataError, with SQLite's
+/// words.
+template <class Use>
+void ForEachRow(sqlite3* database, const char* sql, const std::vector<sqlite3_int64>& values,
+                const std::string& name, Use use) {
+  sqlite3_stmt* raw = nullptr;
+  int status = sqlite3_prepare_v2(database, sql, -1, &raw, nullptr);
+  const std::unique_ptr<sqlite3_stmt, int (*)(sqlite3_stmt*)> statement(raw, sqlite3_finalize);
+  for (std::size_t i = 0; i < values.size() && status == SQLITE_OK; ++i)
+    status = sqlite3_bind_int64(raw, static_cast<int>(i) + 1, values[i]);
+  while (status == SQLITE_OK || status == SQLITE_ROW) {
+    status = sqlite3_step(raw);
+    if (status == SQLITE_ROW) use(raw);
+  }
+  if (status != SQLITE_DONE)
+    throw DataError(
+        fmt::format("{}: not a readable bag of ROS 2: {}", name, sqlite3_errmsg(database)));
+}
+
+std::string Column(sqlite3_stmt* row, int column) {
+  const auto* bytes = static_cast<const char*>(sqlite3_column_blob(row, column));
+  const int size = sqlite3_column_bytes(row, column);
+  return bytes ? std::string(bytes, static_cast<std::size_t>(size)) : std::string();
+}
+
+}  // namespace
+
+std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames) {
+  const std::string name = path.string();
+  sqlite3* raw = nullptr;
+  const int opened = sqlite3_open_v2(path.c_str(), &raw, SQLITE_OPEN_READONLY, nullptr);
+  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> database(raw, sqlite3_close);
+  if (opened != SQLITE_OK) throw IoError(name + ": cannot be opened as a bag of ROS 2");
+  std::vector<std::pair<sqlite3_int64, Topic>> topics;
+  ForEachRow(raw, "SELECT id, name, type, serialization_format FROM topics", {}, name,
+             [&](sqlite3_stmt* row) {
+               if (sqlite3_column_type(row, 0) != SQLITE_INTEGER)
+                 throw DataError(name + ": a topic whose id is no whole number");
+               if (Column(row, 3) == "cdr")
+                 topics.push_back({sqlite3_column_int64(row, 0), {Column(row, 1), Column(row, 2)}});
+             });
+  RosContent content;
+  for (const auto& [id, topic] : topics) {
+    // Streams of every frame of a long recording are not gone through.
+    ForEachRow(raw, "SELECT data FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?",
+               {id, max_frames}, name, [&, &topic = topic](sqlite3_stmt* row) {
+                 Collect(topic, Column(row, 0), max_frames, name, &content);
+               });
+  }
+  return DescribeStreams(std::move(content), name);
+}
+
+}  // namespace volalign::formats_internal

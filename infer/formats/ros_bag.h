@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace volalign::formats_internal {
+
+struct BagConnection {
+  std::string topic;
+  std::string type;  ///< "sensor_msgs/Image"
+};
+
+/// A bag of ROS 1, format 2.0 (wiki.ros.org/Bags/Format/2.0). Everything throws DataError where the
+/// file is damaged, and no length that it states is trusted.
+class RosBag {
+ public:
+  /// Throws IoError or DataError.
+  explicit RosBag(const std::filesystem::path& path);
+
+  /// Those of the index at the file's end; none where a recording was cut off before it.
+  const std::map<std::uint32_t, BagConnection>& connections() const { return connections_; }
+
+  using Visit = std::function<bool(const BagConnection&, std::string_view message)>;
+  /// Calls `visit` with each message, in the file's order, until it returns false.
+  void ForEachMessage(const Visit& visit);
+
+  /// Of a record's header.
+  using Fields = std::map<std::string, std::string>;
+
+ private:
+  struct Record;
+  bool ReadRecord(Record* record);
+  void AddConnection(const Fields& header, std::string_view data);
+  /// False where `visit` wanted no more.
+  bool VisitChunk(const Record& chunk, const Visit& visit);
+
+  std::string name_;
+  std::ifstream stream_;
+  std::uint64_t size_ = 0, at_ = 0, first_record_ = 0;
+  std::map<std::uint32_t, BagConnection> connections_;
+};
+
+}  // namespace volalign::formats_internal

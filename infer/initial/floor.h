@@ -1,0 +1,49 @@
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/aliases.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
+/// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so its labels
+/// and depths alone do not tell up from down. What lies around it does. A floor is level: at a pose
+/// that is off by a box, an upright side of the structure itself may reach down to where the floor
+/// would be.
+///
+/// `table_height_m`: of the structure's foot above the floor; negative: not known, and then no
+/// floor says anything. At 0, the structure may stand on a table all the same: what is seen between
+/// its foot and a level surface far under it speaks against nothing.
+struct FloorFit {
+  int pixels = 0;    ///< looked at: one in four of those with depth
+  int on_floor = 0;  ///< of those: level, on the plane that the structure stands on, off the
+                     ///< structure
+  /// Of those: clearly under that plane, or under the floor that a table may stand on, where no
+  /// true pose has any.
+  int below = 0;
+  int balance() const { return on_floor - 2 * below; }
+  /// The balance as a share of the pixels looked at, in [0, 1]; 0 where none has depth. What lies
+  /// under a pose's floor speaks against that floor. It does not speak for another pose that has no
+  /// floor either: below a table there is more to see than above the structure.
+  double share() const {
+    return pixels > 0 ? std::max(0.0, static_cast<double>(balance()) / pixels) : 0;
+  }
+};
+/// What lies on the structure at any of `rivals`, poses that compete with this one, is no floor: a
+/// pose that is off by a box may have a level side of it where the floor would be.
+FloorFit FindFloor(const SensorView& view, const Structure& structure,
+                   const Pose& structure_from_sensor, double table_height_m = 0,
+                   const std::vector<Pose>& rivals = {});
+
+/// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
+/// FloorFit::share; 1 without aliases.
+double FloorMargin(const SensorView& view, const Structure& structure,
+                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
+                   double table_height_m = 0);
+
+}  // namespace volalign

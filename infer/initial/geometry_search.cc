@@ -1,0 +1,286 @@
+#include "infer/initial/geometry_search.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <iterator>
+#include <utility>
+
+#include "core/base/lists.h"
+#include "infer/initial/box_fit.h"
+#include "infer/initial/floor.h"
+#include "infer/initial/initial_pose.h"
+#include "infer/initial/same_pose.h"
+#include "infer/initial/shape_check.h"
+#include "infer/initial/stack_search.h"
+#include "infer/initial/standing_guesses.h"
+
+namespace volalign {
+
+namespace {
+
+/// Large planes of a view that may be floors, or tell which way is up.
+constexpr int kMostPlanes = 10;
+/// Candidates of one guess: those that are looked at, and those of them that are brought onto the
+/// boxes. Without a floor there are many guesses: so many of all are looked at.
+constexpr std::size_t kMostLookedAt = 16, kMostFitted = 4;
+/// Without a floor, where much has to be tried: cells along the smallest edge of any box.
+constexpr double kCoarseCells = 5;
+constexpr std::size_t kMostOfGuess = 6, kMostOfAllGuesses = 40;
+/// Poses that are verified with all rays.
+constexpr std::size_t kMostVerified = 6;
+/// The first look is with every second ray of every second row.
+constexpr int kFirstLook = 2;
+
+/// A plane is of the room that has so many times the most that the structure has in one plane.
+/// Planes are found with tolerances, so that sides that are turned (25 deg) or offset (m) against
+/// each other count as one.
+constexpr double kLargerThanStack = 1.3, kAlikeDirection = 0.9, kAlikePlane = 0.1;
+
+/// Sensors are mounted upright, on a side or overhead.
+std::vector<Eigen::Vector3d> UsualUps() {
+  return {-Eigen::Vector3d::UnitY(), -Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitX(),
+          Eigen::Vector3d::UnitY()};
+}
+
+/// What a pose explains, less what contradicts it, m^2.
+double Gain(const ViewFit& shape) {
+  return shape.explained - shape.behind - shape.larger - (shape.turned + shape.goes_on) / 2;
+}
+
+/// Of the different planes that a pose shows, those that have to be found: other boxes that look
+/// like the structure by area show few of its edges. kLeastVisible: the visible share down to which
+/// what is hidden need not be seen.
+constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
+/// Where the picture's border cuts the structure off, or something hides it, less area than
+/// min_area_share may be measured: down to kSmallPart of it, if at least kSmallExplained of the
+/// area and kSmallPlanes of the planes are explained. At least kSmallExplained is also asked for
+/// where so much is hidden that less than kLeastVisible is left, since hidden parts cannot
+/// contradict a pose.
+constexpr double kSmallPart = 0.6, kSmallExplained = 0.97, kSmallPlanes = 0.7;
+
+using Poses = std::vector<GeometricPose>;
+
+void SortByGain(Poses* poses) {
+  SortLargestFirst(poses, [](const GeometricPose& pose) { return Gain(pose.shape); });
+}
+
+/// Of poses that are about the same, the first.
+Poses Distinct(const Poses& poses, const Structure& structure) {
+  Poses distinct;
+  for (const GeometricPose& pose : poses) {
+    AddIfNew(pose, &distinct, [&](const GeometricPose& other) {
+      return SamePose(structure, other.structure_from_sensor, pose.structure_from_sensor);
+    });
+  }
+  return distinct;
+}
+
+/// The most of a structure's surface that may be found to lie in one plane, m^2.
+double LargestFlat(const Structure& structure) {
+  double largest = 0;
+  for (const Side& side : structure.sides()) {
+    double area = 0;
+    for (const Side& other : structure.sides()) {
+      if (other.normal.dot(side.normal) > kAlikeDirection &&
+          std::abs(side.normal.dot(other.centre - side.centre)) < kAlikePlane)
+        area += other.exposed_area;
+    }
+    largest = std::max(largest, area);
+  }
+  return largest;
+}
+
+class Search {
+ public:
+  Search(const SensorView& view, const Structure& structure, double table_height_m,
+         const GeometryOptions& options)
+      : structure_(structure),
+        table_height_m_(table_height_m),
+        options_(options),
+        surface_(MakeSensorSurface(view, kCoarseRays)),
+        planes_(FindRoomPlanes(PointsOf(surface_), kMostPlanes)),
+        outline_(MakeStackOutline(structure)) {
+    floor_points_ = PointsOf(surface_);
+    MarkRoom(planes_, kLargerThanStack * LargestFlat(structure), &surface_);
+    first_look_ = Decimate(surface_, kFirstLook);
+    points_ = PointsOf(surface_);
+  }
+
+  Poses OnFloors() const {
+    Poses found;
+    if (table_height_m_ < 0) return found;
+    const std::vector<StandingGuess> floors = GuessFloors(planes_, table_height_m_);
+    for (const auto& candidates : SearchStack(points_, outline_, floors, kMostLookedAt))
+      Append(OnTheFloor(Verify(FitRoughly(Look(candidates), true), true)), &found);
+    return found;
+  }
+
+  Poses WithoutFloor() const {
+    const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
+    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kMostPlanes);
+    std::vector<StackCandidate> candidates;
+    for (const StandingGuess& guess :
+         GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
+      Append(SearchStack(points_, coarse, {guess}, kMostOfGuess).front(), &candidates);
+    }
+    KeepLargest(kMostOfAllGuesses, &candidates, [](const auto& each) { return each.votes; });
+    Poses found = Verify(FitRoughly(Look(candidates), false), false);
+    const auto refuted = [&](const GeometricPose& pose) {
+      return SeesBelow(surface_.view, structure_, pose.structure_from_sensor, table_height_m_);
+    };
+    found.erase(std::remove_if(found.begin(), found.end(), refuted), found.end());
+    return found;
+  }
+
+  /// The poses, and where their aliases explain the view, these.
+  Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
+    Poses moved;
+    for (const GeometricPose& pose : poses) {
+      for (const StructureAlias& alias : aliases) {
+        moved.push_back(pose);
+        moved.back().structure_from_sensor = alias.motion * pose.structure_from_sensor;
+        moved.back().shape =
+            MeasureShape(first_look_, structure_, moved.back().structure_from_sensor);
+      }
+    }
+    SortByGain(&moved);
+    Poses all = poses;
+    // Those need not pass the limits that their originals have passed: which of them explain as
+    // much is for Compete to say.
+    Append(FitWell(Distinct(moved, structure_), false), &all);
+    return all;
+  }
+
+ private:
+  template <class T>
+  static void Append(std::vector<T> more, std::vector<T>* all) {
+    std::move(more.begin(), more.end(), std::back_inserter(*all));
+  }
+
+  /// Those with floor round them: a side of the structure itself may have been taken for one.
+  Poses OnTheFloor(Poses poses) const {
+    const auto off = [&](const GeometricPose& pose) {
+      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
+                   .share() > 0);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());
+    return poses;
+  }
+
+  Poses Look(const std::vector<StackCandidate>& candidates) const {
+    Poses poses;
+    for (const StackCandidate& candidate : candidates) {
+      poses.push_back({candidate.structure_from_sensor,
+                       MeasureShape(first_look_, structure_, candidate.structure_from_sensor), 0});
+    }
+    SortByGain(&poses);
+    return poses;
+  }
+
+  Poses FitRoughly(Poses poses, bool floor) const {
+    if (poses.size() > kMostFitted) poses.resize(kMostFitted);
+    BoxFit fit;
+    fit.floor = floor;
+    for (GeometricPose& pose : poses) {
+      pose.structure_from_sensor =
+          FitToBoxes(floor ? floor_points_ : points_, structure_, fit, pose.structure_from_sensor);
+      pose.shape = MeasureShape(first_look_, structure_, pose.structure_from_sensor);
+    }
+    SortByGain(&poses);
+    return Distinct(poses, structure_);
+  }
+
+  /// Fitted with more points, and looked at with all rays. `floor`: with the floor's as well, where
+  /// that explains more: few sides may leave a direction open, but not every floor is flat.
+  Poses FitWell(Poses poses, bool floor) const {
+    if (poses.size() > kMostVerified) poses.resize(kMostVerified);
+    for (GeometricPose& pose : poses) {
+      const GeometricPose alone = FitWell(pose, points_, false);
+      pose = floor ? FitWell(pose, floor_points_, true) : alone;
+      if (Gain(alone.shape) > Gain(pose.shape)) pose = alone;
+    }
+    return poses;
+  }
+
+  GeometricPose FitWell(GeometricPose pose, const std::vector<OrientedPoint>& points,
+                        bool floor) const {
+    const BoxFit fit{4, 1500, 0.05, 0.03, floor};
+    pose.structure_from_sensor = FitToBoxes(points, structure_, fit, pose.structure_from_sensor);
+    pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
+    return pose;
+  }
+
+  /// Those that have the structure's shape.
+  Poses Verify(Poses poses, bool floor) const {
+    poses = FitWell(std::move(poses), floor);
+    const auto other = [&](const GeometricPose& pose) {
+      return !HasShape(pose.shape, structure_, options_);
+    };
+    poses.erase(std::remove_if(poses.begin(), poses.end(), other), poses.end());
+    return poses;
+  }
+
+  const Structure& structure_;
+  double table_height_m_;
+  const GeometryOptions& options_;
+  SensorSurface surface_, first_look_;
+  std::vector<RoomPlane> planes_;
+  std::vector<OrientedPoint> points_;        // without those of the room
+  std::vector<OrientedPoint> floor_points_;  // with them
+  StackOutline outline_;
+};
+
+/// Without those that explain clearly less than the best one, the best first.
+Poses Compete(Poses poses, const Structure& structure, double margin) {
+  double reference = 0, best = 0;
+  for (const GeometricPose& pose : poses) reference = std::max(reference, pose.shape.explained);
+  for (GeometricPose& pose : poses) {
+    pose.shape_iou = pose.shape.shape_iou(reference);
+    best = std::max(best, pose.shape_iou);
+  }
+  const auto misfit = [&](const GeometricPose& pose) { return pose.shape_iou < best - margin; };
+  poses.erase(std::remove_if(poses.begin(), poses.end(), misfit), poses.end());
+  SortLargestFirst(&poses, [](const GeometricPose& pose) { return pose.shape_iou; });
+  return Distinct(poses, structure);
+}
+
+}  // namespace
+
+SensorSurface PrepareSurface(const SensorView& view, const Structure& structure) {
+  SensorSurface surface = MakeSensorSurface(view, kCoarseRays);
+  MarkRoom(FindRoomPlanes(PointsOf(surface), kMostPlanes),
+           kLargerThanStack * LargestFlat(structure), &surface);
+  return surface;
+}
+
+bool HasShape(const ViewFit& shape, const Structure& structure, const GeometryOptions& options) {
+  double area = 0;
+  for (const Side& side : structure.sides()) area += side.label > 0 ? side.exposed_area : 0;
+  if (!(shape.explained_share() >= options.min_explained_share &&
+        shape.visible_share() >= options.min_visible_share &&
+        shape.goes_on_share() <= options.max_goes_on_share)) {
+    return false;
+  }
+  if (shape.visible_share() < kLeastVisible && shape.explained_share() < kSmallExplained)
+    return false;
+  const double planes = shape.planes_share(kLeastVisible);
+  if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
+  return shape.explained >= kSmallPart * options.min_area_share * area &&
+         shape.explained_share() >= kSmallExplained && planes >= kSmallPlanes;
+}
+
+std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
+                                               const std::vector<StructureAlias>& aliases,
+                                               double table_height_m,
+                                               const GeometryOptions& options) {
+  const Search search(view, structure, table_height_m, options);
+  Poses found = search.OnFloors();
+  if (found.empty()) found = search.WithoutFloor();
+  found = Compete(std::move(found), structure, options.rival_margin);
+  found = Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
+  // If even the best of a pose and its aliases does not have the view's shape, none of them has.
+  if (!found.empty() && !HasShape(found.front().shape, structure, options)) found.clear();
+  return found;
+}
+
+}  // namespace volalign

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <vector>
+
+#include "core/config/config.h"
+#include "core/config/config_word.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/agreement.h"
+#include "infer/initial/geometry_search.h"
+#include "infer/initial/side_patch.h"
+#include "infer/view/segmentation.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// Where initial poses come from.
+enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
+inline constexpr Words<PoseMethod, 4> kPoseMethodWords = {{{"auto", PoseMethod::kAuto},
+                                                           {"network", PoseMethod::kNetwork},
+                                                           {"geometry", PoseMethod::kGeometry},
+                                                           {"paper", PoseMethod::kPaper}}};
+inline constexpr Words<KeypointKind, 2> kKeypointWords = {
+    {{"exposed", KeypointKind::kExposed}, {"centre", KeypointKind::kCentre}}};
+
+struct InitialPoseOptions {
+  PoseMethod method = PoseMethod::kAuto;
+  KeypointKind keypoints = KeypointKind::kExposed;
+  int visibility_iterations = 5;
+  int side_fit_steps = 5;
+  double max_keypoint_error_m = 0.2;
+  double max_normal_error_deg = 30;
+  SidePatchOptions patch;
+  double table_height_m = 0;
+  GeometryOptions geometry;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    DescribeWord(ar, "method", method, kPoseMethodWords,
+                 "what initial poses come from: network (its labels), geometry (the structure's "
+                 "shape alone, which needs no model), auto (both propose where there is a model, "
+                 "and one verification chooses), or paper: the mean of the confident pixels of "
+                 "each side that the network found against its centre, Procrustes over all visible "
+                 "sides; it uses patch.min_confidence and min_pixels only");
+    DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
+                 "point that stands for a side before its visible part is known: exposed (centroid "
+                 "of the area that no other box covers) or centre (the paper)");
+    ar("visibility_iterations", visibility_iterations,
+       "times that keypoints are replaced by centroids of what the structure shows from the "
+       "estimated pose",
+       AtLeast(0));
+    ar("side_fit_steps", side_fit_steps,
+       "robust steps, at the end, that bring labelled points onto their finite sides", AtLeast(0));
+    ar("max_keypoint_error_m", max_keypoint_error_m,
+       "distance between a side's keypoint and its measured one beyond which they contradict each "
+       "other, m",
+       Above(0));
+    ar("max_normal_error_deg", max_normal_error_deg,
+       "angle between a side's normal and its fitted one beyond which they contradict each other, "
+       "deg",
+       Between(1, 90));
+    ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"));
+    ar("table_height_m", table_height_m,
+       "height of what the structure stands on above the floor, m; 0: it stands on the floor; -1: "
+       "not known, it is searched and no floor tells up from down",
+       Between(-1, 5));
+    ar("geometry", geometry, "what geometry has to find for a pose");
+  }
+};
+
+/// What one sensor's labels say about its pose.
+struct InitialPose {
+  bool found = false;  ///< a pose was hypothesised; CompareWithView tells whether it is right
+  /// The initial pose: the keypoint pose, fitted to the sides.
+  Pose structure_from_sensor = Pose::Identity();
+  /// The keypoint pose. Of the depths, only the sides' centroids and normals are fitted.
+  Pose from_keypoints = Pose::Identity();
+  /// At the initial pose, on the decimated view, with kInitialTolerance.
+  Agreement agreement;
+  std::vector<SidePatch> patches;  ///< all patches that were found
+};
+
+/// From labels, in all methods but the paper's: hypothesise and verify. Candidates are made from
+/// sets of patches (pose_candidates.h). The best of them are corrected for visibility
+/// (visibility_correction.h) and compete by how well measured depths and labels agree with the
+/// structure as seen from there, not by a number of pixels. The winner is the keypoint pose; fitted
+/// to the sides (side_fit.h), it is the initial pose. With `near`, that pose competes too, and only
+/// results that are about the same pose count.
+///
+/// With the paper's method: EstimatePaperPose (paper_pose.h).
+InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
+                                const Structure& structure, const InitialPoseOptions& options,
+                                const Pose* near = nullptr);
+
+}  // namespace volalign

@@ -1,0 +1,216 @@
+#include "infer/initial/orientation.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "core/base/parallel_for.h"
+#include "infer/initial/aliases.h"
+#include "infer/initial/orientation_trials.h"
+#include "infer/initial/pose_sources.h"
+#include "infer/initial/relabel.h"
+#include "infer/initial/rig_choice.h"
+#include "infer/view/sensor_frame.h"
+
+namespace volalign {
+
+namespace {
+
+using pose_internal::BestTrial;
+using pose_internal::LabelContext;
+using pose_internal::OrientationTrial;
+using pose_internal::Settled;
+
+/// Turns that bring the view into the network's orientation at a pose that a trial led to.
+int TurnsAt(const LabelContext& context, const OrientationTrial& trial, const PoseCandidate& pose) {
+  const bool over =
+      pose.alias >= 0 && !context.aliases[static_cast<std::size_t>(pose.alias)].keeps_up();
+  return (trial.turns + (over ? 2 : 0)) % 4;
+}
+
+/// The labels that suit a pose which was chosen among orientations and aliases, and the initial
+/// pose that follows from them.
+void TakeChoice(const LabelContext& context, const LabelRequest& from, const PoseCandidate& choice,
+                const std::vector<OrientationTrial*>& trials, const OrientationTrial& trial,
+                Labelled* out) {
+  if (choice.alias >= 0) {
+    const StructureAlias& alias = context.aliases[static_cast<std::size_t>(choice.alias)];
+    out->quarter_turns = TurnsAt(context, trial, choice);
+    out->segmentation = Relabelled(std::move(out->segmentation), alias);
+  }
+  const Pose& pose = choice.structure_from_sensor;
+  if (choice.label_score < context.options.good_score) {
+    std::vector<const SegmentationResult*> others;
+    for (const OrientationTrial* other : trials) {
+      if (other != &trial) others.push_back(&other->segmentation);
+    }
+    ReconcileLabels(*from.view, context.structure, context.aliases, pose, others,
+                    context.initial.patch.min_confidence, &out->segmentation);
+  }
+  out->initial =
+      EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
+}
+
+/// A pose that geometry has found, with the labels that it implies. No network tells the turns: the
+/// frame's own, or those that put the floor at the bottom.
+void TakeGeometry(const LabelContext& context, const LabelRequest& from, const Pose& pose,
+                  Labelled* out) {
+  LabelledPose labelled = LabelByPose(*from.view, context.structure, pose, context.initial);
+  out->segmentation = std::move(labelled.segmentation);
+  out->initial = std::move(labelled.initial);
+  out->source = PoseSource::kGeometry;
+  out->quarter_turns = from.quarter_turns == kAutoTurns ? UprightTurns(pose) : from.quarter_turns;
+}
+
+/// The trial of the only orientation that is beyond doubt; null where there is none or several.
+const OrientationTrial* OnlySettled(const LabelContext& context,
+                                    const std::vector<OrientationTrial*>& trials) {
+  const OrientationTrial* only = nullptr;
+  for (const OrientationTrial* trial : trials) {
+    if (!Settled(*trial, context.options)) continue;
+    if (only) return nullptr;
+    only = trial;
+  }
+  return only;
+}
+
+/// The network's poses that compete for a view over all orientations and aliases: the only one
+/// where a single orientation is beyond doubt. The paper's estimator knows none.
+std::vector<PoseCandidate> OfNetwork(const LabelContext& context, std::size_t i,
+                                     const std::vector<OrientationTrial*>& trials,
+                                     const std::vector<PoseTrial>& poses) {
+  const LabelRequest& from = context.views[i];
+  if (trials.empty() || context.initial.method == PoseMethod::kPaper) return {};
+  if (const OrientationTrial* only = OnlySettled(context, trials)) {
+    PoseCandidate pose;
+    pose.structure_from_sensor = only->initial.structure_from_sensor;
+    pose.trial =
+        static_cast<std::size_t>(std::find(trials.begin(), trials.end(), only) - trials.begin());
+    return {pose};
+  }
+  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
+                         from.quarter_turns != kAutoTurns, context.initial, context.options.choice);
+}
+
+/// Those of the network and of geometry, which is not asked about what the network leaves no doubt
+/// of: labels and depths that agree with a pose whose floor no other pose has.
+std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t i,
+                                       const std::vector<OrientationTrial*>& trials) {
+  const LabelRequest& from = context.views[i];
+  std::vector<PoseTrial> poses;
+  poses.reserve(trials.size());
+  for (const OrientationTrial* t : trials) poses.push_back({&t->segmentation, &t->initial});
+  std::vector<PoseCandidate> of_network = OfNetwork(context, i, trials, poses);
+  if (!from.usable || !AsksGeometry(context.initial.method) || OnlySettled(context, trials))
+    return of_network;
+  return CombineProposals(
+      *from.view, context.structure, poses, std::move(of_network),
+      ProposeByGeometry(*from.view, context.structure, context.aliases, context.initial),
+      context.initial, context.options.choice);
+}
+
+/// Chooses for each view alone and, where that leaves one ambiguous or two that are mounted in
+/// different ways, for all of them together.
+std::vector<PoseChoice> ChooseAll(const LabelContext& context,
+                                  const std::vector<std::vector<OrientationTrial*>>& trials,
+                                  const std::vector<std::vector<PoseCandidate>>& competitors) {
+  std::vector<PoseChoice> choices(competitors.size());
+  std::vector<SensorCandidates> sensors(competitors.size());
+  std::set<int> mounted;
+  bool ambiguous = false, open = false;
+  for (std::size_t i = 0; i < competitors.size(); ++i) {
+    choices[i] = Decide(competitors[i], context.structure, context.options.choice);
+    sensors[i] = {context.views[i].view, competitors[i], {}};
+    const bool all_of_network =
+        std::all_of(competitors[i].begin(), competitors[i].end(),
+                    [](const PoseCandidate& pose) { return pose.source == PoseSource::kNetwork; });
+    if (context.views[i].quarter_turns == kAutoTurns && all_of_network) {
+      for (const PoseCandidate& pose : competitors[i])
+        sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
+    }
+    if (!choices[i].found) continue;
+    ambiguous = ambiguous || choices[i].ambiguous;
+    open = open || competitors[i].size() > 1;
+    mounted.insert(UprightTurns(choices[i].best.structure_from_sensor));
+  }
+  if (!ambiguous && !(open && mounted.size() > 1)) return choices;
+  return ChooseTogether(sensors, context.structure, context.options.choice);
+}
+
+/// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, the
+/// orientation that fits and stands on the floor best.
+Labelled TakePose(const LabelContext& context, std::size_t i,
+                  const std::vector<OrientationTrial*>& trials, const PoseChoice& choice) {
+  const LabelRequest& from = context.views[i];
+  const OrientationOptions& options = context.options;
+  Labelled out;
+  out.up_unknown = choice.up_unknown;
+  if (choice.ambiguous) {
+    out.other_pose =
+        DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+    out.floor_would_tell =
+        LeavesFloor(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);
+  }
+  if (choice.found && choice.best.source == PoseSource::kGeometry) {
+    TakeGeometry(context, from, choice.best.structure_from_sensor, &out);
+    return out;
+  }
+  if (trials.empty()) {
+    out.segmentation = {LabelImage(from.view->width(), from.view->height()),
+                        Image<float>(from.view->width(), from.view->height())};
+    out.source = PoseSource::kGeometry;
+    return out;
+  }
+  const bool trusted = choice.found && choice.best.shape_iou >= options.min_shape_iou &&
+                       choice.best.label_score >= options.min_label_score;
+  const OrientationTrial& trial =
+      trusted ? *trials[choice.best.trial] : *BestTrial(trials, options);
+  out.quarter_turns = trial.turns;
+  out.segmentation = trial.segmentation;
+  out.initial = trial.initial;
+  if (trusted) TakeChoice(context, from, choice.best, trials, trial, &out);
+  return out;
+}
+
+}  // namespace
+
+std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const Structure& structure,
+                                 Segmenter* segmenter, const InitialPoseOptions& initial,
+                                 const OrientationOptions& options, int threads,
+                                 StageClock* clock) {
+  const LabelContext context{
+      views, structure, FindAliases(structure), segmenter, initial, options, threads, clock};
+  std::vector<OrientationTrial> trials;
+  if (AsksNetwork(initial.method, segmenter != nullptr))
+    trials = pose_internal::TryOrientations(context);
+  std::vector<std::vector<OrientationTrial*>> by_view(views.size());
+  for (OrientationTrial& trial : trials) by_view[trial.view].push_back(&trial);
+  std::vector<std::vector<PoseCandidate>> competitors(views.size());
+  ParallelFor(views.size(), threads,
+              [&](std::size_t i) { competitors[i] = Competitors(context, i, by_view[i]); });
+  const std::vector<PoseChoice> choices = ChooseAll(context, by_view, competitors);
+  std::vector<Labelled> labelled(views.size());
+  ParallelFor(views.size(), threads,
+              [&](std::size_t i) { labelled[i] = TakePose(context, i, by_view[i], choices[i]); });
+  clock->Lap("initial_pose");
+  return labelled;
+}
+
+Labelled UpdateInitialPose(const SensorView& view, Labelled labelled, const Structure& structure,
+                           const InitialPoseOptions& initial) {
+  if (!labelled.initial.found) return labelled;
+  const Pose near = labelled.initial.structure_from_sensor;
+  if (labelled.source == PoseSource::kGeometry) {
+    LabelledPose again = LabelByPose(view, structure, near, initial);
+    if (again.initial.found) {
+      labelled.segmentation = std::move(again.segmentation);
+      labelled.initial = std::move(again.initial);
+    }
+    return labelled;
+  }
+  InitialPose updated = EstimateInitialPose(view, labelled.segmentation, structure, initial, &near);
+  if (updated.found) labelled.initial = std::move(updated);
+  return labelled;
+}
+
+}  // namespace volalign

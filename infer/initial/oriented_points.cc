@@ -1,0 +1,255 @@
+#include "infer/initial/oriented_points.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <map>
+#include <utility>
+
+#include "core/base/lists.h"
+
+namespace volalign {
+
+namespace {
+
+// Normals.
+/// m: half the width of the surface that a normal is taken from.
+constexpr double kNormalReach = 0.04;
+/// Neighbours along each axis on each side, and pixels that they reach at most.
+constexpr int kNeighbours = 2, kMostReach = 12;
+/// Least neighbours of the 25, the pixel itself among them.
+constexpr int kLeastNeighbours = 9;
+
+// Planes.
+/// Distance within which a point lies on a plane: in m, and per metre of depth.
+constexpr double kPlaneTolerance = 0.015, kPlaneRelativeTolerance = 0.006;
+/// Of these tolerances, from which on a point is clearly behind a plane.
+constexpr double kClearlyBehind = 3;
+/// Cosine of the angle between a plane's normal and a point's (25 deg).
+constexpr double kPlaneNormal = 0.9;
+/// Points that are tried as a plane's, and points that it is counted with.
+constexpr std::size_t kTrials = 80, kProbes = 800;
+/// A plane that has less, of all points' area, is none.
+constexpr double kLeastShare = 0.01;
+/// m: cells of a plane; what lies in neighbouring ones belongs together.
+constexpr double kPartCell = 0.25;
+
+double ToleranceAt(const Eigen::Vector3d& p) {
+  return kPlaneTolerance + kPlaneRelativeTolerance * p.z();
+}
+
+bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane) {
+  return std::abs(plane.normal.dot(p) - plane.offset) < ToleranceAt(p) &&
+         plane.normal.dot(normal) > kPlaneNormal;
+}
+
+bool Lies(const OrientedPoint& point, const RoomPlane& plane) {
+  return Lies(point.p, point.normal, plane);
+}
+
+/// Of the points still free, in steps that leave about `count`.
+template <class Visit>
+void VisitSome(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
+               std::size_t count, const Visit& visit) {
+  const std::size_t step = std::max<std::size_t>(1, points.size() / count);
+  for (std::size_t i = step / 2; i < points.size(); i += step) {
+    if (!taken[i]) visit(points[i]);
+  }
+}
+
+RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<char>& taken) {
+  RoomPlane best;
+  VisitSome(points, taken, kTrials, [&](const OrientedPoint& seed) {
+    RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0, 0};
+    VisitSome(points, taken, kProbes, [&](const OrientedPoint& point) {
+      if (Lies(point, plane)) plane.area += point.area;
+    });
+    if (plane.area > best.area) best = plane;
+  });
+  return best;
+}
+
+/// Fitted to the points that lie on it, each counting with its area.
+RoomPlane Fit(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
+              RoomPlane plane) {
+  double weight = 0;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (taken[i] || !Lies(points[i], plane)) continue;
+    weight += points[i].area;
+    mean += points[i].area * points[i].p;
+    squares += points[i].area * points[i].p * points[i].p.transpose();
+  }
+  if (!(weight > 0)) return plane;
+  mean /= weight;
+  const Eigen::Matrix3d covariance = squares / weight - mean * mean.transpose();
+  const Eigen::Vector3d normal =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvectors().col(0);
+  plane.normal = normal.dot(plane.normal) < 0 ? Eigen::Vector3d(-normal) : normal;
+  plane.offset = plane.normal.dot(mean);
+  return plane;
+}
+
+/// A pixel on a plane.
+struct PlanePixel {
+  int u, v;
+  double area;               // m^2
+  std::pair<int, int> cell;  // of the plane
+};
+
+std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& surface) {
+  const SensorView& view = surface.view;
+  const Eigen::Vector3d x = plane.normal.unitOrthogonal(), y = plane.normal.cross(x);
+  std::vector<PlanePixel> pixels;
+  view.VisitMeasured(1, [&](int u, int v) {
+    const Eigen::Vector3d normal = surface.normals(u, v).cast<double>();
+    if (!(normal.squaredNorm() > 0)) return;
+    const Eigen::Vector3d p = view.Point(u, v);
+    if (!Lies(p, normal, plane)) return;
+    pixels.push_back({u,
+                      v,
+                      view.PixelArea(u, v, p.z(), normal),
+                      {static_cast<int>(std::floor(p.dot(x) / kPartCell)),
+                       static_cast<int>(std::floor(p.dot(y) / kPartCell))}});
+  });
+  return pixels;
+}
+
+/// The parts of a plane: neighbouring cells are of one. Returns the part of each cell.
+std::map<std::pair<int, int>, int> PartsOf(const std::vector<PlanePixel>& pixels) {
+  std::map<std::pair<int, int>, int> parts;
+  for (const PlanePixel& pixel : pixels) parts[pixel.cell] = -1;
+  int count = 0;
+  for (auto& [first, part] : parts) {
+    if (part >= 0) continue;
+    part = count;
+    std::vector<std::pair<int, int>> open = {first};
+    while (!open.empty()) {
+      const auto [x, y] = open.back();
+      open.pop_back();
+      for (int k = 0; k < 9; ++k) {
+        const auto next = parts.find({x + k % 3 - 1, y + k / 3 - 1});
+        if (next == parts.end() || next->second >= 0) continue;
+        next->second = count;
+        open.push_back(next->first);
+      }
+    }
+    ++count;
+  }
+  return parts;
+}
+
+/// Marks the pixels of the plane's parts that are larger than `largest` m^2. A side of the
+/// structure may lie in one plane with a strip of a wall far behind it.
+void MarkLargeParts(const RoomPlane& plane, double largest, SensorSurface* surface) {
+  const std::vector<PlanePixel> pixels = PixelsOn(plane, *surface);
+  const std::map<std::pair<int, int>, int> parts = PartsOf(pixels);
+  std::vector<double> areas(parts.size(), 0);
+  for (const PlanePixel& pixel : pixels)
+    areas[static_cast<std::size_t>(parts.at(pixel.cell))] += pixel.area;
+  for (const PlanePixel& pixel : pixels) {
+    if (areas[static_cast<std::size_t>(parts.at(pixel.cell))] > largest)
+      surface->room(pixel.u, pixel.v) = 1;
+  }
+}
+
+}  // namespace
+
+Eigen::Vector3d NormalAt(const SensorView& view, int u, int v) {
+  const double z = view.depth(u, v);
+  if (!(z > 0)) return Eigen::Vector3d::Zero();
+  const double pixels = kNormalReach / (z * std::sqrt(view.ray_areas(u, v)));
+  const int step =
+      std::clamp(static_cast<int>(std::lround(pixels / kNeighbours)), 1, kMostReach / kNeighbours);
+  // A plane n . p = 1 is linear in the inverse depth: n . (x, y, 1) = 1 / z.
+  const double jump = DepthJump(z);
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (int j = -kNeighbours; j <= kNeighbours; ++j) {
+    for (int i = -kNeighbours; i <= kNeighbours; ++i) {
+      const int x = u + i * step, y = v + j * step;
+      if (!view.depth.Contains(x, y)) continue;
+      const double near = view.depth(x, y);
+      if (!(near > 0) || std::abs(near - z) > jump) continue;
+      const Eigen::Vector3d ray(view.rays.at(x, y).x(), view.rays.at(x, y).y(), 1);
+      squares += ray * ray.transpose();
+      moment += ray / near;
+      ++count;
+    }
+  }
+  if (count < kLeastNeighbours) return Eigen::Vector3d::Zero();
+  Eigen::Matrix3d inverse;
+  bool invertible = false;
+  squares.computeInverseWithCheck(inverse, invertible, 1e-14);
+  if (!invertible) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d normal = -(inverse * moment);
+  return normal.allFinite() && normal.norm() > 0 ? Eigen::Vector3d(normal.normalized())
+                                                 : Eigen::Vector3d(Eigen::Vector3d::Zero());
+}
+
+SensorSurface MakeSensorSurface(const SensorView& view, double rays) {
+  const int stride = StrideForRays(view.depth.size(), rays);
+  SensorSurface surface;
+  surface.view = Decimate(view, stride);
+  surface.normals = Image<Eigen::Vector3f>(surface.view.width(), surface.view.height());
+  surface.room = Image<std::uint8_t>(surface.view.width(), surface.view.height());
+  const int first = stride / 2;
+  for (int v = 0; v < surface.view.height(); ++v) {
+    for (int u = 0; u < surface.view.width(); ++u)
+      surface.normals(u, v) = NormalAt(view, first + u * stride, first + v * stride).cast<float>();
+  }
+  return surface;
+}
+
+SensorSurface Decimate(const SensorSurface& surface, int stride) {
+  if (stride <= 1) return surface;
+  return {Decimate(surface.view, stride), DecimateImage(surface.normals, stride),
+          DecimateImage(surface.room, stride)};
+}
+
+std::vector<OrientedPoint> PointsOf(const SensorSurface& surface) {
+  const SensorView& view = surface.view;
+  std::vector<OrientedPoint> points;
+  view.VisitMeasured(1, [&](int u, int v) {
+    const Eigen::Vector3d normal = surface.normals(u, v).cast<double>();
+    if (!(normal.squaredNorm() > 0) || surface.room(u, v)) return;
+    const Eigen::Vector3d p = view.Point(u, v);
+    points.push_back({p, normal, view.PixelArea(u, v, p.z(), normal)});
+  });
+  return points;
+}
+
+std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, int most) {
+  double all = 0;
+  for (const OrientedPoint& point : points) all += point.area;
+  std::vector<char> taken(points.size(), 0);
+  std::vector<RoomPlane> planes;
+  for (int k = 0; k < most; ++k) {
+    RoomPlane plane = Fit(points, taken, BestTrial(points, taken));
+    plane.area = plane.behind = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double height = plane.normal.dot(points[i].p) - plane.offset;
+      if (height < -kClearlyBehind * ToleranceAt(points[i].p)) plane.behind += points[i].area / all;
+      if (taken[i] || !Lies(points[i], plane)) continue;
+      plane.area += points[i].area;
+      taken[i] = 1;
+    }
+    if (!(plane.area > kLeastShare * all)) break;
+    planes.push_back(plane);
+  }
+  SortLargestFirst(&planes, [](const RoomPlane& plane) { return plane.area; });
+  return planes;
+}
+
+void MarkRoom(const std::vector<RoomPlane>& planes, double largest, SensorSurface* surface) {
+  std::fill(surface->room.begin(), surface->room.end(), 0);
+  for (const RoomPlane& plane : planes) {
+    if (plane.area > largest) MarkLargeParts(plane, largest, surface);
+  }
+}
+
+}  // namespace volalign

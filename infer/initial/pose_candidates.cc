@@ -1,0 +1,183 @@
+#include "infer/initial/pose_candidates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "core/base/lists.h"
+#include "core/geometry/procrustes.h"
+#include "infer/initial/same_pose.h"
+
+namespace volalign {
+
+namespace {
+
+/// Errors that the weights assume: of keypoints (visibility, labels), m, and of normals beside
+/// their own, rad.
+constexpr double kKeypointSigma = 0.03, kNormalSigma = 0.01;
+/// Area at which a patch has half of the weight that an infinite one has, m^2.
+constexpr double kHalfTrustArea = 0.03;
+/// Second largest extent of keypoints and normals, m, that fixes a rotation.
+constexpr double kMinExtent = 0.01;
+/// Of a patch's own uncertainty, so many sigmas widen the gate on its normal, of at most so much,
+/// rad.
+constexpr double kNormalSigmas = 2, kMaxNormalSigma = 0.5;
+/// Rounds in which a candidate is solved with the patches that agree with it.
+constexpr int kRounds = 3;
+/// Largest patches that are combined: with more, pairs and triples add nothing.
+constexpr std::size_t kCombinedPatches = 12;
+/// Candidates that are compared with the view.
+constexpr std::size_t kMostCandidates = 8;
+
+struct Candidate {
+  Pose pose = Pose::Identity();
+  PatchSet members;
+  double area = 0;  // of the members, m^2
+};
+
+struct PatchSetLess {
+  bool operator()(const PatchSet& a, const PatchSet& b) const {
+    return a.to_ullong() < b.to_ullong();
+  }
+};
+using CandidateMap = std::map<PatchSet, Candidate, PatchSetLess>;
+
+/// All patches, all but one, and every pair and triple of the largest ones.
+std::vector<PatchSet> StartSets(std::size_t patches) {
+  std::vector<PatchSet> sets;
+  PatchSet all;
+  for (std::size_t i = 0; i < patches; ++i) all.set(i);
+  sets.push_back(all);
+  for (std::size_t i = 0; i < patches; ++i) sets.push_back(PatchSet(all).reset(i));
+  const std::size_t combined = std::min(patches, kCombinedPatches);
+  for (std::size_t i = 0; i < combined; ++i) {
+    for (std::size_t j = i + 1; j < combined; ++j) {
+      sets.push_back(PatchSet().set(i).set(j));
+      for (std::size_t k = j + 1; k < combined; ++k)
+        sets.push_back(PatchSet().set(i).set(j).set(k));
+    }
+  }
+  return sets;
+}
+
+/// Solves with the members, then with the patches that agree, until these are the members.
+std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& patches,
+                              const std::vector<PatchKeypoint>& keypoints,
+                              const Structure& structure, const InitialPoseOptions& options) {
+  std::optional<Pose> pose;
+  bool stable = false;
+  for (int round = 0; round <= kRounds && !stable; ++round) {
+    if (members.count() < 2) return std::nullopt;
+    pose = SolvePose(patches, members, keypoints, structure);
+    if (!pose) return std::nullopt;
+    if (round == kRounds) break;
+    const PatchSet agreeing = AgreeingPatches(patches, keypoints, structure, options,
+                                              options.max_keypoint_error_m, *pose);
+    stable = agreeing == members;
+    members = agreeing;
+  }
+  Candidate candidate{*pose, members, 0};
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    if (members[i]) candidate.area += patches[i].area;
+  }
+  return candidate;
+}
+
+}  // namespace
+
+std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches) {
+  KeepLargest(kMaxPatches, &patches, [](const SidePatch& patch) { return patch.area; });
+  return patches;
+}
+
+std::vector<PatchKeypoint> SideKeypoints(const std::vector<SidePatch>& patches,
+                                         const Structure& structure, KeypointKind kind) {
+  std::vector<PatchKeypoint> keypoints;
+  keypoints.reserve(patches.size());
+  for (const SidePatch& patch : patches)
+    keypoints.push_back({structure.Keypoint(patch.label, kind), false});
+  return keypoints;
+}
+
+double Trust(const SidePatch& patch) { return patch.area / (patch.area + kHalfTrustArea); }
+
+std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const PatchSet& members,
+                              const std::vector<PatchKeypoint>& keypoints,
+                              const Structure& structure) {
+  std::vector<Eigen::Vector3d> source, target;
+  std::vector<double> weights;
+  Eigen::Vector3d source_mean = Eigen::Vector3d::Zero(), target_mean = Eigen::Vector3d::Zero();
+  double total = 0;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    if (!members[i]) continue;
+    source.push_back(patches[i].centroid);
+    target.push_back(keypoints[i].point);
+    weights.push_back(Trust(patches[i]) / (kKeypointSigma * kKeypointSigma));
+    total += weights.back();
+    source_mean += weights.back() * source.back();
+    target_mean += weights.back() * target.back();
+  }
+  source_mean /= total;
+  target_mean /= total;
+  // Two points, one on either side of the mean, leave the translation alone and turn the pose
+  // towards the normal.
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    if (!members[i]) continue;
+    const SidePatch& patch = patches[i];
+    const double sigma = std::hypot(patch.normal_sigma, kNormalSigma);
+    for (const double arm : {-1.0, 1.0}) {
+      source.push_back(source_mean + arm * patch.normal);
+      target.push_back(target_mean + arm * structure.SideOfLabel(patch.label).normal);
+      weights.push_back(Trust(patch) / (2 * sigma * sigma));
+    }
+  }
+  const ProcrustesResult result = AlignPoints(source, target, weights);
+  // Where the normals are parallel and the keypoints lie along them, the turn about them is free.
+  if (!(result.extents[1] > kMinExtent)) return std::nullopt;
+  return result.target_from_source;
+}
+
+PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
+                         const std::vector<PatchKeypoint>& keypoints, const Structure& structure,
+                         const InitialPoseOptions& options, double max_distance_m,
+                         const Pose& structure_from_sensor) {
+  std::map<int, std::pair<double, std::size_t>> nearest;  // of each label: distance and patch
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    const SidePatch& patch = patches[i];
+    const double distance = (structure_from_sensor * patch.centroid - keypoints[i].point).norm();
+    const double cosine = (structure_from_sensor.linear() * patch.normal)
+                              .dot(structure.SideOfLabel(patch.label).normal);
+    const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
+    const double max_angle = options.max_normal_error_deg * M_PI / 180 +
+                             kNormalSigmas * std::min(patch.normal_sigma, kMaxNormalSigma);
+    if (distance > max_distance_m || angle > max_angle) continue;
+    const auto known = nearest.find(patch.label);
+    if (known == nearest.end() || distance < known->second.first)
+      nearest[patch.label] = {distance, i};
+  }
+  PatchSet agreeing;
+  for (const auto& [label, patch] : nearest) agreeing.set(patch.second);
+  return agreeing;
+}
+
+std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
+                                 const InitialPoseOptions& options, const Pose* near) {
+  const std::vector<PatchKeypoint> keypoints = SideKeypoints(patches, structure, options.keypoints);
+  CandidateMap unique;
+  for (const PatchSet& start : StartSets(patches.size())) {
+    if (const auto candidate = Grow(start, patches, keypoints, structure, options))
+      unique.emplace(candidate->members, *candidate);
+  }
+  std::vector<Candidate> candidates;
+  for (const auto& [members, candidate] : unique) {
+    if (!near || SamePose(structure, candidate.pose, *near)) candidates.push_back(candidate);
+  }
+  KeepLargest(kMostCandidates, &candidates, [](const Candidate& each) { return each.area; });
+  std::vector<Pose> poses;
+  poses.reserve(candidates.size());
+  for (const Candidate& candidate : candidates) poses.push_back(candidate.pose);
+  return poses;
+}
+
+}  // namespace volalign

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/aliases.h"
+#include "infer/view/segmentation.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// The labels that the sides have after the alias' motion.
+SegmentationResult Relabelled(SegmentationResult segmentation, const StructureAlias& alias);
+
+/// Corrects labels by a pose that shape and floor have settled. A pixel that lies within 5 cm of
+/// the side that `segmentation` names keeps its label. Any other one takes the label, with its
+/// confidence, whose side it lies nearest to, within 5 cm: among the labels that `segmentation` and
+/// `others` (the same frame in other orientations) give it with at least `min_confidence`, and the
+/// labels that these have after each alias. A network that is shown only a part of the structure
+/// takes some boxes for their neighbours.
+void ReconcileLabels(const SensorView& view, const Structure& structure,
+                     const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
+                     const std::vector<const SegmentationResult*>& others, double min_confidence,
+                     SegmentationResult* segmentation);
+
+}  // namespace volalign

@@ -1,0 +1,302 @@
+#include "infer/initial/rig_choice.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <tuple>
+#include <utility>
+
+#include "infer/initial/measured_cloud.h"
+#include "infer/initial/same_pose.h"
+
+namespace volalign {
+
+namespace {
+
+// Counted in margins: a difference of one decides.
+constexpr double kDecides = 0.99;  // but for rounding
+/// A floor that decides goes before everything else.
+constexpr double kFloorDecides = 3;
+/// Most that labels count where they tell up from down: enough to choose by.
+constexpr double kLabelsTellUp = 0.5;
+/// Against a sensor that is mounted otherwise than those of the network: enough to choose by.
+constexpr double kOtherThanNetwork = 0.3;
+/// Against a sensor that is mounted otherwise than several others, or than one other.
+constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
+/// Most that what two sensors measured beside the structure counts.
+constexpr double kMostShared = 3;
+
+/// Two choices between which less than this lies are as good as each other.
+constexpr double kNothingTells = 0.25;
+constexpr int kMostSweeps = 10;
+/// The side of the picture that is up where it stands upright, and where it lies on its side.
+constexpr std::array<std::array<std::size_t, 2>, 4> kUpright = {{{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
+
+/// The index of the pose that each sensor has, of its options; -1: it has none, or any.
+using Choice = std::vector<int>;
+
+/// What counts: evidence alone; with the network's orientation, but without a floor that does not
+/// decide; with labels that tell up from down, too. What is not evidence leaves a choice ambiguous.
+enum class Count { kFit, kOrientation, kAll };
+
+/// One of the poses that a sensor may have, and those of its competitors that are about the same.
+struct Option {
+  PoseCandidate pose;  // the one with the best labels of its own, with the best network score
+  int upright = 0;     // UprightTurns
+  int turns = 0;       // into the network's orientation
+};
+
+std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
+  std::vector<Option> distinct;
+  for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
+    const PoseCandidate& pose = sensor.poses[k];
+    const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
+      return SamePose(structure, option.pose.structure_from_sensor, pose.structure_from_sensor);
+    });
+    if (same == distinct.end()) {
+      distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
+                          sensor.turns.empty() ? 0 : sensor.turns[k]});
+      continue;
+    }
+    const double network_score = std::max(same->pose.network_score, pose.network_score);
+    const double floor = std::max(same->pose.floor, pose.floor);
+    if (pose.label_score > same->pose.label_score) same->pose = pose;
+    same->pose.network_score = network_score;
+    same->pose.floor = floor;
+  }
+  return distinct;
+}
+
+class Rig {
+ public:
+  Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure,
+      const PoseChoiceOptions& limits)
+      : limits_(limits) {
+    for (const SensorCandidates& sensor : sensors) {
+      options_.push_back(Distinct(sensor, structure));
+      std::vector<Pose> poses;
+      for (const Option& option : options_.back())
+        poses.push_back(option.pose.structure_from_sensor);
+      clouds_.push_back(sensor.poses.empty()
+                            ? nullptr
+                            : std::make_unique<MeasuredCloud>(*sensor.view, structure, poses));
+    }
+  }
+
+  std::size_t size() const { return options_.size(); }
+  const std::vector<Option>& options(std::size_t i) const { return options_[i]; }
+
+  /// What speaks for a choice.
+  double Score(const Choice& choice, Count count) {
+    double score = -Deviations(choice);
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (choice[i] < 0) continue;
+      score += Own(i, choice[i], count);
+      for (std::size_t j = 0; j < i; ++j) {
+        if (choice[j] >= 0) score += Shared(i, choice[i], j, choice[j]);
+      }
+    }
+    return score;
+  }
+
+  /// The best choice in which each sensor has what `fixed` has, where that is not -1.
+  Choice Best(const Choice& fixed, Count count) {
+    Choice best;
+    double best_score = 0;
+    for (const auto& upright : kUpright) {
+      Choice start = AllUpright(upright, count);
+      for (std::size_t i = 0; i < size(); ++i) {
+        if (fixed[i] >= 0) start[i] = fixed[i];
+      }
+      Choice choice = Improve(std::move(start), fixed, count);
+      const double score = Score(choice, count);
+      if (!best.empty() && score <= best_score) continue;
+      best_score = score;
+      best = std::move(choice);
+    }
+    return best;
+  }
+  double BestScore(const Choice& fixed, Count count) { return Score(Best(fixed, count), count); }
+
+  /// Of a choice, the sensor that the others are held against where they stay open: one that
+  /// nothing leaves ambiguous, of the most that are mounted alike, in the network's orientation.
+  std::size_t Anchor(const Choice& choice, const std::vector<PoseChoice>& choices) const {
+    const auto rank = [&](std::size_t i) {
+      int alike = 0;
+      for (std::size_t j = 0; j < size(); ++j)
+        alike += choice[j] >= 0 && UprightOf(j, choice[j]) == UprightOf(i, choice[i]);
+      return std::make_tuple(!choices[i].ambiguous, alike, OptionOf(i, choice[i]).turns == 0);
+    };
+    std::size_t anchor = size();
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (choice[i] >= 0 && (anchor == size() || rank(i) > rank(anchor))) anchor = i;
+    }
+    return anchor;
+  }
+
+  /// Could the sensor, whose picture lies on another side than the anchor's, as well be turned over
+  /// while those that are mounted on the anchor's axis are not?
+  bool IsUpUnknown(std::size_t i, std::size_t anchor, const Choice& choice) {
+    const auto axis = [&](std::size_t j) { return UprightOf(j, choice[j]) % 2; };
+    if (axis(i) == axis(anchor)) return false;
+    Choice fixed(size(), -1);
+    for (std::size_t j = 0; j < size(); ++j) {
+      if (choice[j] >= 0 && axis(j) == axis(anchor)) fixed[j] = choice[j];
+    }
+    fixed[i] = choice[i];
+    const double score = BestScore(fixed, Count::kOrientation);
+    for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
+      if (!TurnsOver(PoseOf(i, choice[i]), PoseOf(i, k))) continue;
+      fixed[i] = k;
+      if (BestScore(fixed, Count::kOrientation) > score - kNothingTells) return true;
+    }
+    return false;
+  }
+
+ private:
+  /// From `choice` on, sensor by sensor, until no other pose of one of them is better. Those that
+  /// are `fixed` stay as they are.
+  Choice Improve(Choice choice, const Choice& fixed, Count count) {
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+      bool changed = false;
+      for (std::size_t i = 0; i < size(); ++i) {
+        if (fixed[i] >= 0 || options_[i].size() < 2) continue;
+        Choice best = choice;
+        double best_score = Score(choice, count);
+        for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
+          Choice other = choice;
+          other[i] = k;
+          const double score = Score(other, count);
+          if (score <= best_score) continue;
+          best_score = score;
+          best = std::move(other);
+          changed = true;
+        }
+        choice = std::move(best);
+      }
+      if (!changed) break;
+    }
+    return choice;
+  }
+
+  /// Floor and labels of a sensor's option, against the best of all its options.
+  double Own(std::size_t i, int k, Count count) const {
+    double best_floor = -2, best_label = 0;
+    std::size_t best = 0;
+    for (std::size_t other = 0; other < options_[i].size(); ++other) {
+      const PoseCandidate& pose = options_[i][other].pose;
+      best_floor = std::max(best_floor, pose.floor);
+      if (pose.network_score > best_label) best = other;
+      best_label = std::max(best_label, pose.network_score);
+    }
+    const Option& option = options_[i][static_cast<std::size_t>(k)];
+    const double floor = (best_floor - option.pose.floor) / std::max(limits_.floor_margin, 1e-9);
+    const double label =
+        (best_label - option.pose.network_score) / std::max(limits_.score_margin, 1e-9);
+    const bool turned_over =
+        TurnsOver(options_[i][best].pose.structure_from_sensor, option.pose.structure_from_sensor);
+    double score = 0;
+    if (floor >= kDecides) score -= floor * kFloorDecides;
+    if (floor < kDecides && count != Count::kOrientation) score -= floor;
+    if (!turned_over) score -= label;
+    if (turned_over && count == Count::kAll) score -= std::min(label, kLabelsTellUp);
+    if (option.turns != 0 && count != Count::kFit) score -= kOtherThanNetwork;
+    return score;
+  }
+
+  /// What speaks against sensors that are mounted otherwise than most: than most of those whose
+  /// picture stands on the same axis, and for those on the other axis than most.
+  double Deviations(const Choice& choice) const {
+    std::array<int, 4> mounted{};
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (choice[i] >= 0) ++mounted[UprightOf(i, choice[i])];
+    }
+    const auto deviation = [](int count, int other) {
+      return std::min(count, other) *
+             (std::max(count, other) > 1 ? kMountedAsOthers : kMountedAsOne);
+    };
+    return deviation(mounted[0], mounted[2]) + deviation(mounted[1], mounted[3]) +
+           deviation(mounted[0] + mounted[2], mounted[1] + mounted[3]);
+  }
+
+  const Option& OptionOf(std::size_t i, int k) const {
+    return options_[i][static_cast<std::size_t>(k)];
+  }
+  std::size_t UprightOf(std::size_t i, int k) const {
+    return static_cast<std::size_t>(OptionOf(i, k).upright);
+  }
+  const Pose& PoseOf(std::size_t i, int k) const {
+    return OptionOf(i, k).pose.structure_from_sensor;
+  }
+
+  double Shared(std::size_t i, int k, std::size_t j, int l) {
+    // Two sensors of which nothing is open say nothing about the others.
+    if (options_[i].size() < 2 && options_[j].size() < 2) return 0;
+    const auto [known, missing] = shared_.try_emplace({i, j, k, l}, 0);
+    if (missing) {
+      const double share = (clouds_[i]->ShareOf(*clouds_[j], PoseOf(i, k), PoseOf(j, l)) +
+                            clouds_[j]->ShareOf(*clouds_[i], PoseOf(j, l), PoseOf(i, k))) /
+                           2;
+      known->second = std::min(kMostShared, share / std::max(limits_.shape_iou_margin, 1e-9));
+    }
+    return known->second;
+  }
+
+  /// Every sensor's own best option with one of these sides of the picture up, where it has one.
+  Choice AllUpright(const std::array<std::size_t, 2>& upright, Count count) const {
+    Choice choice;
+    for (std::size_t i = 0; i < size(); ++i) {
+      int best = -1;
+      for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
+        const auto rank = [&](int option) {
+          const std::size_t own = UprightOf(i, option);
+          return std::make_pair(own == upright[0] || own == upright[1], Own(i, option, count));
+        };
+        if (best < 0 || rank(k) > rank(best)) best = k;
+      }
+      choice.push_back(best);
+    }
+    return choice;
+  }
+
+  const PoseChoiceOptions& limits_;
+  std::vector<std::vector<Option>> options_;
+  std::vector<std::unique_ptr<MeasuredCloud>> clouds_;
+  std::map<std::tuple<std::size_t, std::size_t, int, int>, double> shared_;
+};
+
+}  // namespace
+
+std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
+                                       const Structure& structure,
+                                       const PoseChoiceOptions& options) {
+  Rig rig(sensors, structure, options);
+  const Choice any(rig.size(), -1);
+  const Choice best = rig.Best(any, Count::kAll);
+  const double score = rig.Score(best, Count::kFit);
+  std::vector<PoseChoice> choices(rig.size());
+  for (std::size_t i = 0; i < rig.size(); ++i) {
+    if (best[i] < 0) continue;
+    choices[i].found = true;
+    choices[i].best = rig.options(i)[static_cast<std::size_t>(best[i])].pose;
+    double rival_score = score - kDecides;
+    for (int k = 0; k < static_cast<int>(rig.options(i).size()); ++k) {
+      if (k == best[i]) continue;
+      Choice fixed = any;
+      fixed[i] = k;
+      const double other = rig.BestScore(fixed, Count::kFit);
+      if (other <= rival_score) continue;
+      rival_score = other;
+      choices[i].ambiguous = true;
+      choices[i].rival = rig.options(i)[static_cast<std::size_t>(k)].pose;
+    }
+  }
+  const std::size_t anchor = rig.Anchor(best, choices);
+  for (std::size_t i = 0; i < rig.size(); ++i)
+    choices[i].up_unknown = i != anchor && choices[i].ambiguous && rig.IsUpUnknown(i, anchor, best);
+  return choices;
+}
+
+}  // namespace volalign

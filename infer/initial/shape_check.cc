@@ -1,0 +1,65 @@
+#include "infer/initial/shape_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "infer/initial/agreement.h"
+#include "infer/initial/floor.h"
+#include "infer/initial/geometry_search.h"
+#include "infer/initial/side_patch.h"
+#include "infer/initial/view_fit.h"
+
+namespace volalign {
+
+namespace {
+
+/// Of the pixels, those under the ground from which on they refute a pose.
+constexpr double kMostBelow = 0.05;
+/// Share of the view that is measured on the structure. Less than geometry.min_explained_share: the
+/// refined pose is as all points have it, not the one that explains most.
+constexpr double kLeastExplained = 0.9;
+/// m: how far a point may lie from a side and be looked at as the side's.
+constexpr double kOnSide = 0.04;
+/// A side is tilted whose plane, as it was measured, is so far from the pose's, rad (12 deg), and
+/// by so many standard deviations more; m^2: smaller patches say nothing.
+constexpr double kTilted = 12 * M_PI / 180, kTiltSigmas = 2, kLeastPatch = 0.02;
+
+bool IsTilted(const SidePatch& patch, const Structure& structure,
+              const Pose& structure_from_sensor) {
+  const Eigen::Vector3d normal = structure_from_sensor.linear() * patch.normal;
+  // The normal of a side that is seen edge-on may come out on either side of it.
+  const double cosine = std::abs(normal.dot(structure.SideOfLabel(patch.label).normal));
+  return patch.area > kLeastPatch &&
+         std::acos(std::min(1.0, cosine)) > kTilted + kTiltSigmas * patch.normal_sigma;
+}
+
+}  // namespace
+
+bool SeesBelow(const SensorView& view, const Structure& structure,
+               const Pose& structure_from_sensor, double table_height_m) {
+  const FloorFit floor = FindFloor(view, structure, structure_from_sensor, table_height_m);
+  return floor.below > kMostBelow * floor.pixels;
+}
+
+std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
+                                       const Pose& structure_from_sensor,
+                                       const InitialPoseOptions& options) {
+  if (SeesBelow(view, structure, structure_from_sensor, options.table_height_m))
+    return std::nullopt;
+  const ViewFit shape =
+      MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor);
+  if (shape.explained_share() < kLeastExplained ||
+      shape.goes_on_share() > options.geometry.max_goes_on_share) {
+    return std::nullopt;
+  }
+  const std::vector<SidePatch> patches =
+      CollectPatches(view, LabelsFromPose(view, structure, structure_from_sensor, kOnSide),
+                     structure, options.patch);
+  const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SidePatch& patch) {
+    return IsTilted(patch, structure, structure_from_sensor);
+  });
+  return tilted ? std::nullopt : std::optional<double>(shape.visible_share());
+}
+
+}  // namespace volalign

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <optional>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/initial_pose.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// Is much of what was measured clearly under the ground that the structure would stand on at this
+/// pose? A room has nothing there; see floor.h for tables.
+bool SeesBelow(const SensorView& view, const Structure& structure,
+               const Pose& structure_from_sensor, double table_height_m);
+
+/// Does the structure still have the shape of what the view shows, at a pose that geometry has
+/// found and that was refined since? It is looked at more closely then: other boxes may have the
+/// structure's outline to a few centimetres, but they do not face as its sides do. If it does: the
+/// share of the structure's view that nothing hides.
+std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
+                                       const Pose& structure_from_sensor,
+                                       const InitialPoseOptions& options);
+
+}  // namespace volalign

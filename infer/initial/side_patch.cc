@@ -1,0 +1,237 @@
+#include "infer/initial/side_patch.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/base/random.h"
+#include "core/base/statistics.h"
+
+namespace volalign {
+
+namespace {
+
+/// Components of fewer pixels are specks, which label errors make.
+constexpr std::size_t kSpeck = 12;
+/// RANSAC: points among which planes are tried, and how many planes.
+constexpr std::size_t kSampledPoints = 400;
+constexpr int kPlaneTrials = 80;
+/// Twice the area of a triangle over the square of its longest side, below which it is too thin.
+constexpr double kThinTriangle = 0.05;
+/// Fits to the inliers that follow.
+constexpr int kPlaneFits = 3;
+/// By how much the tolerance about a plane grows with the square of the depth, 1/m^2.
+constexpr double kToleranceGrowth = 0.1;
+/// A label's second patch, as a share of the first, from which on it is a rival: less is what the
+/// frayed border of a label leaves over.
+constexpr int kRivalDivisor = 3;
+/// A sensor's depth error is smooth, so about a hundred neighbouring pixels tell as much as one,
+/// and no plane is known better than this, m.
+constexpr double kPixelsPerObservation = 100, kSmoothError = 0.003;
+/// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
+constexpr double kMinVariance = 1e-8;
+
+/// Row-major pixel indices of each label, without components of fewer than kSpeck pixels.
+std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
+                                              const SegmentationResult& segmentation,
+                                              int num_classes, double min_confidence) {
+  const int width = view.width(), height = view.height();
+  const auto usable = [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    return segmentation.labels[k] > 0 && segmentation.labels[k] < num_classes &&
+           view.depth[k] > 0 && segmentation.confidence[k] >= min_confidence;
+  };
+  std::vector<std::vector<int>> pixels(static_cast<std::size_t>(num_classes));
+  std::vector<char> seen(view.depth.size(), 0);
+  std::vector<int> component;
+  for (int start = 0; start < width * height; ++start) {
+    if (seen[static_cast<std::size_t>(start)] || !usable(start)) continue;
+    component.assign(1, start);
+    seen[static_cast<std::size_t>(start)] = 1;
+    const std::uint8_t label = segmentation.labels[static_cast<std::size_t>(start)];
+    for (std::size_t next = 0; next < component.size(); ++next) {
+      const int i = component[next], u = i % width, v = i / width;
+      const double z = view.depth[static_cast<std::size_t>(i)];
+      const auto visit = [&](int du, int dv) {
+        if (!view.depth.Contains(u + du, v + dv)) return;
+        const int j = i + dv * width + du;
+        const auto k = static_cast<std::size_t>(j);
+        if (seen[k] || segmentation.labels[k] != label || !usable(j)) return;
+        if (std::abs(view.depth[k] - z) > DepthJump(z)) return;
+        seen[k] = 1;
+        component.push_back(j);
+      };
+      visit(1, 0);
+      visit(-1, 0);
+      visit(0, 1);
+      visit(0, -1);
+    }
+    if (component.size() >= kSpeck) {
+      auto& all = pixels[label];
+      all.insert(all.end(), component.begin(), component.end());
+    }
+  }
+  return pixels;
+}
+
+struct Plane {
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d variances = Eigen::Vector3d::Zero();  // ascending, m^2
+};
+
+Plane FitPlane(const std::vector<Eigen::Vector3d>& points, const std::vector<int>& members) {
+  Plane plane;
+  for (const int i : members) plane.point += points[static_cast<std::size_t>(i)];
+  plane.point /= static_cast<double>(members.size());
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const int i : members) {
+    const Eigen::Vector3d d = points[static_cast<std::size_t>(i)] - plane.point;
+    covariance += d * d.transpose();
+  }
+  covariance /= static_cast<double>(members.size());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  plane.normal = solver.eigenvectors().col(0);
+  plane.variances = solver.eigenvalues().cwiseMax(0);
+  if (plane.normal.dot(plane.point) > 0) plane.normal = -plane.normal;
+  return plane;
+}
+
+/// How far the points of one side may lie from its plane and from each other, m.
+struct PatchLimits {
+  double tolerance = 0;  // at a depth of 0
+  double diagonal = 0;   // of the side
+};
+
+const Eigen::Vector3d& Pick(const std::vector<Eigen::Vector3d>& points,
+                            const std::vector<int>& from, RandomStream& random) {
+  return points[static_cast<std::size_t>(
+      from[static_cast<std::size_t>(random.Below(static_cast<int>(from.size())))])];
+}
+
+/// The points near a plane and within the side's diagonal of their own median.
+std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& points, const std::vector<int>& from,
+                         const PatchLimits& limits, const Eigen::Vector3d& point,
+                         const Eigen::Vector3d& normal) {
+  std::vector<int> near;
+  for (const int i : from) {
+    const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
+    if (std::abs(normal.dot(p - point)) <=
+        limits.tolerance * (1 + kToleranceGrowth * p.z() * p.z()))
+      near.push_back(i);
+  }
+  if (near.empty()) return near;
+  Eigen::Vector3d median;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values(near.size());
+    for (std::size_t i = 0; i < near.size(); ++i)
+      values[i] = points[static_cast<std::size_t>(near[i])][axis];
+    median[axis] = Median(std::move(values));
+  }
+  const auto far = [&](int i) {
+    return (points[static_cast<std::size_t>(i)] - median).norm() > limits.diagonal;
+  };
+  near.erase(std::remove_if(near.begin(), near.end(), far), near.end());
+  return near;
+}
+
+/// Indices, among `candidates`, of the largest planar patch, by RANSAC; empty for fewer than
+/// `min_size`.
+std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
+                           const std::vector<int>& candidates, const PatchLimits& limits,
+                           int min_size, RandomStream& random) {
+  if (static_cast<int>(candidates.size()) < min_size) return {};
+  std::vector<int> sample;
+  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kSampledPoints);
+  for (std::size_t i = step / 2; i < candidates.size(); i += step) sample.push_back(candidates[i]);
+
+  std::vector<int> best;
+  for (int trial = 0; trial < kPlaneTrials; ++trial) {
+    const Eigen::Vector3d& a = Pick(points, sample, random);
+    const Eigen::Vector3d& b = Pick(points, sample, random);
+    const Eigen::Vector3d& c = Pick(points, sample, random);
+    const Eigen::Vector3d cross = (b - a).cross(c - a);
+    const double longest = std::max({(b - a).norm(), (c - a).norm(), (c - b).norm()});
+    // Points of one side are no farther apart than its diagonal.
+    if (longest > limits.diagonal || cross.norm() < kThinTriangle * longest * longest ||
+        longest == 0)
+      continue;
+    std::vector<int> inliers = Inliers(points, sample, limits, a, cross.normalized());
+    if (inliers.size() > best.size()) best = std::move(inliers);
+  }
+  for (int round = 0; round < kPlaneFits && best.size() >= 3; ++round) {
+    const Plane plane = FitPlane(points, best);
+    best = Inliers(points, candidates, limits, plane.point, plane.normal);
+  }
+  if (static_cast<int>(best.size()) < min_size) best.clear();
+  return best;
+}
+
+SidePatch Describe(const SensorView& view, const SegmentationResult& segmentation, int label,
+                   const std::vector<int>& pixels, const std::vector<Eigen::Vector3d>& points,
+                   const std::vector<int>& members) {
+  const Plane plane = FitPlane(points, members);
+  SidePatch patch;
+  patch.label = label;
+  patch.normal = plane.normal;
+  patch.centroid.setZero();
+  for (const int i : members) {
+    const auto k = static_cast<std::size_t>(i);
+    const int u = pixels[k] % view.width(), v = pixels[k] / view.width();
+    const double area = view.PixelArea(u, v, points[k].z(), plane.normal);
+    patch.area += area;
+    patch.centroid += area * points[k];
+    patch.pixels.push_back(pixels[k]);
+    patch.mean_confidence += segmentation.confidence[static_cast<std::size_t>(pixels[k])];
+  }
+  patch.centroid /= patch.area;
+  const auto count = static_cast<double>(members.size());
+  patch.mean_confidence /= count;
+  patch.normal_sigma = std::max(std::sqrt(plane.variances[0]), kSmoothError) /
+                       std::sqrt(std::max(plane.variances[1], kMinVariance)) /
+                       std::sqrt(std::max(1.0, count / kPixelsPerObservation));
+  return patch;
+}
+
+}  // namespace
+
+std::vector<SidePatch> CollectPatches(const SensorView& view,
+                                      const SegmentationResult& segmentation,
+                                      const Structure& structure, const SidePatchOptions& options) {
+  const std::vector<std::vector<int>> by_label =
+      ConnectedPixels(view, segmentation, structure.num_classes(), options.min_confidence);
+  std::vector<SidePatch> found;
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    const std::vector<int>& pixels = by_label[static_cast<std::size_t>(label)];
+    if (static_cast<int>(pixels.size()) < options.min_pixels) continue;
+    std::vector<Eigen::Vector3d> points;
+    points.reserve(pixels.size());
+    for (const int i : pixels) points.push_back(view.Point(i % view.width(), i / view.width()));
+
+    const Side& side = structure.SideOfLabel(label);
+    const PatchLimits limits{options.plane_tolerance_m, 2 * std::hypot(side.half_u, side.half_v)};
+    RandomStream random(0, static_cast<std::uint64_t>(label), "side_patch");
+    std::vector<int> candidates(pixels.size());
+    for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
+    const std::vector<int> first =
+        FindPatch(points, candidates, limits, options.min_pixels, random);
+    if (first.empty()) continue;
+    found.push_back(Describe(view, segmentation, label, pixels, points, first));
+
+    std::vector<char> used(pixels.size(), 0);
+    for (const int i : first) used[static_cast<std::size_t>(i)] = 1;
+    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
+                                    [&](int i) { return used[static_cast<std::size_t>(i)] != 0; }),
+                     candidates.end());
+    const std::vector<int> second =
+        FindPatch(points, candidates, limits, options.min_pixels, random);
+    if (kRivalDivisor * second.size() >= first.size()) {
+      found.push_back(Describe(view, segmentation, label, pixels, points, second));
+    }
+  }
+  return found;
+}
+
+}  // namespace volalign

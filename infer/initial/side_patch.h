@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/config/config.h"
+#include "core/geometry/structure.h"
+#include "infer/view/segmentation.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+/// How a side's pixels are collected.
+struct SidePatchOptions {
+  double min_confidence = 0.5;
+  int min_pixels = 25;
+  double plane_tolerance_m = 0.025;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("min_confidence", min_confidence, "least probability of a pixel's label", Between(0, 1));
+    ar("min_pixels", min_pixels, "least pixels on the plane of a side that counts as found",
+       AtLeast(3));
+    ar("plane_tolerance_m", plane_tolerance_m,
+       "distance from the side's fitted plane within which a pixel belongs to it, m at 1 m; grows "
+       "with depth squared",
+       Above(0));
+  }
+};
+
+/// A planar patch of pixels that carry one side's label. Sensor frame, metres.
+struct SidePatch {
+  int label = 0;
+  std::vector<int> pixels;   ///< row-major indices of the inliers
+  Eigen::Vector3d centroid;  ///< of the patch's area, not of its pixels
+  Eigen::Vector3d normal;    ///< unit, towards the sensor
+  double area = 0;           ///< m^2
+  double normal_sigma = 0;   ///< rad, rough: large for a sliver
+  double mean_confidence = 0;
+};
+
+/// Collects each label's confident pixels, drops specks (small connected components, which label
+/// errors make), and fits planes by RANSAC; a patch is no larger than the side's diagonal. A label
+/// that marks two surfaces gives two patches, the larger first. A handful of far pixels with a
+/// wrong label therefore changes nothing. Deterministic.
+std::vector<SidePatch> CollectPatches(const SensorView& view,
+                                      const SegmentationResult& segmentation,
+                                      const Structure& structure, const SidePatchOptions& options);
+
+}  // namespace volalign

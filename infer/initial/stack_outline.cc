@@ -1,0 +1,84 @@
+#include "infer/initial/stack_outline.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
+
+#include "core/geometry/visibility.h"
+
+namespace volalign {
+
+namespace {
+
+/// Slabs of the lowest box.
+constexpr double kSlabsPerBox = 3;
+constexpr double kLeastCell = 0.015, kMostCell = 0.06;  // m
+constexpr double kLeastSlab = 0.04, kMostSlab = 0.2;    // m
+constexpr int kMostSlabs = 16;
+/// Cells along the structure's radius: what is small beside the whole need not be seen to find it.
+constexpr double kMostCellsOfRadius = 16;
+/// Inside begins so many cells behind the surface.
+constexpr double kInsideDepth = 1.3;
+
+bool Within(const Structure& structure, const Eigen::Vector3d& p) {
+  return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
+    const Eigen::Vector3d local = box.structure_from_box.inverse() * p;
+    return (local.cwiseAbs().array() <= box.size.array() / 2).all();
+  });
+}
+
+std::vector<StackPiece> Pieces(const Structure& structure, const StackOutline& outline) {
+  std::vector<StackPiece> pieces;
+  const double area = outline.cell * outline.cell;
+  for (const Eigen::Vector3d& p : SampleExposedSurface(structure, outline.cell)) {
+    const int side = DistanceToSurface(structure, p).side;
+    const Eigen::Vector3d& normal = structure.sides()[static_cast<std::size_t>(side)].normal;
+    const Eigen::Vector3d local = p - outline.foot;
+    const bool top = normal.y() > kFacesUp;
+    if (!top && std::abs(normal.y()) > kFacesAside) continue;
+    // A top counts for the slab in which it is measured, a little below or above it.
+    const int slab = outline.SlabAt(local.y() - (top ? outline.slab / 8 : 0));
+    if (!outline.Has(slab)) continue;
+    pieces.push_back({local.x(), local.z(), slab, Heading(normal),
+                      top ? StackPiece::kTop : StackPiece::kSide,
+                      top ? 1.0 : area / (outline.cell * outline.slab)});
+  }
+  for (int slab = 0; slab < outline.slabs; ++slab) {
+    for (double x = -outline.radius; x < outline.radius; x += outline.cell) {
+      for (double z = -outline.radius; z < outline.radius; z += outline.cell) {
+        const Eigen::Vector3d local(x, (slab + 0.5) * outline.slab, z);
+        const Eigen::Vector3d p = outline.foot + local;
+        if (!Within(structure, p)) continue;
+        if (DistanceToSurface(structure, p).distance < kInsideDepth * outline.cell) continue;
+        pieces.push_back({x, z, slab, 0, StackPiece::kInside, kInsideVote});
+      }
+    }
+  }
+  return pieces;
+}
+
+}  // namespace
+
+StackOutline MakeStackOutline(const Structure& structure, double cells) {
+  double smallest = std::numeric_limits<double>::infinity(), lowest = smallest;
+  Eigen::AlignedBox3d bounds;
+  for (const Box& box : structure.boxes()) {
+    smallest = std::min({smallest, box.size.x(), box.size.z()});
+    lowest = std::min(lowest, box.size.y());
+    for (const Eigen::Vector3d& corner : box.Corners()) bounds.extend(corner);
+  }
+  StackOutline outline;
+  outline.foot = bounds.center();
+  outline.foot.y() = structure.FloorHeight();
+  outline.radius = std::hypot(bounds.sizes().x(), bounds.sizes().z()) / 2;
+  outline.cell = std::max(std::clamp(smallest / cells, kLeastCell, kMostCell),
+                          outline.radius / kMostCellsOfRadius);
+  outline.slab = std::clamp(lowest / kSlabsPerBox, kLeastSlab, kMostSlab);
+  outline.slab = std::max(outline.slab, structure.Height() / kMostSlabs);
+  outline.slabs = static_cast<int>(std::ceil(structure.Height() / outline.slab + 0.1));
+  outline.yaw_step = outline.cell / outline.radius;
+  outline.pieces = Pieces(structure, outline);
+  return outline;
+}
+
+}  // namespace volalign

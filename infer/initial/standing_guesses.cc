@@ -1,0 +1,199 @@
+#include "infer/initial/standing_guesses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "core/base/lists.h"
+
+namespace volalign {
+
+namespace {
+
+/// Share of a view's surface that may lie behind a floor: reflections, a stair.
+constexpr double kMostBehind = 0.06;
+/// Most floors that are tried.
+constexpr std::size_t kMostFloors = 4;
+/// Cosines of angles between directions: alike (15 deg), and at a right angle (15 deg).
+constexpr double kAlike = 0.966, kAtRightAngle = 0.26;
+/// rad: two turns that differ by less are one.
+constexpr double kSameTurn = 8 * M_PI / 180;
+/// Sine of the angle between what may be up and a plane that may be upright (35 deg).
+constexpr double kUpright = 0.57;
+/// Most directions that are taken for up.
+constexpr std::size_t kMostUps = 12;
+/// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
+/// the area that the highest count has.
+constexpr double kLevelCell = 0.2, kLeastLevel = 0.15;
+constexpr std::size_t kMostLevels = 4;
+/// Feet nearer than this part of a slab are one.
+constexpr double kSameFoot = 0.3;
+/// Of a surface that is level, its normal's upward part.
+constexpr double kLevel = 0.9;
+
+/// Different directions in which planes face, up to their sign.
+std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
+  std::vector<Eigen::Vector3d> axes;
+  for (const RoomPlane& plane : planes) {
+    AddIfNew(plane.normal, &axes, [&](const Eigen::Vector3d& axis) {
+      return std::abs(axis.dot(plane.normal)) > kAlike;
+    });
+  }
+  return axes;
+}
+
+void AddDirection(const Eigen::Vector3d& direction, std::vector<Eigen::Vector3d>* directions) {
+  AddIfNew(direction, directions,
+           [&](const Eigen::Vector3d& other) { return other.dot(direction) > kAlike; });
+}
+
+std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
+                                 const std::vector<Eigen::Vector3d>& usual) {
+  std::vector<Eigen::Vector3d> ups;
+  for (const Eigen::Vector3d& axis : axes) {
+    AddDirection(axis, &ups);
+    AddDirection(-axis, &ups);
+  }
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (std::abs(axes[i].dot(axes[j])) > kAtRightAngle) continue;
+      const Eigen::Vector3d up = axes[i].cross(axes[j]).normalized();
+      AddDirection(up, &ups);
+      AddDirection(-up, &ups);
+    }
+  }
+  // One family of upright planes leaves a turn about their normal open.
+  for (const Eigen::Vector3d& up : usual) {
+    for (const Eigen::Vector3d& axis : axes) {
+      if (std::abs(axis.dot(up)) < kUpright)
+        AddDirection((up - axis.dot(up) * axis).normalized(), &ups);
+    }
+  }
+  if (ups.size() > kMostUps) ups.resize(kMostUps);
+  return ups;
+}
+
+/// Adds a turn and those by right angles from it.
+void AddTurns(double turn, std::vector<double>* turns) {
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    const double other = turn + quarter * M_PI / 2;
+    AddIfNew(other, turns, [&](double one) {
+      return std::abs(std::remainder(one - other, 2 * M_PI)) < kSameTurn;
+    });
+  }
+}
+
+/// Turns that bring a side of the structure to face as some plane does.
+std::vector<double> Turns(const Eigen::Vector3d& up, const std::vector<RoomPlane>& planes,
+                          const Structure& structure) {
+  const Eigen::Matrix3d room = RoomFromSensor(up);
+  std::vector<double> turns;
+  for (const RoomPlane& plane : planes) {
+    if (std::abs(plane.normal.dot(up)) > kAtRightAngle) continue;
+    for (const Side& side : structure.sides()) {
+      // A turn takes a side's heading to heading - turn.
+      if (std::abs(side.normal.y()) < kAtRightAngle)
+        AddTurns(Heading(side.normal) - Heading(room * plane.normal), &turns);
+    }
+  }
+  return turns;
+}
+
+/// Heights above the foot of sides that face up.
+std::vector<double> TopsOf(const Structure& structure) {
+  std::vector<double> tops;
+  for (const Side& side : structure.sides()) {
+    if (side.normal.y() < kLevel || !(side.exposed_area > 0)) continue;
+    const double top = side.centre.y() - structure.FloorHeight();
+    AddIfNew(top, &tops, [&](double other) { return std::abs(other - top) < 0.01; });
+  }
+  return tops;
+}
+
+/// The lowest and the highest point's height.
+std::pair<double, double> HeightsOf(const std::vector<OrientedPoint>& points,
+                                    const Eigen::Vector3d& up) {
+  double lowest = 1e9, highest = -1e9;
+  for (const OrientedPoint& point : points) {
+    lowest = std::min(lowest, up.dot(point.p));
+    highest = std::max(highest, up.dot(point.p));
+  }
+  return {lowest, highest};
+}
+
+/// Heights at which surfaces face up, those with the most area first.
+std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen::Vector3d& up,
+                           double cell) {
+  const auto [lowest, highest] = HeightsOf(points, up);
+  std::vector<double> areas(static_cast<std::size_t>((highest - lowest) / cell) + 3, 0);
+  for (const OrientedPoint& point : points) {
+    if (up.dot(point.normal) > kLevel)
+      areas[static_cast<std::size_t>((up.dot(point.p) - lowest) / cell) + 1] += point.area;
+  }
+  std::vector<std::pair<double, double>> levels;  // area, height
+  double most = 0;
+  for (std::size_t k = 1; k + 1 < areas.size(); ++k) {
+    const double area = areas[k - 1] + areas[k] + areas[k + 1];
+    most = std::max(most, area);
+    if (areas[k] < areas[k - 1] || areas[k] <= areas[k + 1]) continue;
+    const double shift = (areas[k + 1] - areas[k - 1]) / area;
+    levels.emplace_back(area, lowest + (static_cast<double>(k) - 0.5 + shift) * cell);
+  }
+  std::sort(levels.rbegin(), levels.rend());
+  std::vector<double> heights;
+  for (const auto& [area, height] : levels) {
+    if (area > kLeastLevel * most && heights.size() < kMostLevels) heights.push_back(height);
+  }
+  return heights;
+}
+
+std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::Vector3d& up,
+                         const Structure& structure, const StackOutline& outline) {
+  std::vector<double> feet;
+  if (points.empty()) return feet;
+  for (const double level : Levels(points, up, kLevelCell * outline.slab)) {
+    for (const double top : TopsOf(structure)) {
+      AddIfNew(level - top, &feet, [&](double foot) {
+        return std::abs(foot - (level - top)) < kSameFoot * outline.slab;
+      });
+    }
+  }
+  if (!feet.empty()) return feet;
+  const auto [lowest, highest] = HeightsOf(points, up);
+  for (double foot = lowest - structure.Height(); foot < highest; foot += outline.slab)
+    feet.push_back(foot);
+  return feet;
+}
+
+}  // namespace
+
+std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes,
+                                       double table_height_m) {
+  std::vector<StandingGuess> guesses;
+  for (const RoomPlane& plane : planes) {
+    if (plane.behind > kMostBehind) continue;
+    guesses.push_back({plane.normal, {plane.offset + table_height_m}, {}});
+    if (guesses.size() == kMostFloors) break;
+  }
+  return guesses;
+}
+
+std::vector<StandingGuess> GuessWithoutFloor(const std::vector<OrientedPoint>& points,
+                                             const std::vector<RoomPlane>& planes,
+                                             const std::vector<RoomPlane>& small,
+                                             const Structure& structure,
+                                             const StackOutline& outline,
+                                             const std::vector<Eigen::Vector3d>& usual) {
+  std::vector<StandingGuess> guesses;
+  std::vector<RoomPlane> all = planes;
+  all.insert(all.end(), small.begin(), small.end());
+  for (const Eigen::Vector3d& up : Ups(Axes(all), usual)) {
+    const std::vector<double> turns = Turns(up, small, structure);
+    if (turns.empty()) continue;
+    guesses.push_back({up, Feet(points, up, structure, outline), turns});
+  }
+  return guesses;
+}
+
+}  // namespace volalign

@@ -1,0 +1,280 @@
+#include "infer/initial/view_fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "core/geometry/visibility.h"
+
+namespace volalign {
+
+namespace {
+
+/// Distance within which a point lies on a surface, in m, and per squared metre of depth.
+constexpr double kTolerance = 0.03, kSquaredTolerance = 0.003;
+/// m: nearer to a side's border, neither a normal nor a depth behind it says anything: the pose is
+/// not refined yet.
+constexpr double kBorder = 0.03;
+/// Cosines of angles between normals: those of one surface (45 deg), and, of a surface that goes
+/// on, (25 deg).
+constexpr double kFacesAlike = 0.7, kGoesOnAlike = 0.9;
+/// m: how far beyond a side's border is looked for surface that goes on, and from where on.
+constexpr double kBeyondFrom = 0.02, kBeyondTo = 0.07;
+/// m: nearer to the foot the floor begins.
+constexpr double kFloorDistance = 0.05;
+/// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
+/// area, or so much of a border, as a part of its length, and less than half as much goes on there.
+constexpr double kLeastOfSide = 0.15, kLeastOfBorder = 0.25;
+/// Planes are one whose normals are no farther apart than this (8 deg), and whose places than this,
+/// m.
+constexpr double kSameDirection = 0.99, kSamePlane = 0.025;
+
+/// One ray, structure frame: p = origin + z * direction.
+struct Ray {
+  Eigen::Vector3d origin, direction;
+  double area = 0;  // m^2, that its pixel covers of the sensor's plane z = 1
+  double measured = 0, expected = 0;
+  int label = 0;           // of the side that is expected; 0: one without label, or none
+  Eigen::Vector3d normal;  // measured; zero: not known
+  bool room = false;       // measured on a plane of the room
+};
+
+double Tolerance(double z) { return kTolerance + kSquaredTolerance * z * z; }
+
+/// A side's borders: at +u, -u, +v, -v.
+constexpr int kBorders = 4;
+
+/// How far a point of a side's plane lies beyond the side's border, m; negative within it.
+/// `border`: the one that it lies farthest beyond, or nearest to.
+double Beyond(const Side& side, const Eigen::Vector3d& p, int* border = nullptr) {
+  const Eigen::Vector3d local = p - side.centre;
+  const double u = local.dot(side.axis_u), v = local.dot(side.axis_v);
+  const double beyond_u = std::abs(u) - side.half_u, beyond_v = std::abs(v) - side.half_v;
+  if (border) *border = beyond_u > beyond_v ? (u > 0 ? 0 : 1) : (v > 0 ? 2 : 3);
+  return std::max(beyond_u, beyond_v);
+}
+
+/// Areas beyond one border of a side, m^2: that the pose shows, that nothing in front hides, and
+/// what of it was found.
+struct BorderShape {
+  double shown = 0, open = 0, ends = 0, goes_on = 0;
+};
+
+/// The same of one side.
+struct SideShape {
+  double shown = 0, open = 0, explained = 0;
+  std::array<BorderShape, kBorders> borders;
+
+  bool EndsThere() const {
+    double goes_on = 0, ends = 0;
+    for (const BorderShape& border : borders) {
+      goes_on += border.goes_on;
+      ends += border.ends;
+    }
+    return goes_on <= ends;
+  }
+};
+
+/// A plane of the structure, and whether a side or a border tells of it.
+struct StructurePlane {
+  Eigen::Vector3d normal;
+  double offset = 0;
+  bool open = false, found = false;
+};
+
+/// The plane of the face that a side has beyond its border.
+StructurePlane PlaneBeyond(const Side& side, int border) {
+  const Eigen::Vector3d& axis = border < 2 ? side.axis_u : side.axis_v;
+  const Eigen::Vector3d normal = border % 2 == 0 ? axis : Eigen::Vector3d(-axis);
+  return {normal, normal.dot(side.centre) + (border < 2 ? side.half_u : side.half_v), false, false};
+}
+
+double BorderLength(const Side& side, int border) {
+  return 2 * (border < 2 ? side.half_v : side.half_u);
+}
+
+void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
+  const auto known = std::find_if(planes->begin(), planes->end(), [&](const auto& other) {
+    return other.normal.dot(plane.normal) > kSameDirection &&
+           std::abs(other.offset - plane.offset) < kSamePlane;
+  });
+  if (known == planes->end()) {
+    planes->push_back(plane);
+  } else {
+    known->open = known->open || plane.open;
+    known->found = known->found || plane.found;
+  }
+}
+
+/// The planes that one side shows.
+void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePlane>* planes) {
+  const double least_of_side = kLeastOfSide * side.exposed_area;
+  if (!(shape.shown > least_of_side)) return;
+  const bool open = shape.open > least_of_side;
+  const bool found = shape.explained > least_of_side && shape.EndsThere();
+  AddPlane({side.normal, side.normal.dot(side.centre), open, found}, planes);
+  for (int border = 0; border < kBorders; ++border) {
+    const BorderShape& beyond = shape.borders[static_cast<std::size_t>(border)];
+    const double least = kLeastOfBorder * BorderLength(side, border) * (kBeyondTo - kBeyondFrom);
+    if (!(beyond.shown > least)) continue;
+    StructurePlane plane = PlaneBeyond(side, border);
+    plane.open = open && beyond.open > least;
+    plane.found = found && beyond.ends > std::max(least, 2 * beyond.goes_on);
+    AddPlane(plane, planes);
+  }
+}
+
+class Measurement {
+ public:
+  Measurement(const Structure& structure, const Eigen::Vector3d& origin)
+      : structure_(structure), foot_(structure.FloorHeight()), shapes_(structure.sides().size()) {
+    for (std::size_t i = 0; i < structure.sides().size(); ++i) {
+      const Side& side = structure.sides()[i];
+      if (side.exposed_area > 0 && side.normal.dot(origin - side.centre) > 0) facing_.push_back(i);
+    }
+  }
+
+  void AddStructure(const Ray& ray) {
+    const Eigen::Vector3d hit = ray.origin + ray.expected * ray.direction;
+    const Side& side =
+        ray.label > 0
+            ? structure_.SideOfLabel(ray.label)
+            : structure_.sides()[static_cast<std::size_t>(DistanceToSurface(structure_, hit).side)];
+    SideShape& shape = shapes_[static_cast<std::size_t>(&side - structure_.sides().data())];
+    const double area = Area(ray, side, ray.expected);
+    shape.shown += area;
+    if (!(ray.measured > 0)) return;
+    const double tolerance = Tolerance(ray.measured);
+    const Eigen::Vector3d p = ray.origin + ray.measured * ray.direction;
+    const bool inner = Beyond(side, hit) < -kBorder;
+    const bool near = std::abs(ray.measured - ray.expected) <= tolerance;
+    const bool on_surface = near || DistanceToSurface(structure_, p).distance <= tolerance;
+    if (!on_surface && ray.measured < ray.expected) {
+      fit_.occluded += area;
+      return;
+    }
+    shape.open += area;
+    if (on_surface) {
+      const bool known = near && inner && ray.normal.squaredNorm() > 0;
+      if (known && ray.normal.dot(side.normal) < kFacesAlike) {
+        fit_.turned += area;
+      } else if (ray.room) {
+        fit_.larger += area;
+      } else {
+        shape.explained += area;
+      }
+    } else if (inner) {
+      fit_.behind += area;
+    }
+  }
+
+  void AddBeyond(const Ray& ray) {
+    for (const std::size_t index : facing_) {
+      const Side& side = structure_.sides()[index];
+      const double slope = side.normal.dot(ray.direction);
+      if (!(slope < 0)) continue;
+      const double t = side.normal.dot(side.centre - ray.origin) / slope;
+      const double tolerance = Tolerance(t);
+      if (ray.expected > 0 && ray.expected < t + 2 * tolerance) continue;
+      const Eigen::Vector3d p = ray.origin + t * ray.direction;
+      int border = 0;
+      const double distance = Beyond(side, p, &border);
+      if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kFloorDistance)
+        continue;
+      BorderShape& beyond = shapes_[index].borders[static_cast<std::size_t>(border)];
+      const double area = Area(ray, side, t);
+      beyond.shown += area;
+      if (ray.measured > 0 && ray.measured < t - tolerance) continue;
+      beyond.open += area;
+      if (!(ray.measured > 0) || ray.measured > t + 2 * tolerance) {
+        beyond.ends += area;
+      } else if (std::abs(ray.measured - t) < tolerance &&
+                 ray.normal.dot(side.normal) > kGoesOnAlike) {
+        beyond.goes_on += area;
+      }
+    }
+  }
+
+  ViewFit Result() const {
+    ViewFit fit = fit_;
+    std::vector<StructurePlane> planes;
+    for (std::size_t i = 0; i < shapes_.size(); ++i) {
+      const SideShape& shape = shapes_[i];
+      for (const BorderShape& border : shape.borders) {
+        fit.goes_on += border.goes_on;
+        fit.ends += border.ends;
+      }
+      (shape.EndsThere() ? fit.explained : fit.larger) += shape.explained;
+      AddPlanes(structure_.sides()[i], shape, &planes);
+    }
+    fit.shown_planes = static_cast<int>(planes.size());
+    for (const StructurePlane& plane : planes) {
+      fit.open_planes += plane.open ? 1 : 0;
+      fit.found_planes += plane.found ? 1 : 0;
+    }
+    return fit;
+  }
+
+ private:
+  static double Area(const Ray& ray, const Side& side, double z) {
+    constexpr double kGrazing = 0.1;
+    const double cosine =
+        std::max(std::abs(side.normal.dot(ray.direction)), kGrazing * ray.direction.norm());
+    return z * z * ray.area / cosine;
+  }
+
+  const Structure& structure_;
+  double foot_;
+  std::vector<std::size_t> facing_;  // sides, by index
+  std::vector<SideShape> shapes_;    // of every side
+  ViewFit fit_;
+};
+
+}  // namespace
+
+double ViewFit::planes_share(double least_open) const {
+  const double open = std::max<double>(open_planes, least_open * shown_planes);
+  return open > 0 ? found_planes / open : 0;
+}
+
+ViewFit MeasureShape(const SensorSurface& surface, const Structure& structure,
+                     const Pose& structure_from_sensor) {
+  const SensorView& view = surface.view;
+  const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
+  Measurement measurement(structure, structure_from_sensor.translation());
+  // Rays that pass by farther than this show nothing of the structure or beside it.
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  double radius = 0;
+  for (const Side& side : structure.sides()) middle += side.centre;
+  middle /= static_cast<double>(structure.sides().size());
+  for (const Side& side : structure.sides()) {
+    radius = std::max(radius, (side.centre - middle).norm() + std::hypot(side.half_u, side.half_v));
+  }
+  const Eigen::Vector3d centre = structure_from_sensor.inverse() * middle;
+  const double reach = radius + 2 * kBeyondTo;
+  const double clearance = centre.squaredNorm() - reach * reach;
+
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const Eigen::Vector3d direction(view.rays.at(u, v).x(), view.rays.at(u, v).y(), 1);
+      const double along = direction.dot(centre);
+      if (clearance > 0 && (along < 0 || along * along < clearance * direction.squaredNorm())) {
+        continue;
+      }
+      const Ray ray{structure_from_sensor.translation(),
+                    structure_from_sensor.linear() * direction,
+                    view.ray_areas(u, v),
+                    view.depth(u, v),
+                    model.depth(u, v),
+                    model.labels(u, v),
+                    structure_from_sensor.linear() * surface.normals(u, v).cast<double>(),
+                    surface.room(u, v) != 0};
+      if (ray.expected > 0) measurement.AddStructure(ray);
+      measurement.AddBeyond(ray);
+    }
+  }
+  return measurement.Result();
+}
+
+}  // namespace volalign

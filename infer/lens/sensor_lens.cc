@@ -1,0 +1,192 @@
+#include "infer/lens/sensor_lens.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <utility>
+
+#include "core/config/config_word.h"
+#include "core/geometry/lens.h"
+#include "infer/lens/sensor_kind.h"
+
+namespace volalign {
+
+namespace {
+
+/// Standard deviations of the logarithm of the focal length, of k1 and of k2.
+using Sigmas = std::array<double, kLensParameters>;
+
+/// A calibration of this very lens. Two factory calibrations of Azure Kinects agree to 0.1 % of the
+/// radius over the whole image.
+constexpr Sigmas kGiven = {0.002, 0.004, 0.006};
+constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
+/// One that is unknown, where no plane looks bent: most sensors whose capture gives no distortion
+/// rectify their images.
+constexpr Sigmas kNoBend = {0.01, 0.015, 0.02};
+
+constexpr Words<LensSource, 4> kSources = {{{"given", LensSource::kGiven},
+                                            {"kind", LensSource::kKind},
+                                            {"recognised", LensSource::kRecognised},
+                                            {"estimated", LensSource::kEstimated}}};
+
+constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image
+
+// The inverse, on the plane z = 1.
+constexpr int kNewtonSteps = 20;
+constexpr double kConverged = 1e-9;
+constexpr double kFolded = 0.05;  // determinant of the derivative, of which 1 is no distortion
+
+Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], sigmas[2]}; }
+
+/// As intrinsics have it, empty where there is none.
+LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
+  std::vector<double> distortion;
+  if (!lens.rectified()) distortion.assign(lens.distortion.begin(), lens.distortion.end());
+  return {std::move(distortion), AsVector(lens.sigmas), source};
+}
+
+}  // namespace
+
+const char* ToString(LensSource source) { return WordOf(kSources, source); }
+
+std::vector<LensSource> AllOf(LensSource) { return ValuesOf(kSources); }
+
+Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change) {
+  intrinsics.fx *= std::exp(change[0]);
+  intrinsics.fy *= std::exp(change[0]);
+  if (change[1] == 0 && change[2] == 0) return intrinsics;
+  if (intrinsics.distortion.size() < 4) intrinsics.distortion.resize(4, 0.0);
+  intrinsics.distortion[0] += change[1];
+  intrinsics.distortion[1] += change[2];
+  return intrinsics;
+}
+
+RayByLensMatrix RayByLens(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
+  const BentRay at = BendRay(intrinsics, ray);
+  const double r2 = ray.squaredNorm();
+  RayByLensMatrix by_change;
+  by_change << at.bent, ray * (r2 / at.denominator), ray * (r2 * r2 / at.denominator);
+  return -at.by_ray.inverse() * by_change;
+}
+
+Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
+                             const Eigen::Vector2d& ray) {
+  const Eigen::Vector2d pixel = ProjectRay(from, ray);
+  const Eigen::Vector2d wanted((pixel.x() - to.cx) / to.fx, (pixel.y() - to.cy) / to.fy);
+  Eigen::Vector2d found = ray;
+  for (int i = 0; i < kNewtonSteps; ++i) {
+    const BentRay at = BendRay(to, found);
+    if (!(at.by_ray.determinant() > kFolded)) break;
+    const Eigen::Vector2d step = at.by_ray.inverse() * (wanted - at.bent);
+    found += step;
+    if (step.norm() < kConverged) return found;
+  }
+  return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+}
+
+LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor) {
+  if (!given.distortion.empty()) return {given.distortion, AsVector(kGiven)};
+  const SensorKind* kind = FindSensorKind(sensor);
+  if (kind != nullptr && kind->lens) return PriorOf(*kind->lens, LensSource::kKind);
+  return {{}, AsVector(kUnknown), LensSource::kGiven, true};
+}
+
+Eigen::Vector3d SigmasWithoutBend() { return AsVector(kNoBend); }
+
+std::vector<LensPrior> TypicalLenses() {
+  std::vector<LensPrior> typical;
+  for (const SensorKind& kind : SensorKinds()) {
+    if (kind.lens && !kind.lens->rectified())
+      typical.push_back(PriorOf(*kind.lens, LensSource::kRecognised));
+  }
+  return typical;
+}
+
+PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses, int threads) {
+  return MapFrames(lenses.of_frame, threads,
+                   [&](FrameId id) { return MakeSensorView(capture[id], lenses.Effective(id)); });
+}
+
+LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
+  LensSet set = GivenLenses(capture);
+  set.lenses.clear();
+  std::map<std::pair<std::string, bool>, std::size_t> shared;  // by kind and whether it is given
+  std::vector<std::size_t> of_sensor;
+  for (const FrameId id : capture.sensor_of.Ids()) {
+    const SensorFrame& frame = capture[id];
+    LensPrior prior = PriorOfLens(frame.intrinsics, frame.sensor);
+    if (!set.repeats[id]) {
+      const std::size_t next = set.lenses.size();
+      of_sensor.push_back(next);
+      if (!per_sensor && !frame.sensor.empty()) {
+        const std::pair kind(frame.sensor, !frame.intrinsics.distortion.empty());
+        of_sensor.back() = shared.emplace(kind, next).first->second;
+      }
+      if (of_sensor.back() == next)
+        set.lenses.push_back(
+            {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, prior.unknown});
+    }
+    set.of_frame[id] = of_sensor[capture.sensor_of[id]];
+    set.assumed[id].distortion = std::move(prior.distortion);
+  }
+  return set;
+}
+
+LensSet GivenLenses(const CaptureSet& capture) {
+  const auto of_frames = [&](const auto& of) { return MapFrames(capture.sensor_of, 1, of); };
+  LensSet set{{},
+              capture.sensor_of,
+              of_frames([&](FrameId id) { return capture[id].intrinsics; }),
+              of_frames([](FrameId) { return char{1}; })};
+  for (const FrameId id : capture.sensor_of.Ids()) {
+    if (capture.sensor_of[id] < set.lenses.size()) continue;
+    set.lenses.emplace_back();
+    set.lenses.back().sensor = capture[id].sensor;
+    set.repeats[id] = 0;
+  }
+  return set;
+}
+
+LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas) {
+  // In units of the prior, so that a standard deviation of zero is no division.
+  const Eigen::Matrix3d scale = prior_sigmas.asDiagonal();
+  const Eigen::Matrix3d inverse =
+      (scale * evidence.information * scale + Eigen::Matrix3d::Identity()).inverse();
+  LensEstimate estimate;
+  estimate.covariance = scale * inverse * scale;
+  estimate.change = estimate.covariance * evidence.moment;
+  return estimate;
+}
+
+double LogBayesFactor(const LensEstimate& estimate, const Eigen::Vector3d& prior_sigmas) {
+  if (!(prior_sigmas.minCoeff() > 0)) return 0;
+  const Eigen::Vector3d inverse = prior_sigmas.cwiseInverse();
+  const Eigen::Matrix3d covariance =
+      inverse.asDiagonal() * estimate.covariance * inverse.asDiagonal();
+  const Eigen::Vector3d change = inverse.cwiseProduct(estimate.change);
+  return 0.5 * (change.dot(covariance.inverse() * change) + std::log(covariance.determinant()));
+}
+
+double LargestShift(const Intrinsics& a, const Intrinsics& b) {
+  double largest = 0;
+  for (int i = 0; i <= kGridSteps; ++i) {
+    for (int j = 0; j <= kGridSteps; ++j) {
+      const Eigen::Vector2d ray((a.width * static_cast<double>(i) / kGridSteps - a.cx) / a.fx,
+                                (a.height * static_cast<double>(j) / kGridSteps - a.cy) / a.fy);
+      largest = std::max(largest, (ProjectRay(a, ray) - ProjectRay(b, ray)).norm());
+    }
+  }
+  return largest;
+}
+
+double LargestShift(const LensSet& a, const LensSet& b) {
+  double largest = 0;
+  for (const FrameId id : a.of_frame.Ids())
+    largest = std::max(largest, LargestShift(a.Effective(id), b.Effective(id)));
+  return largest;
+}
+
+}  // namespace volalign

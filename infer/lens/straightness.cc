@@ -1,0 +1,295 @@
+#include "infer/lens/straightness.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/base/lists.h"
+#include "core/geometry/factor.h"
+#include "infer/lens/likelihood.h"
+
+namespace volalign {
+
+namespace {
+
+using refine_internal::Correlation;
+using refine_internal::MinimiseOverLog;
+using refine_internal::RestrictedCost;
+
+constexpr double kReferenceDepth = 2;  // m, for which the smooth error's size is given
+constexpr double kLeastLever = 0.2;    // errors across the ray count at grazing incidence
+constexpr double kLeastSigma = 1e-3;   // m, of a patch: depth steps and the surface's own
+constexpr double kUsualWarp = 0.005;   // m
+constexpr double kWarpSpread = 0.8;    // of its logarithm
+constexpr double kLeastWarp = 5e-4, kMostWarp = 0.03;
+constexpr int kWarpSteps = 7;
+constexpr std::array<double, 3> kWarpLengths = {0.06, 0.12, 0.25};  // rad
+constexpr std::size_t kMostPatches = 80;
+/// Mean square of the residuals, in standard deviations, beyond which a surface is none of a plane.
+constexpr double kNoPlane = 2;
+
+// The search for the lens.
+constexpr int kMostSteps = 20;
+constexpr double kLeastStep = 0.01;  // of a whole one
+constexpr double kLeastGain = 1e-3;  // of half the sum of squares, for another step
+
+/// A plane's residuals, m, and their derivatives.
+struct PlaneResiduals {
+  Eigen::VectorXd residuals;  // distances from the plane that fits best
+  Eigen::MatrixXd by_plane;   // columns: two turns and a shift
+  Eigen::MatrixXd by_lens;
+  Eigen::VectorXd lever;     // how far a smooth error of 1 m at kReferenceDepth moves each
+  Eigen::MatrixXd bearings;  // x/z, y/z
+};
+
+/// Of points that were seen through a lens of these intrinsics.
+PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points,
+                           const Intrinsics& intrinsics) {
+  const auto n = static_cast<Eigen::Index>(points.size());
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p;
+  mean /= static_cast<double>(n);
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points) covariance += (p - mean) * (p - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  const Eigen::Vector3d normal = solver.eigenvectors().col(0);
+
+  PlaneResiduals of{Eigen::VectorXd(n), Eigen::MatrixXd(n, 3), Eigen::MatrixXd(n, kLensParameters),
+                    Eigen::VectorXd(n), Eigen::MatrixXd(n, 2)};
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d d = p - mean;
+    const Eigen::Vector2d ray = p.head<2>() / p.z();
+    of.residuals[i] = normal.dot(d);
+    of.by_plane.row(i) << solver.eigenvectors().col(1).dot(d), solver.eigenvectors().col(2).dot(d),
+        1;
+    of.by_lens.row(i) = p.z() * normal.head<2>().transpose() * RayByLens(intrinsics, ray);
+    // A plane stays one when all rays are scaled. What is left of the focal length's influence
+    // where there is a distortion cannot be told from the shape of the curve, which k1 and k2 have
+    // but nearly.
+    of.by_lens(i, 0) = 0;
+    of.lever[i] = std::hypot(normal.dot(p) / p.z(), kLeastLever) * p.z() / kReferenceDepth;
+    of.bearings.row(i) = ray;
+  }
+  return of;
+}
+
+Eigen::MatrixXd WarpCorrelation(const PlaneResiduals& plane, double length) {
+  const Eigen::Index n = plane.residuals.size();
+  Eigen::MatrixXd correlation(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      correlation(i, j) = correlation(j, i) =
+          plane.lever[i] * plane.lever[j] *
+          Correlation((plane.bearings.row(i) - plane.bearings.row(j)).norm(), length);
+    }
+  }
+  return correlation;
+}
+
+/// Of the errors, with the smooth one under which the residuals are most probable. `variances`: of
+/// the independent ones.
+Eigen::MatrixXd FitCovariance(const PlaneResiduals& plane, const Eigen::VectorXd& variances) {
+  Eigen::MatrixXd unknown(plane.residuals.size(), 3 + kLensParameters);
+  unknown << plane.by_plane, plane.by_lens;
+  const Eigen::MatrixXd own = variances.asDiagonal();
+  Eigen::MatrixXd best = own;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double length : kWarpLengths) {
+    const Eigen::MatrixXd correlation = WarpCorrelation(plane, length);
+    double warp = 0;
+    const double cost = MinimiseOverLog(
+        kLeastWarp, kMostWarp, kWarpSteps,
+        [&](double sigma) {
+          const double unusual = std::log(sigma / kUsualWarp) / kWarpSpread;
+          return RestrictedCost(sigma * sigma * correlation + own, plane.residuals, unknown) +
+                 0.5 * unusual * unusual;
+        },
+        &warp);
+    if (!(cost < least)) continue;
+    least = cost;
+    best = warp * warp * correlation + own;
+  }
+  return best;
+}
+
+/// Residuals and their derivatives by the lens in standard deviations, independent of each other,
+/// after the plane's own place has been taken out.
+struct Whitened {
+  Eigen::VectorXd residuals;
+  Eigen::MatrixXd by_lens;
+};
+
+Whitened Whiten(const PlaneResiduals& plane, const Eigen::MatrixXd& root) {
+  Eigen::MatrixXd all(plane.residuals.size(), 4 + kLensParameters);
+  all << plane.by_plane, plane.by_lens, plane.residuals;
+  root.triangularView<Eigen::Lower>().solveInPlace(all);
+  const Eigen::HouseholderQR<Eigen::MatrixXd> of_plane(all.leftCols<3>());
+  const Eigen::MatrixXd rest =
+      (of_plane.householderQ().transpose() * all.rightCols(1 + kLensParameters))
+          .bottomRows(all.rows() - 3);
+  return {rest.rightCols<1>(), rest.leftCols<kLensParameters>()};
+}
+
+/// A plane with what is known about its errors.
+class WeighedPlane {
+ public:
+  WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with)
+      : patches_(Thinned(plane.patches, kMostPatches)), seen_with_(seen_with) {
+    const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with);
+    Eigen::VectorXd variances(at.residuals.size());
+    for (std::size_t i = 0; i < patches_.size(); ++i)
+      variances[static_cast<Eigen::Index>(i)] = patches_[i].variance + kLeastSigma * kLeastSigma;
+    const auto factor = refine_internal::Factor(FitCovariance(at, variances));
+    if (!factor) return;
+    root_ = factor->matrixL();
+    const Whitened white = Whiten(at, root_);
+    const Eigen::VectorXd left =
+        white.residuals -
+        white.by_lens * white.by_lens.colPivHouseholderQr().solve(white.residuals);
+    flat_ = left.squaredNorm() < kNoPlane * static_cast<double>(left.size());
+  }
+
+  /// Does some lens make it flat?
+  bool flat() const { return flat_; }
+
+  Whitened Through(const Intrinsics& intrinsics) const {
+    return Whiten(ResidualsOf(PointsThrough(intrinsics), intrinsics), root_);
+  }
+
+ private:
+  std::vector<Eigen::Vector3d> PointsThrough(const Intrinsics& intrinsics) const {
+    std::vector<Eigen::Vector3d> points;
+    for (const PlanePatch& patch : patches_) {
+      const Eigen::Vector2d ray =
+          SamePixelRay(seen_with_, intrinsics, patch.p.head<2>() / patch.p.z());
+      points.emplace_back(patch.p.z() * ray.homogeneous());
+    }
+    return points;
+  }
+
+  std::vector<PlanePatch> patches_;
+  Intrinsics seen_with_;
+  Eigen::MatrixXd root_;
+  bool flat_ = false;
+};
+
+double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
+  double cost = 0;
+  for (int k = 0; k < kLensParameters; ++k) {
+    if (change[k] != 0) cost += 0.5 * change[k] * change[k] / (sigmas[k] * sigmas[k]);
+  }
+  return cost;
+}
+
+}  // namespace
+
+class WeighedPlanes {
+ public:
+  explicit WeighedPlanes(const SensorPlanes& sensor) {
+    for (const LargePlane& plane : sensor.planes) {
+      WeighedPlane weighed(plane, sensor.intrinsics);
+      if (weighed.flat()) planes_.push_back(std::move(weighed));
+    }
+  }
+
+  /// Half the sum of squares of all residuals; adds what they say about a change from these
+  /// intrinsics to `further`.
+  double CostThrough(const Intrinsics& intrinsics, LensEvidence* further) const {
+    double cost = 0;
+    for (const WeighedPlane& plane : planes_) {
+      const Whitened white = plane.Through(intrinsics);
+      cost += 0.5 * white.residuals.squaredNorm();
+      further->information += white.by_lens.transpose() * white.by_lens;
+      further->moment -= white.by_lens.transpose() * white.residuals;
+    }
+    return cost;
+  }
+
+ private:
+  std::vector<WeighedPlane> planes_;
+};
+
+namespace {
+
+/// Half the sum of squares of all sensors' residuals at a change, and what they say about the lens.
+double CostAt(const std::vector<WeighedPlanes>& sensors, const std::vector<Intrinsics>& assumed,
+              const LensChange& change, LensEvidence* evidence) {
+  *evidence = LensEvidence();
+  double cost = 0;
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    cost += sensors[i].CostThrough(WithLensChange(assumed[i], change), evidence);
+  evidence->moment += evidence->information * change;
+  return cost;
+}
+
+}  // namespace
+
+Straightness::Straightness(const std::vector<SensorPlanes>& sensors) {
+  for (const SensorPlanes& sensor : sensors) sensors_.emplace_back(sensor);
+}
+
+Straightness::~Straightness() = default;
+
+LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,
+                                      const Eigen::Vector3d& prior_sigmas,
+                                      const LensChange& start) const {
+  LensChange change = start;
+  LensEvidence evidence;
+  const auto evaluate = [&](const LensChange& at, LensEvidence* of) {
+    return CostAt(sensors_, assumed, at, of) + PriorCost(at, prior_sigmas);
+  };
+  double cost = evaluate(change, &evidence);
+  for (int step = 0; step < kMostSteps; ++step) {
+    const LensChange full = EstimateLens(evidence, prior_sigmas).change - change;
+    bool better = false;
+    for (double share = 1; share > kLeastStep; share /= 2) {
+      LensEvidence there;
+      const double cost_there = evaluate(change + share * full, &there);
+      if (!(cost_there < cost)) continue;
+      better = cost - cost_there > kLeastGain;
+      change += share * full;
+      cost = cost_there;
+      evidence = there;
+      break;
+    }
+    if (!better) break;
+  }
+  LensEstimate estimate = EstimateLens(evidence, prior_sigmas);
+  estimate.change = change;
+  estimate.log_evidence = -cost;
+  if (prior_sigmas.minCoeff() > 0) {
+    const Eigen::Matrix3d inverse = prior_sigmas.cwiseInverse().asDiagonal();
+    estimate.log_evidence +=
+        0.5 * std::log((inverse * estimate.covariance * inverse).determinant());
+  }
+  return estimate;
+}
+
+LensEvidence Straightness::EvidenceAt(const std::vector<Intrinsics>& assumed,
+                                      const LensChange& change) const {
+  LensEvidence evidence;
+  CostAt(sensors_, assumed, change, &evidence);
+  return evidence;
+}
+
+double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
+  double largest = 0;
+  for (const LargePlane& plane : sensor.planes) {
+    std::vector<Eigen::Vector3d> points;
+    for (const PlanePatch& patch : Thinned(plane.patches, kMostPatches)) points.push_back(patch.p);
+    const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics);
+    const Eigen::VectorXd moved = of.by_lens * change;
+    const Eigen::VectorXd bent =
+        moved - of.by_plane * of.by_plane.colPivHouseholderQr().solve(moved);
+    largest = std::max(largest, bent.cwiseAbs().maxCoeff());
+  }
+  return largest;
+}
+
+}  // namespace volalign

@@ -1,0 +1,157 @@
+#include "infer/plan/plan_rig.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "core/base/input_file.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/visibility.h"
+#include "infer/initial/sides_fix_pose.h"
+#include "infer/plan/planned_frame.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kDegrees = 180 / M_PI;
+constexpr double kSurfaceGrid = 0.04;  // m
+
+/// The true labels of the frames that it knows by their depth maps.
+class TrueLabels : public Segmenter {
+ public:
+  explicit TrueLabels(const std::vector<PlannedFrame>& planned) : planned_(planned) {}
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    std::vector<SegmentationResult> results;
+    for (const SegmentationRequest& request : requests) {
+      const auto found = std::find_if(
+          planned_.begin(), planned_.end(),
+          [&](const PlannedFrame& planned) { return planned.frame.depth == *request.depth; });
+      const int width = request.depth->width(), height = request.depth->height();
+      results.push_back({found == planned_.end() ? LabelImage(width, height) : found->labels,
+                         Image<float>(width, height, 1.0F)});
+    }
+    return results;
+  }
+
+ private:
+  const std::vector<PlannedFrame>& planned_;
+};
+
+std::vector<PlannedSensor> SensorsOf(const Rig& rig, const Structure& structure) {
+  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(rig.intrinsics);
+  std::vector<PlannedSensor> sensors;
+  for (const RigSensor& of : rig.sensors) {
+    PlannedSensor sensor;
+    sensor.name = of.name;
+    sensor.sensor = of.sensor;
+    sensor.intrinsics = IntrinsicsOf(of, pool, rig.intrinsics).front();
+    sensor.structure_from_sensor =
+        RigSensorPose(of, rig.structure_yaw_deg, structure.FloorHeight());
+    sensor.distance_m = sensor.structure_from_sensor.translation().norm();
+    sensors.push_back(std::move(sensor));
+  }
+  return sensors;
+}
+
+/// Of the points of the surface that nothing hides from the sensor, the share in its picture.
+double ShareInView(const PlannedSensor& sensor, const Structure& structure) {
+  const Pose& pose = sensor.structure_from_sensor;
+  const Eigen::Vector3d eye = pose.translation();
+  const Pose sensor_from_structure = pose.inverse();
+  int seen = 0, inside = 0;
+  for (const Eigen::Vector3d& point : SampleExposedSurface(structure, kSurfaceGrid)) {
+    constexpr double kBefore = 1 - 1e-6;
+    if (CastRay(structure, eye, point - eye).t < kBefore) continue;
+    ++seen;
+    const Eigen::Vector3d p = sensor_from_structure * point;
+    if (p.z() <= 0) continue;
+    const Eigen::Vector2d pixel = ProjectRay(sensor.intrinsics, p.hnormalized());
+    inside += pixel.x() > -0.5 && pixel.x() < sensor.intrinsics.width - 0.5 && pixel.y() > -0.5 &&
+              pixel.y() < sensor.intrinsics.height - 0.5;
+  }
+  return seen > 0 ? static_cast<double>(inside) / seen : 0;
+}
+
+void CountSides(const LabelImage& labels, const Structure& structure,
+                const InitialPoseOptions& options, PlannedSensor* sensor) {
+  const std::vector<std::string> names = structure.SideNames();
+  std::vector<int> pixels(names.size() + 1, 0);
+  for (const std::uint8_t label : labels) ++pixels[label];
+  std::vector<int> usable;
+  for (std::size_t label = 1; label < pixels.size(); ++label) {
+    if (pixels[label] < options.patch.min_pixels) continue;
+    usable.push_back(static_cast<int>(label));
+    sensor->sides.emplace_back(names[label - 1], pixels[label]);
+  }
+  std::stable_sort(sensor->sides.begin(), sensor->sides.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
+  sensor->sides_fix_pose = SidesFixPose(structure, usable, KeypointKind::kExposed);
+}
+
+void AddTrial(const FrameResult& result, PlannedSensor* sensor) {
+  if (result.status > sensor->status || sensor->finding.code == SensorCode::kNone) {
+    sensor->status = std::max(sensor->status, result.status);
+    sensor->finding = {result.code, result.reason, result.hint};
+  }
+  if (!result.structure_from_sensor) return;
+  ++sensor->placed;
+  sensor->covariance += result.covariance;
+}
+
+void FinishTrials(PlannedSensor* sensor) {
+  if (sensor->placed == 0) return;
+  sensor->covariance /= sensor->placed;
+  const Eigen::Matrix3d position =
+      PositionCovariance(sensor->structure_from_sensor, sensor->covariance);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(position);
+  sensor->expected_m = std::sqrt(position.trace());
+  sensor->expected_deg = std::sqrt(sensor->covariance.diagonal().tail<3>().sum()) * kDegrees;
+  sensor->weakest = solver.eigenvectors().col(2);
+  sensor->weakest_m = std::sqrt(std::max(solver.eigenvalues()[2], 0.0));
+}
+
+}  // namespace
+
+RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options) {
+  RequireInputFile("structure", rig.structure);
+  RequireInputFile("intrinsics", rig.intrinsics);
+  RigPlan plan;
+  plan.structure = ReadStructure(rig.structure);
+  plan.trials = trials;
+  plan.sensors = SensorsOf(rig, plan.structure);
+  options.initial.method = PoseMethod::kNetwork;
+  for (int trial = 0; trial < trials; ++trial) {
+    std::vector<PlannedFrame> planned;
+    std::vector<SensorFrame> frames;
+    for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
+      SensorFrame frame;
+      frame.name = plan.sensors[i].name;
+      frame.sensor = plan.sensors[i].sensor;
+      frame.intrinsics = plan.sensors[i].intrinsics;
+      frame.ground_truth = plan.sensors[i].structure_from_sensor;
+      frame.quarter_turns = UprightTurns(*frame.ground_truth);
+      planned.push_back(MeasurePlanned(std::move(frame), plan.structure,
+                                       rig.seed + static_cast<std::uint64_t>(trial), i));
+      frames.push_back(planned.back().frame);
+    }
+    TrueLabels labels(planned);
+    const CalibrationResult result = Calibrate(frames, plan.structure, labels, options);
+    for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
+      if (trial == 0)
+        CountSides(planned[i].labels, plan.structure, options.initial, &plan.sensors[i]);
+      AddTrial(result.sensors[i], &plan.sensors[i]);
+    }
+    if (trial == 0) plan.pairs = result.pairs;
+  }
+  for (PlannedSensor& sensor : plan.sensors) {
+    FinishTrials(&sensor);
+    sensor.in_view = ShareInView(sensor, plan.structure);
+  }
+  return plan;
+}
+
+}  // namespace volalign

@@ -1,0 +1,125 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "core/base/statistics.h"
+#include "infer/plan/target_report.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kMostUnfixed = 0.05;  // share of the views
+
+double Share(int count, std::size_t of) {
+  return of > 0 ? static_cast<double>(count) / static_cast<double>(of) : 0;
+}
+
+std::string Aliases(const TargetQuality& quality, const std::string& name) {
+  std::string text;
+  std::set<std::string> said;  // several motions may be described alike
+  for (std::size_t k = 0; k < quality.aliases.size(); ++k) {
+    const TargetAlias& alias = quality.aliases[k];
+    const auto alike =
+        std::count_if(quality.views.begin(), quality.views.end(), [&](const TargetView& view) {
+          return std::find(view.look_alike.begin(), view.look_alike.end(), static_cast<int>(k)) !=
+                 view.look_alike.end();
+        });
+    if ((alike == 0 && !alias.all) || !said.insert(alias.motion).second) continue;
+    text += fmt::format(
+        "{}, {} of {}'s boxes lie where boxes lay: {:.0f} % of the views are as "
+        "before{}\n",
+        alias.motion, alias.all ? "all" : std::to_string(alias.boxes), name,
+        100 * Share(static_cast<int>(alike), quality.views.size()),
+        alias.floor_tells ? ", but for the floor" : "");
+  }
+  return text.empty() ? "no motion of the stack looks as if it had not been moved\n" : text;
+}
+
+/// Whether another pose looks the same; `floor`: where the floor is seen.
+bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) {
+  return std::none_of(view.look_alike.begin(), view.look_alike.end(), [&](int alias) {
+    return !floor || !quality.aliases[static_cast<std::size_t>(alias)].floor_tells;
+  });
+}
+
+std::string HeightTable(const TargetQuality& quality) {
+  std::string text =
+      fmt::format("{:>8}  {:>8}  {:>8}  {:>8}  {:>8}  {:>10}  {:>8}\n", "height m", "fix pose",
+                  "unique", "no floor", "sides", "weakest mm", "worst mm");
+  for (const double height : quality.options.heights_m) {
+    int fixed = 0, unique = 0, without_floor = 0, least = 1000, most = 0;
+    std::vector<double> weakest;
+    for (const TargetView& view : quality.views) {
+      if (view.height_m != height) continue;
+      fixed += view.sides_fix_pose;
+      unique += IsUnique(view, quality, true);
+      without_floor += IsUnique(view, quality, false);
+      least = std::min(least, view.sides);
+      most = std::max(most, view.sides);
+      weakest.push_back(view.weakest_m);
+    }
+    text += fmt::format(
+        "{:>8.2f}  {:>6.0f} %  {:>6.0f} %  {:>6.0f} %  {:>8}  {:>10.1f}  {:>8.1f}\n", height,
+        100 * Share(fixed, weakest.size()), 100 * Share(unique, weakest.size()),
+        100 * Share(without_floor, weakest.size()), fmt::format("{} to {}", least, most),
+        1000 * Median(weakest), 1000 * Quantile(weakest, 1));
+  }
+  return text + fmt::format(
+                    "views from {} directions, {} m from the middle; fix pose: their sides do; "
+                    "unique: no other pose looks the same where the floor is seen, and without it; "
+                    "weakest: standard deviation of the position in its worst direction, for "
+                    "errors of 5 mm of patches of 10 x 10 px and of a pixel of every 10 px of "
+                    "silhouettes, in the median and in the worst view\n",
+                    quality.options.directions, quality.options.distance_m);
+}
+
+std::string Conclusion(const TargetQuality& quality) {
+  int open = 0, alike = 0, alike_without_floor = 0;
+  for (const TargetView& view : quality.views) {
+    open += !view.sides_fix_pose;
+    alike_without_floor += !IsUnique(view, quality, false);
+    alike += !IsUnique(view, quality, true);
+  }
+  const std::size_t all = quality.views.size();
+  std::string text;
+  if (alike > 0) {
+    text += fmt::format(
+        "poor: from {:.0f} % of the places another pose looks the same, floor or not; such sensors "
+        "will be ambiguous. Move or turn a box so that no turn of the stack looks like another\n",
+        100 * Share(alike, all));
+  }
+  if (Share(open, all) > kMostUnfixed) {
+    text += fmt::format(
+        "poor: {:.0f} % of the views fix no pose. Let boxes stick out in both horizontal "
+        "directions, so that every view has sides of three orientations\n",
+        100 * Share(open, all));
+  }
+  if (text.empty()) text = "good: every view has one pose, and nearly all fix it\n";
+  if (alike_without_floor > alike) {
+    text += fmt::format(
+        "let sensors see the floor beside the stack: without it, {:.0f} % of the views are like "
+        "those of another pose\n",
+        100 * Share(alike_without_floor, all));
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string FormatTarget(const Structure& structure, const TargetQuality& quality) {
+  const Eigen::Vector3d above(0, structure.FloorHeight(), 0);
+  return fmt::format(
+             "{}: {} boxes, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
+             "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
+             structure.name(), structure.boxes().size(), 1000 * structure.Height(),
+             -1000 * above.y()) +
+         Aliases(quality, structure.name()) + HeightTable(quality) + Conclusion(quality);
+}
+
+}  // namespace volalign

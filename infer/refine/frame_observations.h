@@ -1,0 +1,58 @@
+#pragma once
+
+// What one sensor says in the fine stage: observations and how far they can be trusted. Not for
+// callers of Refine.
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "infer/lens/sensor_lens.h"
+
+namespace volalign::refine_internal {
+
+/// One image block's points on one side, as one measurement. Sensor frame, m.
+struct FaceObservation {
+  Eigen::Vector3d p;  ///< mean of the points
+  int label = 0;
+  double multipath = 0;  ///< see SeamShare
+  double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
+  RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
+};
+
+/// Silhouette points of one image block along one edge of a side. Only their bearing counts.
+struct EdgeObservation {
+  Eigen::Vector3d p;
+  int label = 0;
+  int edge = 0;         ///< 0 ... 3: +u, -u, +v, -v of the side
+  int axis = 0;         ///< see EdgePoint
+  double pixel = 0;     ///< m across the edge, in the side's plane, that one pixel covers
+  double variance = 0;  ///< px^2, independent of the other observations'
+  RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
+};
+
+/// Errors that a sensor's observations share, beyond its constant depth error.
+struct NoiseModel {
+  double warp = 0.005;        ///< m at 2 m, standard deviation of the smooth depth error
+  double warp_length = 0.15;  ///< rad: its correlation falls to 1/e or so
+  double multipath = 0.02;    ///< m, standard deviation of the depth error in a concave seam
+  double edge = 1;            ///< scale of the silhouettes' standard deviations
+  double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
+};
+
+struct FrameObservations {
+  std::vector<FaceObservation> faces;
+  std::vector<EdgeObservation> edges;
+  NoiseModel noise;
+  LensChange lens = LensChange::Zero();  ///< with which the points were measured
+  /// Lower Cholesky factors of the covariances of the residuals, faces and edges, in m.
+  Eigen::MatrixXd face_root, edge_root;
+
+  /// All but the noise model.
+  void Forget() {
+    const NoiseModel known = noise;
+    *this = FrameObservations();
+    noise = known;
+  }
+};
+
+}  // namespace volalign::refine_internal

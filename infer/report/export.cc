@@ -1,0 +1,245 @@
+#include "infer/report/export.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/parallel_for.h"
+#include "core/formats/image_io.h"
+#include "core/formats/palette_png.h"
+#include "core/json/strict_json.h"
+#include "core/plot/picture.h"
+#include "infer/capture/capture.h"
+#include "infer/report/html_report/encode.h"
+#include "infer/report/html_report/page.h"
+#include "infer/report/panels.h"
+#include "infer/report/pictures.h"
+#include "infer/report/ply.h"
+#include "infer/report/rig_gltf.h"
+
+namespace volalign {
+
+namespace {
+
+/// What a frame adds to the files of all.
+struct FrameFiles {
+  RgbImage picture;
+  std::vector<AlignedPoint> cloud;
+  std::vector<AlignedPoint> thinned;  // for report.html and rig.glb
+  nlohmann::ordered_json report;
+};
+
+/// Points in report.html and in rig.glb: of one frame, and of all together.
+constexpr std::size_t kReportPointsAFrame = 12000, kReportPoints = 120000;
+
+/// Folders that a calibration's images and clouds are in.
+constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "pictures"};
+constexpr const char* kCloudFolder = "clouds";
+constexpr const char* kReportFile = "report.html";
+constexpr const char* kRigFile = "rig.glb";
+
+/// The sensors of one still, what they are seen against, and where their files go.
+struct StillFiles {
+  std::string name;  // folder in each of the folders; empty where there is only one still
+  const std::vector<FrameResult>* sensors;
+  const Structure* built;
+  Pose first_from_placement = Pose::Identity();
+
+  std::filesystem::path Path(const std::filesystem::path& folder, const std::string& kind,
+                             const std::string& file) const {
+    return folder / kind / name / file;
+  }
+};
+
+/// `points`: at most so many in the report; 0 without one.
+FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& still,
+                      const FrameResult& sensor, int turns, std::size_t points) {
+  const std::string png = sensor.name + ".png";
+  WritePng(still.Path(folder, "labels", png), sensor.segmentation.labels);
+  WritePng(still.Path(folder, "confidence", png), ConfidenceImage(sensor.segmentation.confidence));
+  FramePanels panels = MakePanels(sensor, *still.built, turns);
+  FrameFiles written;
+  written.picture = SensorPicture(sensor, panels, *still.built, false);
+  WriteFileAtomically(still.Path(folder, "pictures", png),
+                      EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
+  written.cloud = AlignedPoints(sensor, *still.built);
+  for (AlignedPoint& point : written.cloud) {
+    point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
+  }
+  if (sensor.structure_from_sensor) {
+    WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud);
+  }
+  if (points > 0) {
+    written.thinned = ThinCloud(written.cloud, points);
+    written.report = ReportFrameJson({sensor.name, std::move(panels), written.thinned});
+  }
+  return written;
+}
+
+/// Returns what each frame adds to the report, without pictures and whole clouds.
+std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const StillFiles& still,
+                                   std::size_t points) {
+  const std::vector<FrameResult>& sensors = *still.sensors;
+  const std::vector<int> turns = UprightTurnsOf(sensors);
+  std::vector<FrameFiles> written(sensors.size());
+  const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
+    written[i] = WriteFrame(folder, still, sensors[i], turns[i], points);
+  });
+  std::vector<RgbImage> pictures;
+  std::vector<AlignedPoint> merged;
+  for (FrameFiles& files : written) {
+    pictures.push_back(std::exchange(files.picture, {}));
+    merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
+    files.cloud.clear();
+  }
+  WriteFileAtomically(
+      still.Path(folder, "pictures", "overview.png"),
+      EncodePalettePng(OverviewPicture(pictures, pictures.size() > 3 ? 2 : 1, *still.built)));
+  WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
+  return written;
+}
+
+void WriteReport(const std::filesystem::path& folder, const std::vector<StillFiles>& files,
+                 std::vector<std::vector<FrameFiles>> written, const Extrinsics& extrinsics,
+                 const std::string& notes, const ReportRun& run) {
+  std::vector<ReportStill> stills;
+  std::vector<Structure> structures;
+  std::vector<RigCloud> clouds;
+  for (std::size_t s = 0; s < files.size(); ++s) {
+    ReportStill still{files[s].name, *files[s].built, {}};
+    for (std::size_t i = 0; i < written[s].size(); ++i) {
+      FrameFiles& frame = written[s][i];
+      still.frames.push_back(std::move(frame.report));
+      clouds.push_back({(*files[s].sensors)[i].name, files[s].name, std::move(frame.thinned)});
+    }
+    structures.push_back(still.built);
+    stills.push_back(std::move(still));
+  }
+  WriteRigGlb(folder / kRigFile, extrinsics, structures, clouds);
+  WriteFileAtomically(folder / kReportFile,
+                      ReportPage(ReportPayload(extrinsics, stills, notes, run)));
+}
+
+std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure) {
+  const auto built = [&](const Structure& of) { return of.boxes().empty() ? &structure : &of; };
+  if (result.stills.empty()) return {{"", &result.sensors, built(result.built)}};
+  std::vector<StillFiles> stills;
+  for (const StillResult& still : result.stills) {
+    stills.push_back({still.name, &still.sensors, built(still.built), still.first_from_placement});
+  }
+  return stills;
+}
+
+/// Paths of a still's files below a calibration's folder, whether they were written or not.
+/// `clouds`: of the placed sensors alone.
+void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
+              const std::vector<std::string>& clouds, std::set<std::filesystem::path>* paths) {
+  const std::filesystem::path below = still;
+  for (const char* kind : kImageFolders) {
+    for (const std::string& name : sensors) paths->insert(kind / below / (name + ".png"));
+  }
+  for (const std::string& name : clouds) paths->insert(kCloudFolder / below / (name + ".ply"));
+  paths->insert("pictures" / below / "overview.png");
+  paths->insert(kCloudFolder / below / "merged.ply");
+}
+
+/// The files of the run that `folder` has the results of. None where its extrinsics.json is none of
+/// volalign's, of whatever version.
+std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / "extrinsics.json";
+  std::set<std::filesystem::path> files;
+  if (!std::filesystem::exists(path)) return files;
+  try {
+    const nlohmann::json document = ParseStrictJson(ReadFile(path), path.string());
+    const JsonObject root(document, path.string());
+    if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return files;
+    // A name that leads elsewhere is none that volalign wrote.
+    std::vector<std::string> sensors;
+    for (const std::string& name : root.Child("sensors").Keys()) {
+      if (IsFileName(name)) sensors.push_back(name);
+    }
+    std::vector<std::string> stills;
+    if (root.Has("placements")) {
+      for (const JsonObject& placement : root.Children("placements")) {
+        if (placement.Has("name") && IsFileName(placement.Text("name")))
+          stills.push_back(placement.Text("name"));
+      }
+    }
+    if (stills.empty()) stills = {""};
+    for (const std::string& still : stills) AddPaths(still, sensors, sensors, &files);
+    files.insert(kReportFile);
+    files.insert(kRigFile);
+  } catch (const Error&) {
+    files.clear();
+  }
+  return files;
+}
+
+void RemoveFile(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(path, error))) return;
+  if (!std::filesystem::remove(path, error)) {
+    throw IoError(fmt::format("cannot remove {}, which is of an earlier run: {}", path.string(),
+                              error.message()));
+  }
+}
+
+/// Removes what an earlier run wrote and this one does not.
+void RemoveEarlierFiles(const std::filesystem::path& folder, const std::vector<StillFiles>& stills,
+                        bool report) {
+  std::set<std::filesystem::path> now;
+  if (report) now = {kReportFile, kRigFile};
+  for (const StillFiles& still : stills) {
+    std::vector<std::string> sensors, placed;
+    for (const FrameResult& sensor : *still.sensors) {
+      sensors.push_back(sensor.name);
+      if (sensor.structure_from_sensor) placed.push_back(sensor.name);
+    }
+    AddPaths(still.name, sensors, placed, &now);
+  }
+  for (const std::filesystem::path& path : EarlierFiles(folder)) {
+    if (now.count(path) == 0) RemoveFile(folder / path);
+  }
+}
+
+}  // namespace
+
+void PrepareFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error && ::access(folder.c_str(), W_OK) != 0) error = {errno, std::generic_category()};
+  if (!error) return;
+  throw IoError(fmt::format("cannot write into the folder {}: {}; choose another one",
+                            folder.string(), error.message()));
+}
+
+void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
+                      const std::vector<Still>& stills, const Structure& structure,
+                      const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
+  const std::vector<StillFiles> files = StillsOf(result, structure);
+  std::size_t frames = 1;
+  for (const StillFiles& still : files) frames += still.sensors->size();
+  const std::size_t points = report ? std::min(kReportPointsAFrame, kReportPoints / frames) : 0;
+  std::vector<std::vector<FrameFiles>> written;
+  for (const StillFiles& still : files) written.push_back(WriteStill(folder, still, points));
+  const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
+  if (report)
+    WriteReport(folder, files, std::move(written), extrinsics, FormatNotes(result), *report);
+  RemoveEarlierFiles(folder, files, report.has_value());
+  WriteExtrinsics(folder / "extrinsics.json", extrinsics);
+}
+
+}  // namespace volalign

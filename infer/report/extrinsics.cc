@@ -1,0 +1,205 @@
+#include "infer/report/extrinsics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/json/json_archive.h"
+#include "infer/calib/describe_result.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr char kConvention[] =
+    "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y up";
+
+}  // namespace
+
+// The file's keys.
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
+  Describe(ar, static_cast<SensorOutcome&>(sensor));
+  ar("intrinsics", sensor.intrinsics);
+  // The first files have the given ones alone.
+  ar.Later("intrinsics_given", sensor.intrinsics_given);
+  ar.Later("lens", sensor.lens);
+  ar.Optional("sensor", sensor.sensor);
+  ar.OneOrList("depth", sensor.depth_files);
+  ar("depth_scale", sensor.depth_scale);
+  ar("quarter_turns", sensor.quarter_turns);
+  ar.Optional("serial", sensor.serial);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::Box& box) {
+  ar("name", box.name);
+  ar("estimated", box.estimated);
+  ar.IfFinite("translation_m", box.translation_m);
+  ar.IfFinite("yaw_deg", box.yaw_deg);
+  ar.IfFinite("sigma_x_m", box.sigma_x_m);
+  ar.IfFinite("sigma_z_m", box.sigma_z_m);
+  ar.IfFinite("sigma_yaw_deg", box.sigma_yaw_deg);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::Size& size) {
+  ar("estimated", size.estimated);
+  ar.IfFinite("scale", size.scale);
+  ar.IfFinite("sigma", size.sigma);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::Placement& placement) {
+  ar.Optional("name", placement.name);
+  ar.Optional("capture", placement.capture);
+  ar("first_from_placement", placement.first_from_placement);
+  ar.IfFinite("sigma_translation_m", placement.sigma_translation_m);
+  ar.IfFinite("sigma_rotation_deg", placement.sigma_rotation_deg);
+  ar.IfFinite("covariance", placement.covariance);
+  ar("sensors", placement.sensors);
+  ar("boxes", placement.boxes);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::StructureId& structure) {
+  ar("name", structure.name);
+  ar("sha256", structure.sha256);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics::Model& model) {
+  ar("file", model.file);
+  ar("sha256", model.sha256);
+}
+
+template <class Archive>
+void Describe(Archive& ar, Extrinsics& extrinsics) {
+  ar.Constant("format", kExtrinsicsFormat);
+  ar("tool", extrinsics.tool);
+  ar.Constant("convention", kConvention);
+  ar.OneOrList("capture", extrinsics.captures);
+  ar("structure", extrinsics.structure);
+  ar.Optional("model", extrinsics.model);
+  ar("verdict", extrinsics.verdict);
+  ar.Optional("assembly", extrinsics.assembly);
+  ar.ByName("sensors", extrinsics.sensors, &Extrinsics::Sensor::name);
+  ar.Later("boxes", extrinsics.boxes);
+  ar.Later("size", extrinsics.size);
+  ar.Later("placements", extrinsics.placements);
+  ar.Later("solution", extrinsics.solution);
+  ar("pairs", extrinsics.pairs);
+  ar.Optional("metrics", extrinsics.metrics);
+  ar("timings_s", extrinsics.timings_s);
+}
+
+namespace {
+
+Extrinsics::Sensor SensorOf(const FrameResult& result, const SensorFrame& frame) {
+  Extrinsics::Sensor sensor;
+  static_cast<SensorOutcome&>(sensor) = result;
+  sensor.sensor = frame.sensor;
+  sensor.depth_files = frame.depth_files;
+  sensor.depth_scale = frame.depth_scale;
+  sensor.serial = frame.serial;
+  DemoteIfNotFinite(&sensor);
+  return sensor;
+}
+
+std::vector<Extrinsics::Box> BoxesOf(const std::vector<RefinedBox>& found, const Structure& nominal,
+                                     const Structure& built) {
+  std::vector<Extrinsics::Box> boxes;
+  for (std::size_t b = 0; b < found.size(); ++b) {
+    const Box& box = nominal.boxes().at(b);
+    boxes.push_back({box.name, found[b].estimated,
+                     built.boxes().at(b).structure_from_box.translation() -
+                         box.structure_from_box.translation(),
+                     found[b].yaw * 180 / M_PI, found[b].sigma_x, found[b].sigma_z,
+                     found[b].sigma_yaw * 180 / M_PI});
+  }
+  return boxes;
+}
+
+/// Names of the sensors with a pose.
+std::vector<std::string> Placed(const std::vector<FrameResult>& sensors) {
+  std::vector<std::string> names;
+  for (const FrameResult& sensor : sensors) {
+    if (sensor.structure_from_sensor) names.push_back(sensor.name);
+  }
+  return names;
+}
+
+std::vector<Extrinsics::Placement> PlacementsOf(const CalibrationResult& result,
+                                                const Structure& structure,
+                                                const std::vector<std::string>& captures) {
+  const auto capture = [&](std::size_t s) { return s < captures.size() ? captures[s] : ""; };
+  std::vector<Extrinsics::Placement> placements;
+  if (result.stills.empty()) {
+    Extrinsics::Placement only;
+    only.capture = capture(0);
+    only.sensors = Placed(result.sensors);
+    only.boxes = BoxesOf(result.boxes, structure, result.built);
+    return {only};
+  }
+  for (std::size_t s = 0; s < result.stills.size(); ++s) {
+    const StillResult& still = result.stills[s];
+    placements.push_back({still.name, capture(s), still.first_from_placement,
+                          SigmaTranslation(still.covariance), SigmaRotationDeg(still.covariance),
+                          Placed(still.sensors), BoxesOf(still.boxes, structure, still.built),
+                          still.covariance});
+  }
+  return placements;
+}
+
+/// The first frame of a sensor.
+const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::string& name) {
+  for (const Still& still : stills) {
+    for (const SensorFrame& frame : still.frames) {
+      if (frame.name == name) return frame;
+    }
+  }
+  throw Error(fmt::format("sensor \"{}\" is in no still of its result", name));
+}
+
+}  // namespace
+
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
+                          const Structure& structure, const ExtrinsicsSource& source) {
+  Extrinsics out;
+  out.tool = "volalign " VOLALIGN_VERSION;
+  out.captures = source.captures;
+  out.structure = {structure.name(), structure.Hash()};
+  if (!source.model_file.empty())
+    out.model = Extrinsics::Model{source.model_file, source.model_sha256};
+  out.assembly = result.assembly;
+  for (const FrameResult& sensor : result.sensors) {
+    out.sensors.push_back(SensorOf(sensor, FrameOfSensor(stills, sensor.name)));
+    out.verdict = std::max(out.verdict, out.sensors.back().status);
+  }
+  out.boxes = BoxesOf(result.boxes, structure, result.built);
+  out.placements = PlacementsOf(result, structure, source.captures);
+  out.size = {result.size_estimated, result.size_scale, result.sigma_size_scale};
+  out.pairs = result.pairs;
+  out.metrics = result.metrics;
+  out.solution = result.solve;
+  out.timings_s = result.timings_s;
+  return out;
+}
+
+nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where) {
+  return DescribedJson(extrinsics, where);
+}
+
+void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics) {
+  WriteFileAtomically(path, WriteDescribed(extrinsics, path.string(), 2));
+}
+
+Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
+  return ReadDescribed<Extrinsics>(ReadFile(path), path.string());
+}
+
+}  // namespace volalign

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/camera.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/structure.h"
+#include "infer/calib/result.h"
+#include "infer/checks/assembly.h"
+#include "infer/checks/outcome.h"
+#include "infer/view/sensor_frame.h"
+
+namespace volalign {
+
+inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
+
+/// Where a calibration's input came from.
+struct ExtrinsicsSource {
+  std::vector<std::string> captures;     ///< of each still
+  std::string model_file, model_sha256;  ///< empty without a network
+};
+
+/// extrinsics.json (docs/formats.md). Its keys stand in extrinsics.cc and describe_result.h. A
+/// number that is not finite is a key that is absent from the file, and NaN when it is read: one
+/// such number does not take the other sensors' poses with it.
+struct Extrinsics {
+  struct Sensor : SensorOutcome {
+    std::string sensor;  ///< its kind, as the capture names it
+    std::vector<std::string> depth_files;
+    double depth_scale = 0.001;  ///< m per unit of the depth files
+    std::string serial;
+  };
+
+  /// A box as it was found: displacement of its centre, m, and turn about the vertical through it.
+  struct Box {
+    std::string name;
+    bool estimated = false;
+    Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+    double yaw_deg = 0;
+    double sigma_x_m = 0, sigma_z_m = 0, sigma_yaw_deg = 0;
+  };
+
+  /// Of all boxes.
+  struct Size {
+    bool estimated = false;
+    double scale = 1, sigma = 0;
+  };
+
+  /// Where the stack stood in a still.
+  struct Placement {
+    std::string name;     ///< folder of its labels and pictures, of several stills
+    std::string capture;  ///< its file
+    Pose first_from_placement = Pose::Identity();
+    Eigen::Vector3d sigma_translation_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d sigma_rotation_deg = Eigen::Vector3d::Zero();
+    std::vector<std::string> sensors;  ///< that are placed in it
+    std::vector<Box> boxes;
+    /// Of delta, see PerturbLeft. NaN where the file, of an earlier version, has the sigmas alone.
+    Matrix6d covariance = Matrix6d::Zero();
+  };
+
+  struct StructureId {
+    std::string name, sha256;
+  };
+  struct Model {
+    std::string file, sha256;
+  };
+
+  std::string tool;
+  std::vector<std::string> captures;
+  StructureId structure;
+  std::optional<Model> model;
+  SensorStatus verdict = SensorStatus::kOk;
+  std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored
+  std::vector<Sensor> sensors;
+  std::vector<Box> boxes;  ///< as the first still shows them
+  Size size;
+  std::vector<Placement> placements;  ///< of the stills
+  SolveReport solution;
+  std::vector<PairResult> pairs;
+  std::optional<SetDistances> metrics;
+  std::vector<std::pair<std::string, double>> timings_s;
+};
+
+/// A sensor with numbers that are not finite is demoted (DemoteIfNotFinite).
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
+                          const Structure& structure, const ExtrinsicsSource& source);
+
+/// The file's content. `where` begins every message. Throws as WriteExtrinsics.
+nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where);
+
+/// Writes atomically. Throws IoError, or Error for a sensor's own pose or intrinsics that are not
+/// finite.
+void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics);
+
+/// Reads what WriteExtrinsics wrote, strictly. Sensors and timings come in alphabetical order.
+/// Throws IoError or DataError.
+Extrinsics ReadExtrinsics(const std::filesystem::path& path);
+
+}  // namespace volalign

@@ -1,0 +1,112 @@
+#include "infer/report/html_report/payload.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "core/base/text.h"
+#include "core/plot/picture.h"
+#include "infer/report/html_report/encode.h"
+
+namespace volalign {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kScaleStops = 17;  // of a colour scale
+
+Json ToJson(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+
+/// Labels 1 and up: name and colour.
+Json Labels(const Structure& structure) {
+  Json labels = Json::array();
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    labels.push_back({{"id", label},
+                      {"name", structure.SideOfLabel(label).name},
+                      {"colour", HexColour(LabelColour(label))}});
+  }
+  return labels;
+}
+
+template <class Colour>
+Json Scale(Colour colour, double from, double to) {
+  Json stops = Json::array();
+  for (int i = 0; i < kScaleStops; ++i)
+    stops.push_back(HexColour(colour(from + (to - from) * i / (kScaleStops - 1))));
+  return stops;
+}
+
+Json Boxes(const Structure& structure) {
+  Json boxes = Json::array();
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    const Box& box = structure.boxes()[b];
+    Json sides = Json::array();
+    for (const Side& side : structure.sides()) {
+      if (side.box != static_cast<int>(b)) continue;
+      sides.push_back({{"name", side.name},
+                       {"label", side.label},
+                       {"centre", ToJson(side.centre)},
+                       {"u", ToJson(side.half_u * side.axis_u)},
+                       {"v", ToJson(side.half_v * side.axis_v)}});
+    }
+    boxes.push_back({{"name", box.name},
+                     {"size_m", ToJson(box.size)},
+                     {"structure_from_box", ToRows(box.structure_from_box)},
+                     {"sides", std::move(sides)}});
+  }
+  return boxes;
+}
+
+std::vector<std::string> Lines(const std::string& text) {
+  std::vector<std::string> lines = Split(text, '\n');
+  lines.erase(std::remove(lines.begin(), lines.end(), ""), lines.end());
+  return lines;
+}
+
+}  // namespace
+
+Json ReportFrameJson(const ReportFrame& frame) {
+  const FramePanels& panels = frame.panels;
+  Json json = {{"sensor", frame.sensor},          {"width", panels.depth.width()},
+               {"height", panels.depth.height()}, {"near_m", panels.near_m},
+               {"far_m", panels.far_m},           {"labels", panels.shown_labels}};
+  Json& pictures = json["pictures"] = Json::object();
+  pictures["depth"] = PngDataUri(panels.depth);
+  pictures["labels"] = PngDataUri(panels.labels);
+  if (!panels.model.empty()) pictures["model"] = PngDataUri(panels.model);
+  if (!panels.residual.empty()) pictures["residual"] = PngDataUri(panels.residual);
+  if (!frame.cloud.empty()) {
+    EncodedCloud cloud = EncodeCloud(frame.cloud);
+    json["cloud"] = {{"count", cloud.count},
+                     {"positions", std::move(cloud.positions)},
+                     {"labels", std::move(cloud.labels)},
+                     {"residuals", std::move(cloud.residuals)}};
+  }
+  return json;
+}
+
+Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>& stills,
+                   const std::string& notes, const ReportRun& run) {
+  Json payload;
+  payload["format"] = "volalign.report/1";
+  payload["command"] = run.command;
+  payload["options"] = run.options;
+  payload["notes"] = Lines(notes);
+  payload["extrinsics"] = ExtrinsicsJson(extrinsics, "report.html");
+  payload["labels"] = stills.empty() ? Json::array() : Labels(stills[0].built);
+  payload["depth_colours"] = Scale(DepthColour, 0, 1);
+  payload["residual_colours"] = Scale(SignedColour, -1, 1);
+  payload["residual_scale_m"] = kResidualScale;
+  payload["point_step_m"] = kPointStep;
+  payload["residual_step_m"] = kResidualStep;
+  payload["no_residual"] = kNoResidual;
+  Json& parts = payload["stills"] = Json::array();
+  for (const ReportStill& still : stills) {
+    parts.push_back(
+        {{"name", still.name}, {"boxes", Boxes(still.built)}, {"frames", still.frames}});
+  }
+  return payload;
+}
+
+}  // namespace volalign

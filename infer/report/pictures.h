@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+#include "core/base/image.h"
+#include "core/geometry/structure.h"
+#include "infer/calib/result.h"
+#include "infer/report/panels.h"
+
+namespace volalign {
+
+/// 0 to 1 as 0 to 255.
+LabelImage ConfidenceImage(const Image<float>& confidence);
+
+/// A frame's panels side by side under the sensor's name, status and figures, each with its caption
+/// and its scale. `caption_labels`: a legend of the sides' colours below them.
+RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
+                       const Structure& structure, bool caption_labels);
+
+/// The sensors' pictures in `columns` columns, and one legend of the sides' colours below them all.
+RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, int columns,
+                         const Structure& structure);
+
+}  // namespace volalign

@@ -1,0 +1,285 @@
+#include "infer/report/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "infer/checks/verdict.h"
+#include "infer/refine/refine.h"
+
+namespace volalign {
+
+namespace {
+
+const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::string& a,
+                           const std::string& b) {
+  for (const PairResult& pair : pairs) {
+    if ((pair.a == a && pair.b == b) || (pair.a == b && pair.b == a)) return &pair;
+  }
+  return nullptr;
+}
+
+/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it.
+std::string OverlapTable(const CalibrationResult& result) {
+  constexpr std::size_t kWidest = 16;  // sensors
+  if (result.pairs.empty()) return "";
+  double worst = 0;
+  for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
+  std::string summary =
+      fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
+                  result.pairs.size() == 1 ? "" : "s", 1000 * worst);
+  std::vector<std::string> names;
+  std::size_t width = 5;
+  for (const FrameResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    names.push_back(sensor.name);
+    width = std::max(width, sensor.name.size());
+  }
+  if (names.size() > kWidest) return summary;
+  std::string text = fmt::format("{:<{}}", "", width);
+  for (const std::string& name : names) text += fmt::format("  {:>{}}", name, width);
+  text += "   overlap, % above the diagonal; RMS, mm below\n";
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += fmt::format("{:<{}}", names[i], width);
+    for (std::size_t j = 0; j < names.size(); ++j) {
+      const PairResult* pair = FindPair(result.pairs, names[i], names[j]);
+      std::string cell = i == j ? "." : "-";
+      if (pair && i < j) cell = fmt::format("{:.0f}", 100 * pair->overlap);
+      if (pair && i > j) cell = fmt::format("{:.1f}", 1000 * pair->rms_m);
+      text += fmt::format("  {:>{}}", cell, width);
+    }
+    text += '\n';
+  }
+  return text + summary;
+}
+
+std::string SensorRow(const FrameResult& sensor, std::size_t width) {
+  const std::string head =
+      fmt::format("{:<{}}  {:<6}", sensor.name, width, ToString(sensor.status));
+  if (!sensor.structure_from_sensor) return head + "\n";
+  std::string row = fmt::format(
+      "{}  {:>10}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
+      ToString(sensor.initial_source), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
+      1000 * sensor.sigma_position_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
+      100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
+  if (sensor.error) {
+    row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
+                       sensor.error->rotation_deg);
+  }
+  return row + "\n";
+}
+
+std::string SensorTable(const std::vector<FrameResult>& sensors) {
+  std::size_t width = 6;
+  bool truth = false;
+  for (const FrameResult& sensor : sensors) {
+    width = std::max(width, sensor.name.size());
+    truth = truth || sensor.error.has_value();
+  }
+  std::string text = fmt::format("{:<{}}  {:<6}  {:>10}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}",
+                                 "sensor", width, "status", "initial", "sides", "rms mm",
+                                 "sigma mm", "sigma deg", "inliers", "refined");
+  if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
+  text += '\n';
+  for (const FrameResult& sensor : sensors) text += SensorRow(sensor, width);
+  text +=
+      "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
+      "structure, of those within 10 cm;\nsigma: the largest standard deviation of the sensor's "
+      "position along an axis, and of its rotation about one;\ninliers: labelled points within 3 "
+      "cm; refined: no where the initial pose was kept";
+  if (truth) text += "; error: against the capture's ground truth";
+  return text + '\n';
+}
+
+/// Of a sensor that disagrees with the others.
+std::string BothPoses(const FrameResult& sensor) {
+  const auto place = [](const Pose& pose) {
+    const Eigen::Vector3d& t = pose.translation();
+    return fmt::format("({:.4f}, {:.4f}, {:.4f}) m", t.x(), t.y(), t.z());
+  };
+  const PoseError apart = ComparePoses(*sensor.together, *sensor.structure_from_sensor);
+  return fmt::format(
+      "{} stands at {} by what it saw itself, which counts; with the others it would stand at {}, "
+      "{:.1f} mm and {:.2f} deg from there (together in extrinsics.json)\n",
+      sensor.name, place(*sensor.structure_from_sensor), place(*sensor.together),
+      1000 * apart.translation_m, apart.rotation_deg);
+}
+
+std::string BothPosesOf(const std::vector<FrameResult>& sensors) {
+  std::string text;
+  for (const FrameResult& sensor : sensors) {
+    if (sensor.together) text += BothPoses(sensor);
+  }
+  return text;
+}
+
+/// Why sensors are not ok, and what their views leave open.
+std::string Reasons(const std::vector<FrameResult>& sensors) {
+  std::string text;
+  // What is said of several sensors is said once.
+  std::vector<char> said(sensors.size(), 0);
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const FrameResult& sensor = sensors[i];
+    if (sensor.status == SensorStatus::kOk || said[i]) continue;
+    std::string names = sensor.name;
+    for (std::size_t j = i + 1; j < sensors.size(); ++j) {
+      const FrameResult& other = sensors[j];
+      if (other.status != sensor.status || other.code != sensor.code ||
+          other.reason != sensor.reason || other.hint != sensor.hint)
+        continue;
+      said[j] = 1;
+      names += ", " + other.name;
+    }
+    text += fmt::format("{} {} {} ({}): {}; {}\n", names, names == sensor.name ? "is" : "are",
+                        ToString(sensor.status), ToString(sensor.code), sensor.reason, sensor.hint);
+  }
+  text += BothPosesOf(sensors);
+  for (const FrameResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    for (const std::string& direction : UnconstrainedDirections(sensor.covariance))
+      text += fmt::format("{} is hardly constrained {}\n", sensor.name, direction);
+  }
+  return text;
+}
+
+/// Rounded to so many digits, without the sign of a zero.
+double Rounded(double value, int digits) {
+  const double scale = std::pow(10, digits);
+  return std::round(value * scale) / scale + 0.0;
+}
+
+/// `where`: "in NAME: " of one of several stills.
+std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& boxes,
+                    const Structure& built) {
+  std::string text;
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const RefinedBox& box = boxes[b];
+    if (!box.estimated) continue;
+    text += fmt::format(
+        "{}box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
+        "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
+        where, built.boxes()[b].name, Rounded(1000 * box.x, 1), Rounded(1000 * box.z, 1),
+        Rounded(box.yaw * 180 / M_PI, 2), 1000 * box.sigma_x, 1000 * box.sigma_z,
+        box.sigma_yaw * 180 / M_PI);
+  }
+  return text;
+}
+
+std::string Boxes(const CalibrationResult& result) {
+  std::string text;
+  if (result.stills.empty()) text = BoxesIn("", result.boxes, result.built);
+  for (const StillResult& still : result.stills)
+    text += BoxesIn(fmt::format("in {}: ", still.name), still.boxes, still.built);
+  if (result.size_estimated) {
+    text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
+                        100 * result.size_scale, 100 * result.sigma_size_scale);
+  }
+  return text;
+}
+
+/// Of several stills, where the stack stood in each, and which sensors say so.
+std::string Placements(const CalibrationResult& result) {
+  std::string text;
+  for (std::size_t s = 0; s < result.stills.size(); ++s) {
+    const StillResult& still = result.stills[s];
+    std::string placed, others;
+    for (const FrameResult& sensor : still.sensors) {
+      if (sensor.structure_from_sensor) placed += (placed.empty() ? "" : ", ") + sensor.name;
+      if (sensor.status == SensorStatus::kOk) continue;
+      others +=
+          fmt::format("; {} {} ({})", sensor.name, ToString(sensor.status), ToString(sensor.code));
+    }
+    const Pose& pose = still.first_from_placement;
+    std::string where = "the stack stands where poses are given";
+    if (s > 0 && placed.empty()) where = "no sensor tells where the stack stood";
+    if (s > 0 && !placed.empty()) {
+      where = fmt::format(
+          "the stack stood {:+.3f} m along x, {:+.3f} m along y, {:+.3f} m along z from there, "
+          "turned by "
+          "{:.2f} deg (sigma {:.1f} mm, {:.3f} deg)",
+          pose.translation().x(), pose.translation().y(), pose.translation().z(),
+          std::atan2(pose.linear()(0, 2), pose.linear()(0, 0)) * 180 / M_PI,
+          1000 * SigmaTranslation(still.covariance).maxCoeff(),
+          SigmaRotationDeg(still.covariance).maxCoeff());
+    }
+    text += fmt::format("in {}: {}; by {}{}\n", still.name, where, placed.empty() ? "none" : placed,
+                        others);
+  }
+  return text;
+}
+
+const char* Words(LensSource source) {
+  switch (source) {
+    case LensSource::kGiven:
+      return "the given lens";
+    case LensSource::kKind:
+      return "the typical lens of its kind";
+    case LensSource::kRecognised:
+      return "the typical lens of a known kind, which floor and walls show";
+    case LensSource::kEstimated:
+      return "a lens estimated from this capture";
+  }
+  return "";
+}
+
+/// Of the sensors whose intrinsics are not those given.
+std::string Lenses(const std::vector<FrameResult>& sensors) {
+  std::string text;
+  for (const FrameResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor || sensor.lens.source == LensSource::kGiven) continue;
+    const double moved = LargestShift(sensor.intrinsics_given, sensor.intrinsics);
+    if (!(moved > 0)) continue;
+    text += fmt::format(
+        "{}: through {}, focal length x {:.4f}; pixels lie up to {:.1f} px from where the given "
+        "intrinsics have them\n",
+        sensor.name, Words(sensor.lens.source), sensor.intrinsics.fx / sensor.intrinsics_given.fx,
+        moved);
+  }
+  return text;
+}
+
+std::string Solution(const SolveReport& solve) {
+  if (solve.rounds == 0) return "";
+  return fmt::format(
+      "the joint solution has {}settled after {} rounds: the last one moved sensors by up to "
+      "{:.1f} "
+      "mm{}, the last change of a lens pictures by up to {:.1f} px\n",
+      solve.settled ? "" : "not ", solve.rounds, 1000 * solve.moved_m,
+      solve.converged ? "" : " and did not converge", solve.moved_px);
+}
+
+std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s) {
+  std::string text;
+  for (const auto& [stage, seconds] : timings_s) {
+    text += fmt::format("{} {} {:.2f}", text.empty() ? "seconds:" : ",", stage, seconds);
+  }
+  return text.empty() ? text : text + "\n";
+}
+
+}  // namespace
+
+std::string FormatNotes(const CalibrationResult& result) {
+  return BothPosesOf(result.sensors) + Placements(result) + Lenses(result.sensors);
+}
+
+std::string FormatReport(const CalibrationResult& result) {
+  std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +
+                     Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
+  if (result.metrics) {
+    text += fmt::format(
+        "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
+        1000 * result.metrics->d1, 1000 * result.metrics->d2);
+  }
+  text += Solution(result.solve) + Seconds(result.timings_s);
+  text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
+                      result.sensors.size(), ToString(result.verdict()));
+  if (result.assembly && result.assembly->altered()) {
+    text += fmt::format(": {}", result.assembly->arrangement.sentence);
+  }
+  return text + "\n";
+}
+
+}  // namespace volalign

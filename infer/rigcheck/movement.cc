@@ -1,0 +1,286 @@
+#include "infer/rigcheck/movement.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <unsupported/Eigen/SpecialFunctions>
+#include <utility>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr int kFreedoms = 6;  // of a pose
+constexpr double kDegrees = 180 / M_PI;
+constexpr double kPower = 1.645;  // standard deviations that 95 % of a normal distribution exceed
+constexpr int kMotionIterations = 4;
+
+/// Of a square of `kFreedoms` standard normal numbers: the probability of more than `square`.
+double ChiSquareTail(double square) {
+  return Eigen::numext::igammac(0.5 * kFreedoms, 0.5 * std::max(square, 0.0));
+}
+
+/// The same where the variance is the one that `freedoms` others show, by which the square was
+/// divided.
+double FTail(double square, double freedoms) {
+  return Eigen::numext::betainc(0.5 * freedoms, 0.5 * kFreedoms,
+                                freedoms / (freedoms + std::max(square, 0.0)));
+}
+
+/// Two poses of one sensor, and what one motion of the structure makes of them.
+struct PosePair {
+  const SensorEstimate* last;
+  const SensorEstimate* now;
+
+  Pose Now(const Pose& last_from_now) const { return last_from_now * now->structure_from_sensor; }
+  Vector6d Difference(const Pose& last_from_now) const {
+    return LeftDifference(Now(last_from_now), last->structure_from_sensor);
+  }
+  Matrix6d NowCovariance(const Pose& last_from_now) const {
+    const Matrix6d turn = Adjoint(last_from_now);
+    return turn * now->covariance * turn.transpose();
+  }
+  Matrix6d Covariance(const Pose& last_from_now) const {
+    return last->covariance + NowCovariance(last_from_now);
+  }
+};
+
+double Square(const Vector6d& difference, const Matrix6d& covariance) {
+  return difference.dot(covariance.ldlt().solve(difference));
+}
+
+/// What a set of sensors that stayed says about the structure's motion.
+struct Motion {
+  Pose last_from_now = Pose::Identity();
+  Matrix6d covariance = Matrix6d::Zero();
+  double squares = 0;  ///< of their differences, in standard deviations
+  std::size_t sensors = 0;
+
+  double freedoms() const { return kFreedoms * (static_cast<double>(sensors) - 1); }
+  double VarianceFactor(const MovementOptions& options) const {
+    if (sensors < 2) return 1;
+    return std::clamp(squares / freedoms(), options.least_variance_factor, 1.0);
+  }
+  /// Probability of a difference of a sensor that is none of them, if it stayed too. `square`: with
+  /// the covariances of both captures and of the motion.
+  double Probability(double square, const MovementOptions& options) const {
+    const double expected = ChiSquareTail(square);
+    const double factor = VarianceFactor(options);
+    return factor < 1 ? std::min(expected, FTail(square / factor, freedoms())) : expected;
+  }
+};
+
+using Set = std::vector<std::size_t>;
+
+Motion FitMotion(const std::vector<PosePair>& pairs, const Set& set, const Pose& start) {
+  Motion motion;
+  motion.last_from_now = start;
+  motion.sensors = set.size();
+  for (int iteration = 0; iteration <= kMotionIterations; ++iteration) {
+    Matrix6d information = Matrix6d::Zero();
+    Vector6d pull = Vector6d::Zero();
+    motion.squares = 0;
+    for (const std::size_t i : set) {
+      const Vector6d difference = pairs[i].Difference(motion.last_from_now);
+      const Matrix6d weight = pairs[i].Covariance(motion.last_from_now).inverse();
+      information += weight;
+      pull += weight * difference;
+      motion.squares += difference.dot(weight * difference);
+    }
+    motion.covariance = information.inverse();
+    if (iteration < kMotionIterations)
+      motion.last_from_now = PerturbLeft(motion.covariance * pull, motion.last_from_now);
+  }
+  return motion;
+}
+
+/// Probability that sensor i, which is none of the motion's, is so far from it by chance.
+double Probability(const std::vector<PosePair>& pairs, std::size_t i, const Motion& motion,
+                   const MovementOptions& options) {
+  const Matrix6d covariance = pairs[i].Covariance(motion.last_from_now) + motion.covariance;
+  return motion.Probability(Square(pairs[i].Difference(motion.last_from_now), covariance), options);
+}
+
+Set Without(const Set& set, std::size_t i) {
+  Set others;
+  std::copy_if(set.begin(), set.end(), std::back_inserter(others),
+               [i](std::size_t other) { return other != i; });
+  return others;
+}
+
+/// The sensors that agree with sensor `first` on one motion: the nearest, one by one, as long as
+/// there are any; then those among them that the others contradict go again.
+Set Agreeing(const std::vector<PosePair>& pairs, std::size_t first,
+             const MovementOptions& options) {
+  Set set{first};
+  Motion motion = FitMotion(
+      pairs, set,
+      pairs[first].last->structure_from_sensor * pairs[first].now->structure_from_sensor.inverse());
+  while (set.size() < pairs.size()) {
+    std::size_t nearest = pairs.size();
+    double best = options.false_alarm;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (std::find(set.begin(), set.end(), i) != set.end()) continue;
+      const double probability = Probability(pairs, i, motion, options);
+      if (probability > best) {
+        nearest = i;
+        best = probability;
+      }
+    }
+    if (nearest == pairs.size()) break;
+    set.push_back(nearest);
+    motion = FitMotion(pairs, set, motion.last_from_now);
+  }
+  std::sort(set.begin(), set.end());
+  while (set.size() > 2) {
+    std::pair<double, std::size_t> worst{1, 0};
+    for (const std::size_t i : set) {
+      const Motion others = FitMotion(pairs, Without(set, i), motion.last_from_now);
+      worst = std::min(worst, {Probability(pairs, i, others, options), i});
+    }
+    if (worst.first >= options.false_alarm) break;
+    set = Without(set, worst.second);
+  }
+  return set;
+}
+
+struct Sets {
+  Set stayed;     ///< in every largest set that agrees; empty if that is no more than half of all
+  Set contested;  ///< in some of these sets only
+};
+
+Sets LargestSets(const std::vector<PosePair>& pairs, const MovementOptions& options) {
+  std::vector<Set> largest;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    Set set = Agreeing(pairs, i, options);
+    if (!largest.empty() && set.size() < largest.front().size()) continue;
+    if (!largest.empty() && set.size() > largest.front().size()) largest.clear();
+    largest.push_back(std::move(set));
+  }
+  Sets sets;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto in =
+        static_cast<std::size_t>(std::count_if(largest.begin(), largest.end(), [i](const Set& set) {
+          return std::binary_search(set.begin(), set.end(), i);
+        }));
+    if (in == largest.size()) {
+      sets.stayed.push_back(i);
+    } else if (in > 0) {
+      sets.contested.push_back(i);
+    }
+  }
+  if (2 * sets.stayed.size() <= pairs.size() || sets.stayed.size() < 2) sets.stayed.clear();
+  return sets;
+}
+
+/// The square, in standard deviations, that a movement has in the mean so that the test finds it
+/// with 95 % probability. By the normal approximation of the noncentral chi-square distribution.
+double FoundSquare(const Motion& motion, const MovementOptions& options) {
+  double low = 0, high = 1e6;  // the square at which the test's probability is false_alarm
+  for (int i = 0; i < 100; ++i) {
+    const double middle = (low + high) / 2;
+    (motion.Probability(middle, options) > options.false_alarm ? low : high) = middle;
+  }
+  const double factor = motion.VarianceFactor(options), limit = high / factor;
+  // limit = k + l - p sqrt(2 (k + 2 l)), solved for l.
+  const double m = limit - kFreedoms, p2 = kPower * kPower;
+  return factor * (m + 2 * p2 + kPower * std::sqrt(4 * m + 4 * p2 + 2 * kFreedoms));
+}
+
+/// Standard deviation, m or rad, in the direction of a movement in which the test tells least:
+/// `directions` are its derivatives.
+double LargestSigma(const Matrix6d& information, const Eigen::Matrix<double, 6, 3>& directions) {
+  const Eigen::Matrix3d told = directions.transpose() * information * directions;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(told, Eigen::EigenvaluesOnly);
+  return 1 / std::sqrt(std::max(solver.eigenvalues()[0], 1e-12));
+}
+
+void CheckFinite(const SensorEstimate& sensor) {
+  if (sensor.structure_from_sensor.matrix().allFinite() && sensor.covariance.allFinite()) return;
+  throw DataError(
+      fmt::format("sensor \"{}\": its pose or its covariance is not finite", sensor.name));
+}
+
+std::vector<PosePair> PairUp(const std::vector<SensorEstimate>& last,
+                             const std::vector<SensorEstimate>& now) {
+  std::vector<PosePair> pairs;
+  for (const SensorEstimate& sensor : last) {
+    const auto found = std::find_if(now.begin(), now.end(), [&](const SensorEstimate& other) {
+      return other.name == sensor.name;
+    });
+    if (found == now.end()) continue;
+    CheckFinite(sensor);
+    CheckFinite(*found);
+    pairs.push_back({&sensor, &*found});
+  }
+  return pairs;
+}
+
+/// A sensor against the motion of those that stayed, without itself.
+SensorMovement Compare(const PosePair& pair, const Motion& others, Movement movement,
+                       const MovementOptions& options) {
+  SensorMovement out;
+  out.name = pair.last->name;
+  out.movement = movement;
+  const Pose& last = pair.last->structure_from_sensor;
+  out.structure_from_sensor = pair.Now(others.last_from_now);
+  out.covariance = pair.NowCovariance(others.last_from_now) + others.covariance;
+  const PoseError moved = ComparePoses(last, out.structure_from_sensor);
+  out.translation_m = moved.translation_m;
+  out.rotation_deg = moved.rotation_deg;
+  const Matrix6d covariance = pair.last->covariance + out.covariance;
+  const Vector6d difference = pair.Difference(others.last_from_now);
+  out.probability = others.Probability(Square(difference, covariance), options);
+  const Matrix6d information = covariance.inverse();
+  const double found = std::sqrt(FoundSquare(others, options));
+  Eigen::Matrix<double, 6, 3> shift = Eigen::Matrix<double, 6, 3>::Zero(), turn = shift;
+  shift.topRows<3>().setIdentity();
+  turn.topRows<3>() = Cross(last.translation());
+  turn.bottomRows<3>().setIdentity();
+  out.found_from_m = found * LargestSigma(information, shift);
+  out.found_from_deg = found * LargestSigma(information, turn) * kDegrees;
+  return out;
+}
+
+}  // namespace
+
+const char* ToString(Movement movement) {
+  constexpr const char* kWords[] = {"stayed", "moved", "undecided"};
+  return kWords[static_cast<int>(movement)];
+}
+
+Movements FindMovements(const std::vector<SensorEstimate>& last,
+                        const std::vector<SensorEstimate>& now, const MovementOptions& options) {
+  const std::vector<PosePair> pairs = PairUp(last, now);
+  Movements result;
+  const auto [stayed, contested] = LargestSets(pairs, options);
+  if (stayed.empty()) {
+    for (const PosePair& pair : pairs)
+      result.sensors.push_back({pair.last->name, Movement::kUndecided});
+    return result;
+  }
+  const PosePair& one = pairs[stayed.front()];
+  const Motion motion = FitMotion(
+      pairs, stayed, one.last->structure_from_sensor * one.now->structure_from_sensor.inverse());
+  result.last_from_now = motion.last_from_now;
+  result.covariance = motion.covariance;
+  result.variance_factor = motion.VarianceFactor(options);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const bool is_of_motion = std::binary_search(stayed.begin(), stayed.end(), i);
+    const bool is_contested = std::binary_search(contested.begin(), contested.end(), i);
+    result.sensors.push_back(Compare(
+        pairs[i],
+        is_of_motion ? FitMotion(pairs, Without(stayed, i), motion.last_from_now) : motion,
+        is_of_motion ? Movement::kStayed : (is_contested ? Movement::kUndecided : Movement::kMoved),
+        options));
+  }
+  return result;
+}
+
+}  // namespace volalign

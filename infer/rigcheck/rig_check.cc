@@ -1,0 +1,276 @@
+#include "infer/rigcheck/rig_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/json/json_archive.h"
+
+namespace volalign {
+
+namespace {
+
+using Sensor = Extrinsics::Sensor;
+
+const Sensor* Find(const Extrinsics& extrinsics, const std::string& name) {
+  const auto found = std::find_if(extrinsics.sensors.begin(), extrinsics.sensors.end(),
+                                  [&](const Sensor& sensor) { return sensor.name == name; });
+  return found == extrinsics.sensors.end() ? nullptr : &*found;
+}
+
+/// Whether a sensor has what a comparison needs.
+bool Stands(const Sensor& sensor) {
+  return sensor.structure_from_sensor && sensor.covariance.allFinite();
+}
+
+std::vector<SensorEstimate> Standing(const Extrinsics& extrinsics) {
+  std::vector<SensorEstimate> standing;
+  for (const Sensor& sensor : extrinsics.sensors) {
+    if (Stands(sensor))
+      standing.push_back({sensor.name, *sensor.structure_from_sensor, sensor.covariance});
+  }
+  return standing;
+}
+
+/// Why a sensor has no pose to compare, "" if it has. `when`: "now" or "last time".
+std::string Lacks(const Sensor* sensor, const std::string& when) {
+  if (!sensor) return fmt::format("the rig does not have it {}", when);
+  if (!sensor->structure_from_sensor) {
+    return fmt::format("it is failed {} ({}): {}", when, ToString(sensor->code), sensor->reason);
+  }
+  return Stands(*sensor) ? "" : fmt::format("its uncertainty {} is not known", when);
+}
+
+void TurnInto(const Pose& last_from_now, Sensor* sensor) {
+  sensor->initial = last_from_now * sensor->initial;
+  if (sensor->together) sensor->together = last_from_now * *sensor->together;
+  sensor->structure_from_sensor = last_from_now * *sensor->structure_from_sensor;
+}
+
+/// Names of what UpdateExtrinsics takes from the new capture.
+std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
+                                 const RigCheck& check) {
+  std::vector<std::string> names;
+  for (const SensorMovement& sensor : check.movements.sensors) {
+    if (sensor.movement == Movement::kMoved) names.push_back(sensor.name);
+  }
+  for (const Sensor& sensor : now.sensors) {
+    const Sensor* before = Find(last, sensor.name);
+    if (Stands(sensor) && !(before && Stands(*before))) names.push_back(sensor.name);
+  }
+  return names;
+}
+
+bool Contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string Table(const Movements& movements) {
+  std::size_t width = 6;
+  for (const SensorMovement& sensor : movements.sensors)
+    width = std::max(width, sensor.name.size());
+  std::string text = fmt::format("{:<{}}  {:<9}  {:>8}  {:>7}  {:>11}  {:>8}  {:>8}\n", "sensor",
+                                 width, "now", "apart mm", "deg", "probability", "found mm", "deg");
+  for (const SensorMovement& sensor : movements.sensors) {
+    text += fmt::format("{:<{}}  {:<9}", sensor.name, width, ToString(sensor.movement));
+    if (movements.last_from_now) {
+      text += fmt::format("  {:>8.1f}  {:>7.3f}  {:>11.2g}  {:>8.0f}  {:>8.2f}",
+                          1000 * sensor.translation_m, sensor.rotation_deg, sensor.probability,
+                          1000 * sensor.found_from_m, sensor.found_from_deg);
+    }
+    text += '\n';
+  }
+  return text +
+         "apart: between its two poses; probability: of so much or more by the errors of both "
+         "calibrations; found: a movement or a turn of it in any direction is found with 95 % "
+         "probability from here on\n";
+}
+
+/// "KA04 moved 12.1 mm, 0.62 deg"
+std::string Moved(const SensorMovement& sensor) {
+  return fmt::format("{} moved {:.1f} mm, {:.2f} deg", sensor.name, 1000 * sensor.translation_m,
+                     sensor.rotation_deg);
+}
+
+std::string Sentence(const Movements& movements) {
+  if (!movements.last_from_now) {
+    return movements.sensors.size() == 1
+               ? "whether the one sensor moved or the stack cannot be told; it takes two sensors\n"
+               : "something moved, and no more than half of the sensors agree with each other: "
+                 "which ones moved cannot be told\n";
+  }
+  std::string moved, undecided;
+  std::size_t stayed = 0;
+  double apart_m = 0, apart_deg = 0, found_m = 0, found_deg = 0;
+  for (const SensorMovement& sensor : movements.sensors) {
+    if (sensor.movement == Movement::kMoved) {
+      moved += (moved.empty() ? "" : "; ") + Moved(sensor);
+    } else if (sensor.movement == Movement::kUndecided) {
+      undecided += (undecided.empty() ? "" : ", ") + sensor.name;
+    } else {
+      ++stayed;
+      apart_m = std::max(apart_m, sensor.translation_m);
+      apart_deg = std::max(apart_deg, sensor.rotation_deg);
+      found_m = std::max(found_m, sensor.found_from_m);
+      found_deg = std::max(found_deg, sensor.found_from_deg);
+    }
+  }
+  std::string text;
+  if (!moved.empty()) text += moved + "; ";
+  if (!undecided.empty()) {
+    text += fmt::format("of {} some moved, but which of them cannot be told; ", undecided);
+  }
+  text += fmt::format("{} {} agree within {:.1f} mm, {:.2f} deg\n",
+                      text.empty() ? "nothing moved: all" : "the other", stayed, 1000 * apart_m,
+                      apart_deg);
+  return text + fmt::format(
+                    "a movement of {:.0f} mm or {:.2f} deg of any of these would have been "
+                    "found (95 %)\n",
+                    1000 * found_m, found_deg);
+}
+
+}  // namespace
+
+template <class Archive>
+void Describe(Archive& ar, SensorMovement& sensor) {
+  std::string movement = ToString(sensor.movement);
+  ar("name", sensor.name);
+  ar("movement", movement);
+  ar("translation_m", sensor.translation_m);
+  ar("rotation_deg", sensor.rotation_deg);
+  ar("probability", sensor.probability);
+  ar("found_from_m", sensor.found_from_m);
+  ar("found_from_deg", sensor.found_from_deg);
+  ar("structure_from_sensor", sensor.structure_from_sensor);
+  ar("covariance", sensor.covariance);
+}
+
+template <class Archive>
+void Describe(Archive& ar, RigCheck::NotCompared& sensor) {
+  ar("name", sensor.name);
+  ar("reason", sensor.reason);
+}
+
+template <class Archive>
+void Describe(Archive& ar, RigCheck& check) {
+  ar.Constant("format", kRigCheckFormat);
+  ar("tool", check.tool);
+  ar("last", check.last);
+  ar.OneOrList("capture", check.captures);
+  ar("same_structure", check.same_structure);
+  ar.Optional("last_from_now", check.movements.last_from_now);
+  ar("variance_factor", check.movements.variance_factor);
+  ar("sensors", check.movements.sensors);
+  ar("not_compared", check.not_compared);
+}
+
+bool RigCheck::MovedBeyond(double translation_m, double rotation_deg) const {
+  return std::any_of(
+      movements.sensors.begin(), movements.sensors.end(), [&](const SensorMovement& sensor) {
+        return sensor.movement == Movement::kUndecided ||
+               (sensor.movement == Movement::kMoved &&
+                (sensor.translation_m > translation_m || sensor.rotation_deg > rotation_deg));
+      });
+}
+
+RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Extrinsics& now,
+                  const MovementOptions& options) {
+  RigCheck check;
+  check.tool = now.tool;
+  check.last = last_file;
+  check.captures = now.captures;
+  check.same_structure = last.structure.sha256 == now.structure.sha256;
+  for (const Sensor& sensor : last.sensors) {
+    std::string reason = Lacks(&sensor, "last time");
+    if (reason.empty()) reason = Lacks(Find(now, sensor.name), "now");
+    if (!reason.empty()) check.not_compared.push_back({sensor.name, reason});
+  }
+  bool common = false;
+  for (const Sensor& sensor : now.sensors) {
+    common = common || Find(last, sensor.name);
+    if (!Find(last, sensor.name))
+      check.not_compared.push_back({sensor.name, Lacks(nullptr, "last time")});
+  }
+  if (!common) {
+    throw DataError(fmt::format(
+        "{} and the capture have no sensor of the same name in common: they are two rigs",
+        last_file));
+  }
+  check.movements = FindMovements(Standing(last), Standing(now), options);
+  return check;
+}
+
+void WriteRigCheck(const std::filesystem::path& path, const RigCheck& check) {
+  WriteFileAtomically(path, WriteDescribed(check, path.string(), 2));
+}
+
+std::string FormatRigCheck(const RigCheck& check) {
+  std::string text = Table(check.movements);
+  for (const RigCheck::NotCompared& sensor : check.not_compared)
+    text += fmt::format("{} is not compared: {}\n", sensor.name, sensor.reason);
+  if (!check.same_structure) {
+    text +=
+        "the structure is described otherwise than last time; only the sensors are compared, "
+        "with each other\n";
+  }
+  if (check.movements.sensors.empty()) return text + "nothing can be compared\n";
+  if (const std::optional<Pose>& moved = check.movements.last_from_now) {
+    text += fmt::format("the stack stands {:.0f} mm and {:.1f} deg from where it stood\n",
+                        1000 * moved->translation().norm(),
+                        ComparePoses(Pose::Identity(), *moved).rotation_deg);
+  }
+  return text + Sentence(check.movements);
+}
+
+Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const RigCheck& check) {
+  const Movements& movements = check.movements;
+  if (!movements.last_from_now || std::any_of(movements.sensors.begin(), movements.sensors.end(),
+                                              [](const SensorMovement& sensor) {
+                                                return sensor.movement == Movement::kUndecided;
+                                              })) {
+    throw DataError("which sensors moved cannot be told, so none can be updated; calibrate anew");
+  }
+  const std::vector<std::string> updated = Updated(last, now, check);
+  Extrinsics out = last;
+  out.tool = now.tool;
+  const Matrix6d turn = Adjoint(*movements.last_from_now);
+  for (const std::string& name : updated) {
+    Sensor sensor = *Find(now, name);
+    sensor.covariance = turn * sensor.covariance * turn.transpose() + movements.covariance;
+    TurnInto(*movements.last_from_now, &sensor);
+    sensor.error.reset();
+    sensor.initial_error.reset();
+    const auto before = std::find_if(out.sensors.begin(), out.sensors.end(),
+                                     [&](const Sensor& other) { return other.name == name; });
+    if (before == out.sensors.end()) {
+      out.sensors.push_back(std::move(sensor));
+    } else {
+      *before = std::move(sensor);
+    }
+  }
+  out.verdict = SensorStatus::kOk;
+  for (const Sensor& sensor : out.sensors) out.verdict = std::max(out.verdict, sensor.status);
+  const auto is_of_updated = [&](const PairResult& pair) {
+    return Contains(updated, pair.a) || Contains(updated, pair.b);
+  };
+  out.pairs.erase(std::remove_if(out.pairs.begin(), out.pairs.end(), is_of_updated),
+                  out.pairs.end());
+  std::copy_if(now.pairs.begin(), now.pairs.end(), std::back_inserter(out.pairs), is_of_updated);
+  out.metrics.reset();
+  out.timings_s = now.timings_s;
+  out.captures.insert(out.captures.end(), now.captures.begin(), now.captures.end());
+  for (Extrinsics::Placement placement : now.placements) {
+    placement.first_from_placement = *movements.last_from_now * placement.first_from_placement;
+    placement.covariance = turn * placement.covariance * turn.transpose() + movements.covariance;
+    placement.sigma_translation_m = SigmaTranslation(placement.covariance);
+    placement.sigma_rotation_deg = SigmaRotationDeg(placement.covariance);
+    out.placements.push_back(std::move(placement));
+  }
+  return out;
+}
+
+}  // namespace volalign

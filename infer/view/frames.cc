@@ -1,0 +1,21 @@
+#include "infer/view/frames.h"
+
+#include <algorithm>
+
+namespace volalign {
+
+CaptureSet::CaptureSet(std::vector<Still> stills_in, Structure structure_in)
+    : stills(std::move(stills_in)), structure(std::move(structure_in)) {
+  std::vector<std::vector<std::size_t>> numbers;
+  for (const Still& still : stills) {
+    std::vector<std::size_t>& of_still = numbers.emplace_back();
+    for (const SensorFrame& frame : still.frames) {
+      const auto known = std::find(sensors.begin(), sensors.end(), frame.name);
+      of_still.push_back(static_cast<std::size_t>(known - sensors.begin()));
+      if (known == sensors.end()) sensors.push_back(frame.name);
+    }
+  }
+  sensor_of = PerFrame<std::size_t>(std::move(numbers));
+}
+
+}  // namespace volalign

@@ -1,0 +1,157 @@
+#include "render/egl/egl_context.h"
+
+#include <epoxy/egl.h>
+#include <epoxy/gl.h>
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "core/base/error.h"
+
+namespace volalign {
+namespace {
+
+struct Display {
+  EGLDisplay handle = EGL_NO_DISPLAY;
+  std::string platform;
+};
+
+bool HasExtension(const char* list, const std::string& name) {
+  if (list == nullptr) return false;
+  const std::string padded = " " + std::string(list) + " ";
+  return padded.find(" " + name + " ") != std::string::npos;
+}
+
+std::vector<EGLDeviceEXT> HardwareDevices() {
+  const char* client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
+  if (!HasExtension(client, "EGL_EXT_platform_device") ||
+      !(HasExtension(client, "EGL_EXT_device_enumeration") ||
+        HasExtension(client, "EGL_EXT_device_base"))) {
+    return {};
+  }
+  EGLint count = 0;
+  if (!eglQueryDevicesEXT(0, nullptr, &count) || count <= 0) return {};
+  std::vector<EGLDeviceEXT> all(static_cast<std::size_t>(count));
+  if (!eglQueryDevicesEXT(count, all.data(), &count)) return {};
+  all.resize(static_cast<std::size_t>(count));
+  std::vector<EGLDeviceEXT> hardware;
+  for (EGLDeviceEXT device : all) {
+    const char* extensions = eglQueryDeviceStringEXT(device, EGL_EXTENSIONS);
+    if (!HasExtension(extensions, "EGL_MESA_device_software")) hardware.push_back(device);
+  }
+  return hardware;
+}
+
+EGLDisplay Initialised(EGLDisplay display) {
+  EGLint major = 0, minor = 0;
+  if (display == EGL_NO_DISPLAY || !eglInitialize(display, &major, &minor) ||
+      !eglBindAPI(EGL_OPENGL_API)) {
+    return EGL_NO_DISPLAY;
+  }
+  return display;
+}
+
+EGLContext TryContext(EGLDisplay display) {
+  static const EGLint kConfig[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE,
+                                   EGL_OPENGL_BIT, EGL_NONE};
+  EGLConfig config = nullptr;
+  EGLint count = 0;
+  if (!eglChooseConfig(display, kConfig, &config, 1, &count) || count < 1) {
+    config = EGL_NO_CONFIG_KHR;
+  }
+  static const EGLint kContext[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                    4,
+                                    EGL_CONTEXT_MINOR_VERSION,
+                                    5,
+                                    EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                    EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                    EGL_NONE};
+  eglBindAPI(EGL_OPENGL_API);
+  return eglCreateContext(display, config, EGL_NO_CONTEXT, kContext);
+}
+
+/// Displays that were initialised by this process; guarded by `mutex`.
+struct DisplayTable {
+  std::mutex mutex;
+  std::map<EGLDeviceEXT, Display> displays;  // key nullptr: surfaceless Mesa
+};
+
+DisplayTable& Displays() {
+  static auto* const table = new DisplayTable;  // outlives every thread
+  return *table;
+}
+
+/// `device` null: the surfaceless one.
+Display DisplayOf(DisplayTable& table, EGLDeviceEXT device) {
+  auto [it, is_new] = table.displays.try_emplace(device);
+  Display& display = it->second;
+  if (!is_new) return display;
+  display.platform = device ? "EGL device platform" : "EGL surfaceless platform";
+  if (device) {
+    display.handle =
+        Initialised(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, device, nullptr));
+  } else if (HasExtension(eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS),
+                          "EGL_MESA_platform_surfaceless")) {
+    display.handle = Initialised(
+        eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+  }
+  return display;
+}
+
+}  // namespace
+
+EglContext::EglContext(const EglContextOptions& options) {
+  const auto open = [this](const Display& display) {
+    if (display.handle == EGL_NO_DISPLAY) return;
+    EGLContext context = TryContext(display.handle);
+    if (context == EGL_NO_CONTEXT) return;
+    if (!eglMakeCurrent(display.handle, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
+      eglDestroyContext(display.handle, context);
+      return;
+    }
+    display_ = display.handle;
+    context_ = context;
+    platform_ = display.platform;
+  };
+  DisplayTable& table = Displays();
+  const std::lock_guard<std::mutex> lock(table.mutex);
+  const std::vector<EGLDeviceEXT> devices = HardwareDevices();
+  if (options.device >= static_cast<int>(devices.size())) {
+    throw IoError(fmt::format("EGL: device {} does not exist; there are {} hardware devices",
+                              options.device, devices.size()));
+  }
+  for (std::size_t i = 0; i < devices.size() && context_ == EGL_NO_CONTEXT; ++i) {
+    if (options.device >= 0 && static_cast<int>(i) != options.device) continue;
+    open(DisplayOf(table, devices[i]));
+  }
+  if (context_ == EGL_NO_CONTEXT && options.device >= 0) {
+    throw IoError(fmt::format(
+        "EGL: no OpenGL 4.5 context on device {}; use the default device, or check its driver",
+        options.device));
+  }
+  if (context_ == EGL_NO_CONTEXT) open(DisplayOf(table, nullptr));
+  if (context_ == EGL_NO_CONTEXT) {
+    throw IoError(
+        fmt::format("EGL: no device and no surfaceless display gives an OpenGL 4.5 context (EGL "
+                    "error {:#x}); install the Debian packages libegl1 and libgl1-mesa-dri",
+                    eglGetError()));
+  }
+}
+
+EglContext::~EglContext() {
+  eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  eglDestroyContext(display_, context_);
+  eglReleaseThread();
+}
+
+void KeepSoftwareRenderingOnOneThread() { setenv("LP_NUM_THREADS", "0", /*overwrite=*/0); }
+
+std::string EglContext::Describe() const {
+  return fmt::format("{}, OpenGL {}, {}", reinterpret_cast<const char*>(glGetString(GL_RENDERER)),
+                     reinterpret_cast<const char*>(glGetString(GL_VERSION)), platform_);
+}
+
+}  // namespace volalign

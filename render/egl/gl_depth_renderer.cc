@@ -1,0 +1,375 @@
+#include "render/egl/gl_depth_renderer.h"
+
+#include <epoxy/gl.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+using Vertex = FaceCorner;
+
+/// Lenses whose rays are kept, so that a pool's need not be inverted for each picture.
+constexpr std::size_t kMostPictures = 64;
+
+constexpr std::size_t kMostFaces = 65535;  // 16 bits of a pixel name its face
+
+// Window row 0 is image row 0, so no picture is ever flipped; z is reversed and infinite (1 at
+// kNear, 0 at infinity).
+const char* const kVertexShader = R"(#version 450 core
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 inverse_plane;
+layout(location = 2) in vec2 z_range;
+layout(location = 3) in uint id;
+uniform vec4 projection;  // 2 fx / W, 2 fy / H, 2 (cx + .5) / W - 1, 2 (cy + .5) / H - 1
+uniform float near;
+flat out vec3 plane;
+flat out vec2 limits;
+flat out uint face_id;
+void main() {
+  gl_Position = vec4(projection.xy * position.xy + projection.zw * position.z, near, position.z);
+  plane = inverse_plane;
+  limits = z_range;
+  face_id = id;
+}
+)";
+
+// Outside its polygon (vertices are snapped to 1/256 px) a plane seen edge-on may reach anywhere: z
+// stays in the face's range.
+const char* const kFragmentShader = R"(#version 450 core
+flat in vec3 plane;
+flat in vec2 limits;
+flat in uint face_id;
+uniform vec4 camera;  // 1 / fx, 1 / fy, cx + .5, cy + .5
+layout(location = 0) out float depth;
+layout(location = 1) out uint id;
+void main() {
+  vec2 ray = (gl_FragCoord.xy - camera.zw) * camera.xy;
+  float inverse = dot(plane, vec3(ray, 1.0));
+  depth = inverse > 0.0 ? clamp(1.0 / inverse, limits.x, limits.y) : limits.y;
+  id = face_id;
+}
+)";
+
+GLuint Compile(GLenum kind, const char* source) {
+  const GLuint shader = glCreateShader(kind);
+  glShaderSource(shader, 1, &source, nullptr);
+  glCompileShader(shader);
+  GLint ok = GL_FALSE;
+  glGetShaderiv(shader, GL_COMPILE_STATUS, &ok);
+  if (ok != GL_TRUE) {
+    char log[1024] = "";
+    glGetShaderInfoLog(shader, sizeof(log), nullptr, log);
+    glDeleteShader(shader);
+    throw Error(fmt::format("OpenGL: shader does not compile on {}: {}",
+                            reinterpret_cast<const char*>(glGetString(GL_RENDERER)), log));
+  }
+  return shader;
+}
+
+GLuint LinkProgram() {
+  const GLuint vertex = Compile(GL_VERTEX_SHADER, kVertexShader);
+  const GLuint fragment = Compile(GL_FRAGMENT_SHADER, kFragmentShader);
+  const GLuint program = glCreateProgram();
+  glAttachShader(program, vertex);
+  glAttachShader(program, fragment);
+  glLinkProgram(program);
+  glDeleteShader(vertex);
+  glDeleteShader(fragment);
+  GLint ok = GL_FALSE;
+  glGetProgramiv(program, GL_LINK_STATUS, &ok);
+  if (ok != GL_TRUE) {
+    char log[1024] = "";
+    glGetProgramInfoLog(program, sizeof(log), nullptr, log);
+    glDeleteProgram(program);
+    throw Error(fmt::format("OpenGL: program does not link on {}: {}",
+                            reinterpret_cast<const char*>(glGetString(GL_RENDERER)), log));
+  }
+  return program;
+}
+
+/// Rays of a pinhole camera as the shader has them, computed in float.
+RayTable FloatRays(const Intrinsics& k) {
+  RayTable table{k.width, k.height, {}};
+  table.rays.reserve(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
+  const auto fx = static_cast<float>(k.fx), cx = static_cast<float>(k.cx);
+  const auto fy = static_cast<float>(k.fy), cy = static_cast<float>(k.cy);
+  for (int v = 0; v < k.height; ++v) {
+    const float y = (static_cast<float>(v) - cy) / fy;
+    for (int u = 0; u < k.width; ++u) {
+      table.rays.emplace_back((static_cast<float>(u) - cx) / fx, y);
+    }
+  }
+  return table;
+}
+
+}  // namespace
+
+GlDepthRenderer::GlDepthRenderer() {
+  if (epoxy_gl_version() < 45) {
+    throw Error(
+        fmt::format("OpenGL: version {} is current, 4.5 is needed; make an EglContext first",
+                    epoxy_gl_version() / 10.0));
+  }
+  program_ = LinkProgram();
+  camera_location_ = glGetUniformLocation(program_, "camera");
+  projection_location_ = glGetUniformLocation(program_, "projection");
+  glUseProgram(program_);
+  glUniform1f(glGetUniformLocation(program_, "near"), static_cast<float>(kNear));
+  glGenVertexArrays(1, &vertex_array_);
+  glGenBuffers(1, &vertex_buffer_);
+  glGenBuffers(1, &index_buffer_);
+  glBindVertexArray(vertex_array_);
+  glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_);
+  // OpenGL takes the offset into a bound buffer as a pointer.
+  // NOLINTNEXTLINE(performance-no-int-to-ptr)
+  const auto offset = [](std::size_t bytes) { return reinterpret_cast<const void*>(bytes); };
+  constexpr GLsizei kStride = sizeof(Vertex);
+  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, position)));
+  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, inverse_plane)));
+  glVertexAttribPointer(2, 2, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, z_min)));
+  glVertexAttribIPointer(3, 1, GL_UNSIGNED_INT, kStride, offset(offsetof(Vertex, id)));
+  for (GLuint i = 0; i < 4; ++i) glEnableVertexAttribArray(i);
+  glGenFramebuffers(1, &framebuffer_);
+  GLint limit = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
+  max_size_ = limit;
+}
+
+GlDepthRenderer::~GlDepthRenderer() {
+  glDeleteFramebuffers(1, &framebuffer_);
+  glDeleteTextures(1, &depth_texture_);
+  glDeleteTextures(1, &id_texture_);
+  glDeleteRenderbuffers(1, &z_buffer_);
+  glDeleteBuffers(1, &vertex_buffer_);
+  glDeleteBuffers(1, &index_buffer_);
+  glDeleteVertexArrays(1, &vertex_array_);
+  glDeleteProgram(program_);
+}
+
+void GlDepthRenderer::Resize(int width, int height) {
+  if (width == width_ && height == height_) return;
+  glDeleteTextures(1, &depth_texture_);
+  glDeleteTextures(1, &id_texture_);
+  glDeleteRenderbuffers(1, &z_buffer_);
+  glGenTextures(1, &depth_texture_);
+  glBindTexture(GL_TEXTURE_2D, depth_texture_);
+  glTexStorage2D(GL_TEXTURE_2D, 1, GL_R32F, width, height);
+  glGenTextures(1, &id_texture_);
+  glBindTexture(GL_TEXTURE_2D, id_texture_);
+  glTexStorage2D(GL_TEXTURE_2D, 1, GL_R32UI, width, height);
+  glGenRenderbuffers(1, &z_buffer_);
+  glBindRenderbuffer(GL_RENDERBUFFER, z_buffer_);
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT32F, width, height);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, depth_texture_, 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, id_texture_, 0);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, z_buffer_);
+  const GLenum status = glCheckFramebufferStatus(GL_FRAMEBUFFER);
+  if (status != GL_FRAMEBUFFER_COMPLETE) {
+    width_ = height_ = 0;
+    throw Error(
+        fmt::format("OpenGL: no {}x{} framebuffer of R32F, R32UI and 32-bit depth (status {:#x})",
+                    width, height, status));
+  }
+  width_ = width;
+  height_ = height;
+}
+
+void GlDepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                                      const Pose& structure_from_sensor) {
+  vertices_.clear();
+  first_vertex_.resize(mesh.faces.size());
+  const Pose sensor_from_structure = structure_from_sensor.inverse();
+  const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
+  const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
+  const Eigen::Vector3d eye = structure_from_sensor.translation();
+  // Half-spaces x - left z >= 0 and so on, of the image's outer rim.
+  const float left = static_cast<float>((-0.5 - intrinsics.cx) / intrinsics.fx);
+  const float right = static_cast<float>((intrinsics.width - 0.5 - intrinsics.cx) / intrinsics.fx);
+  const float top = static_cast<float>((-0.5 - intrinsics.cy) / intrinsics.fy);
+  const float bottom =
+      static_cast<float>((intrinsics.height - 0.5 - intrinsics.cy) / intrinsics.fy);
+  constexpr float kNearF = static_cast<float>(kNear);
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    const SceneFace& face = mesh.faces[i];
+    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
+    if (h > -1e-6) continue;
+    std::array<Eigen::Vector3f, 4> p;
+    int outside[5] = {0, 0, 0, 0, 0};
+    float z_min = 1e9F, z_max = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      p[k] = rotation * face.corners[k] + translation;
+      const float z = p[k].z();
+      outside[0] += p[k].x() < left * z;
+      outside[1] += p[k].x() > right * z;
+      outside[2] += p[k].y() < top * z;
+      outside[3] += p[k].y() > bottom * z;
+      outside[4] += z < kNearF;
+      z_min = std::min(z_min, z);
+      z_max = std::max(z_max, z);
+    }
+    if (*std::max_element(outside, outside + 5) == 4) continue;
+    z_min = std::max(z_min, kNearF);
+    const Eigen::Vector3f inverse_plane =
+        (sensor_from_structure.linear() * face.normal / h).cast<float>();
+    const std::uint32_t id =
+        static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1);
+    // Room for the rounding of the corners themselves.
+    z_min -= 1e-5F;
+    z_max += 1e-5F;
+    first_vertex_[i] = static_cast<std::uint32_t>(vertices_.size());
+    for (std::size_t k = 0; k < 4; ++k) {
+      vertices_.push_back({p[k], inverse_plane, z_min, z_max, id});
+    }
+  }
+}
+
+void GlDepthRenderer::ClearTargets() {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+  const GLenum targets[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
+  glDrawBuffers(2, targets);
+  glViewport(0, 0, width_, height_);
+  glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_GREATER);
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_BLEND);
+  const GLfloat no_depth[] = {0, 0, 0, 0};
+  const GLuint no_id[] = {0, 0, 0, 0};
+  const GLfloat far[] = {0};
+  glClearBufferfv(GL_COLOR, 0, no_depth);
+  glClearBufferuiv(GL_COLOR, 1, no_id);
+  glClearBufferfv(GL_DEPTH, 0, far);
+}
+
+void GlDepthRenderer::SetCamera(const Intrinsics& intrinsics) {
+  glUseProgram(program_);
+  glUniform4f(camera_location_, static_cast<float>(1 / intrinsics.fx),
+              static_cast<float>(1 / intrinsics.fy), static_cast<float>(intrinsics.cx + 0.5),
+              static_cast<float>(intrinsics.cy + 0.5));
+  glUniform4f(projection_location_, static_cast<float>(2 * intrinsics.fx / intrinsics.width),
+              static_cast<float>(2 * intrinsics.fy / intrinsics.height),
+              static_cast<float>(2 * (intrinsics.cx + 0.5) / intrinsics.width - 1),
+              static_cast<float>(2 * (intrinsics.cy + 0.5) / intrinsics.height - 1));
+}
+
+void GlDepthRenderer::DrawVertices() {
+  glBindVertexArray(vertex_array_);
+  glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices_.size() * sizeof(Vertex)),
+               vertices_.data(), GL_STREAM_DRAW);
+  const std::size_t num_faces = vertices_.size() / 4;
+  if (num_faces > indexed_faces_) {
+    indexed_faces_ = std::max<std::size_t>(2 * num_faces, 1024);
+    std::vector<std::uint32_t> indices;
+    indices.reserve(6 * indexed_faces_);
+    for (std::uint32_t i = 0; i < indexed_faces_; ++i) {
+      for (const std::uint32_t k : {0U, 1U, 2U, 0U, 2U, 3U}) indices.push_back(4 * i + k);
+    }
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER,
+                 static_cast<GLsizeiptr>(indices.size() * sizeof(std::uint32_t)), indices.data(),
+                 GL_STATIC_DRAW);
+  }
+  glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(6 * num_faces), GL_UNSIGNED_INT, nullptr);
+}
+
+void GlDepthRenderer::ReadIds() {
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  ids_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
+  glReadBuffer(GL_COLOR_ATTACHMENT1);
+  glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
+}
+
+void GlDepthRenderer::ReadBack(RenderedView* view) {
+  ReadIds();
+  glReadBuffer(GL_COLOR_ATTACHMENT0);
+  glReadPixels(0, 0, width_, height_, GL_RED, GL_FLOAT, view->depth.data());
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    view->labels[i] = static_cast<std::uint8_t>(ids_[i] >> 16);
+    view->faces[i] = static_cast<std::uint16_t>(ids_[i]);
+  }
+}
+
+const LensPicture& GlDepthRenderer::PictureOf(const Intrinsics& lens) {
+  const auto known = std::find_if(pictures_.begin(), pictures_.end(),
+                                  [&](const LensPicture& p) { return p.lens == lens; });
+  if (known != pictures_.end()) return *known;
+  if (pictures_.size() == kMostPictures) pictures_.erase(pictures_.begin());
+  pictures_.push_back(PlanLensPicture(lens));
+  return pictures_.back();
+}
+
+void GlDepthRenderer::DrawPinhole(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                                  const Pose& structure_from_sensor) {
+  const int width = intrinsics.width, height = intrinsics.height;
+  if (width <= 0 || height <= 0 || width > max_size_ || height > max_size_) {
+    throw Error(fmt::format("DepthRenderer: image size {}x{} violates 1 <= size <= {}", width,
+                            height, max_size_));
+  }
+  if (mesh.faces.size() > kMostFaces) {
+    throw Error(fmt::format("DepthRenderer: {} faces violate faces <= {}; draw fewer objects",
+                            mesh.faces.size(), kMostFaces));
+  }
+  Resize(width, height);
+  CollectVertices(mesh, intrinsics, structure_from_sensor);
+  ClearTargets();
+  SetCamera(intrinsics);
+  DrawVertices();
+}
+
+void GlDepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                             const Pose& structure_from_sensor, RenderedView* view) {
+  if (view->depth.width() != intrinsics.width || view->depth.height() != intrinsics.height ||
+      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
+    view->depth = DepthImage(intrinsics.width, intrinsics.height);
+    view->labels = LabelImage(intrinsics.width, intrinsics.height);
+    view->faces = Image16(intrinsics.width, intrinsics.height);
+  }
+  if (intrinsics.distortion.empty()) {
+    DrawPinhole(mesh, intrinsics, structure_from_sensor);
+    ReadBack(view);
+    view->rays = FloatRays(intrinsics);
+  } else {
+    const LensPicture& picture = PictureOf(intrinsics);
+    DrawPinhole(mesh, picture.pinhole, structure_from_sensor);
+    ReadIds();
+    DrawThroughLens(picture, ids_, vertices_, first_vertex_, view);
+  }
+  const GLenum error = glGetError();
+  if (error != GL_NO_ERROR) {
+    throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error,
+                            vertices_.size() / 4, width_, height_));
+  }
+}
+
+namespace {
+
+class RendererWithContext : public DepthRenderer {
+ public:
+  explicit RendererWithContext(const EglContextOptions& options) : egl_(options) {}
+  void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+              const Pose& structure_from_sensor, RenderedView* view) override {
+    renderer_.Render(mesh, intrinsics, structure_from_sensor, view);
+  }
+
+ private:
+  EglContext egl_;
+  GlDepthRenderer renderer_;  // destroyed first
+};
+
+}  // namespace
+
+RendererFactory GlRenderers(const EglContextOptions& options) {
+  return [options] { return std::make_unique<RendererWithContext>(options); };
+}
+
+}  // namespace volalign

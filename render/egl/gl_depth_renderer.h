@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "render/depth_renderer.h"
+#include "render/egl/egl_context.h"
+#include "render/lens_picture.h"
+#include "render/scene_mesh.h"
+
+namespace volalign {
+
+/// Draws depth, labels and face indices in one pass. Owns GL objects: needs a current OpenGL 4.5
+/// context (EglContext) from construction to destruction, always the same one.
+///
+/// Depth does not depend on how the rasteriser interpolates: every face carries its plane n . p = h
+/// in the sensor frame, and a pixel's depth is z = 1 / ((n / h) . ((u - cx) / fx, (v - cy) / fy,
+/// 1)), exact to float rounding. So it is with a lens, by the ray of the pixel (LensPicture).
+class GlDepthRenderer : public DepthRenderer {
+ public:
+  GlDepthRenderer();
+  ~GlDepthRenderer();
+  GlDepthRenderer(const GlDepthRenderer&) = delete;
+  GlDepthRenderer& operator=(const GlDepthRenderer&) = delete;
+
+  /// The limit of size is the GL's; with a lens, of its whole field of view.
+  void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+              const Pose& structure_from_sensor, RenderedView* view) override;
+
+ private:
+  void Resize(int width, int height);
+  void CollectVertices(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                       const Pose& structure_from_sensor);
+  void ClearTargets();
+  void SetCamera(const Intrinsics& intrinsics);
+  void DrawVertices();
+  void DrawPinhole(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                   const Pose& structure_from_sensor);
+  void ReadIds();
+  void ReadBack(RenderedView* view);
+  const LensPicture& PictureOf(const Intrinsics& lens);
+
+  std::vector<FaceCorner> vertices_;
+  std::vector<std::uint32_t> first_vertex_;  // of each face of the mesh that is drawn
+  std::vector<LensPicture> pictures_;        // of the lenses drawn last
+  unsigned program_ = 0;
+  unsigned vertex_array_ = 0;
+  unsigned vertex_buffer_ = 0;
+  unsigned index_buffer_ = 0;
+  std::size_t indexed_faces_ = 0;
+  unsigned framebuffer_ = 0;
+  unsigned depth_texture_ = 0;
+  unsigned id_texture_ = 0;
+  unsigned z_buffer_ = 0;
+  int camera_location_ = -1;
+  int projection_location_ = -1;
+  int width_ = 0;
+  int height_ = 0;
+  int max_size_ = 0;
+  std::vector<std::uint32_t> ids_;
+};
+
+/// Renderers that have a context of their own each.
+RendererFactory GlRenderers(const EglContextOptions& options = {});
+
+}  // namespace volalign

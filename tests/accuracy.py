@@ -1,0 +1,309 @@
+#!/usr/bin/env python3
+"""How accurate calibration is and how true its covariances are: one table, of one program or of two side by side.
+
+    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,rendered] [--rigs 40] [--json FILE]
+
+docs/evaluation.md, section "One table", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
+project. What an earlier run left in --work for the same program (the same bytes) is not done again.
+"""
+
+import argparse
+import hashlib
+import itertools
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+
+MODEL, STRUCTURE = "models/m05-lite.pt", "configs/structure.yaml"
+RIGS = ["ring8", "arc8", "ring4", "irregular"]
+KINDS = ["azure_kinect_nfov_binned", "realsense_d415"]
+GOLDEN_ANGLE_DEG = 137.50776405003785  # between seeds, as in volalign evaluate
+WRONG_M, WRONG_DEG = 0.1, 10
+CHI6_95, CHI6_99 = 12.592, 16.812  # quantiles of chi-square with 6 degrees of freedom
+
+
+# Poses are 4 x 4, structure_from_sensor.
+
+def rotation_log(r):
+    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2
+    sine = np.linalg.norm(axis)
+    return axis * (np.arctan2(sine, (np.trace(r) - 1) / 2) / sine if sine > 1e-12 else 1)
+
+
+def difference(estimate, truth):
+    """delta in truth = Exp(delta) estimate, a movement about the structure's origin."""
+    r = truth[:3, :3] @ estimate[:3, :3].T
+    return np.concatenate([truth[:3, 3] - r @ estimate[:3, 3], rotation_log(r)])
+
+
+def errors(estimate, truth):
+    """Distance of the positions, m, and angle between the orientations, deg."""
+    turn = rotation_log(truth[:3, :3] @ estimate[:3, :3].T)
+    return np.linalg.norm(estimate[:3, 3] - truth[:3, 3]), np.degrees(np.linalg.norm(turn))
+
+
+def is_wrong(error):
+    return bool(error[0] > WRONG_M or error[1] > WRONG_DEG)
+
+
+def best_motion(estimates, truths):
+    """The motion that takes estimates onto truths best: by each sensor's position and the points 1 m from it along its axes, over the
+    sensors that it does not leave wrong. It begins with the one that makes a single sensor right and the fewest others wrong."""
+    arms = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)]).T
+    points = [[(pose[:3, :3] @ arms).T + pose[:3, 3] for pose in poses] for poses in (estimates, truths)]
+
+    def left(motion):
+        return [errors(motion @ e, t) for e, t in zip(estimates, truths)]
+
+    starts = [t @ np.linalg.inv(e) for e, t in zip(estimates, truths)]
+    motion = min(starts, key=lambda m: sum(min(error[0], WRONG_M) + is_wrong(error) for error in left(m)))
+    for _ in range(5):
+        right = [i for i, error in enumerate(left(motion)) if not is_wrong(error)]
+        a, b = (np.vstack([side[i] for i in right]) for side in points)
+        u, _, v = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
+        motion = np.eye(4)
+        motion[:3, :3] = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+        motion[:3, 3] = b.mean(0) - motion[:3, :3] @ a.mean(0)
+    return motion
+
+
+# Calibrations.
+
+class Program:
+    def __init__(self, path, options):
+        self.path, self.options = path, options
+        self.work = options.work / hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()[:12]
+        self.work.mkdir(parents=True, exist_ok=True)
+
+    def run(self, *arguments):
+        done = subprocess.run([self.path, *map(str, arguments)], capture_output=True, text=True)
+        if done.returncode not in (0, 2):
+            sys.exit(f"{self.path} {' '.join(map(str, arguments))}\n{done.stderr}")
+
+    def calibrate(self, name, captures, model, structure=None):
+        """extrinsics.json of a calibration; whatever else it writes is dropped."""
+        kept = self.work / f"{name}{'' if model else '_no_model'}.json"
+        if not kept.exists():
+            print(kept, file=sys.stderr)
+            structure = structure or (None if model else STRUCTURE)
+            arguments = [x for capture in captures for x in ("--capture", capture)]
+            arguments += ["--model", MODEL] if model else []
+            arguments += ["--structure", structure] if structure else []
+            folder = kept.with_suffix(".out")
+            self.run("calibrate", *arguments, "-o", folder, "--no-report", "--threads", self.options.threads)
+            (folder / "extrinsics.json").rename(kept)
+            shutil.rmtree(folder)
+        return json.loads(kept.read_text())
+
+
+def truth_of(capture):
+    return {name: np.array(pose) for name, pose in json.loads(capture.read_text()).get("ground_truth", {}).items()}
+
+
+def measure(result, set_name, capture, extrinsics, truths, align=False):
+    """Adds a row of every sensor ("sensors"), of every pair of sensors that are not wrong ("pairs"), and of every pair whose
+    clouds overlap ("clouds")."""
+    where = {"set": set_name, "capture": capture}
+    poses = {name: np.array(s["structure_from_sensor"]) for name, s in extrinsics["sensors"].items() if "structure_from_sensor" in s}
+    known = [name for name in poses if name in truths]
+    if align and known:
+        back = np.linalg.inv(best_motion([poses[n] for n in known], [truths[n] for n in known]))
+        truths = {name: back @ truth for name, truth in truths.items()}
+    covariances = {}
+    for name, found in extrinsics["sensors"].items():
+        row = dict(where, sensor=name, status=found["status"], code=found.get("code", ""), source=found.get("initial_source", ""),
+                   placed=name in poses)
+        result["sensors"].append(row)
+        if name in poses:
+            row["rms_mm"] = 1000 * found.get("rms_to_structure_m", np.nan)
+            row["sigma_mm"] = 1000 * max(found.get("sigma_position_m", [np.nan]))
+        if name not in known:
+            continue
+        error = errors(poses[name], truths[name])
+        row.update(mm=1000 * error[0], deg=error[1], wrong=is_wrong(error))
+        if not row["wrong"] and "covariance" in found:
+            covariances[name] = np.array(found["covariance"])
+            delta = difference(poses[name], truths[name])
+            row["sigmas"] = list(delta / np.sqrt(np.diag(covariances[name])))
+            row["square"] = delta @ np.linalg.solve(covariances[name], delta)
+    for a, b in itertools.combinations(covariances, 2):
+        # What moves both in common cancels out.
+        delta = difference(truths[a] @ np.linalg.inv(poses[a]), truths[b] @ np.linalg.inv(poses[b]))
+        error = errors(np.linalg.inv(poses[a]) @ poses[b], np.linalg.inv(truths[a]) @ truths[b])
+        result["pairs"].append(dict(where, a=a, b=b, mm=1000 * error[0], deg=error[1],
+                                    square=delta @ np.linalg.solve(covariances[a] + covariances[b], delta)))
+    for pair in extrinsics["pairs"]:
+        if "rms_m" in pair:
+            result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], overlap=pair["overlap"], rms_mm=1000 * pair["rms_m"]))
+
+
+def foreign(program, captures, result):
+    for model, folder in itertools.product((True, False), sorted((captures / "foreign").iterdir())):
+        files, boxes = sorted(folder.rglob("capture.json")), folder / "boxes.yaml"
+        if model and boxes.exists():
+            continue  # the model was trained on other boxes
+        extrinsics = program.calibrate(f"foreign_{folder.name}", files, model, boxes if boxes.exists() else None)
+        measure(result, "foreign, " + ("model" if model else "no model"), folder.name, extrinsics, truth_of(files[0]), align=True)
+
+
+def first_intrinsics(kind, width):
+    """fx, fy, cx, cy of the first device of a kind in configs/intrinsics.yaml."""
+    text = pathlib.Path("configs/intrinsics.yaml").read_text()
+    return [float(x) for x in re.search(rf"sensor: {kind}\n  resolution: \[{width}, .*?- \[(.*?)\]", text, re.S)[1].split(",")]
+
+
+def real(program, captures, result):
+    fx, fy, cx, cy = first_intrinsics(KINDS[1], 1280)
+    quarter = (fx / 4, fy / 4, (cx + 0.5) / 4 - 0.5, (cy + 0.5) / 4 - 0.5)
+    rigs = {"kinects": ([f"{name}_Depth.pgm" for name in ("KA03", "KA04", "KA06", "KAX1")], KINDS[0],
+                        (320, 288, *first_intrinsics(KINDS[0], 320))),
+            "d415": (["input.pgm"], KINDS[1], (320, 180, *quarter))}
+    for model, (name, (files, kind, numbers)) in itertools.product((True, False), rigs.items()):
+        path = program.options.work / f"real_{name}" / "capture.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        intrinsics = dict(zip(("width", "height", "fx", "fy", "cx", "cy"), numbers), distortion=[])
+        path.write_text(json.dumps({"format": "volalign.capture/1", "depth_scale": 0.001, "sensors": [
+            {"name": file[:-4], "depth": os.path.relpath(captures / file, path.parent), "intrinsics": intrinsics, "sensor": kind}
+            for file in files]}))
+        measure(result, f"real {name}, " + ("model" if model else "no model"), name,
+                program.calibrate(f"real_{name}", [path], model), {})
+    pallet = captures / "pallet"
+    measure(result, "real pallet, no model", "pallet",
+            program.calibrate("pallet", [pallet / "capture.json"], False, pallet / "pal.yaml"), {})
+
+
+def rendered(program, renderer, result):
+    """Rigs as those of README's table, which `volalign evaluate` renders: each rig with one seed after the other."""
+    options = program.options
+    for kind, k in itertools.product(KINDS, range(options.rigs)):
+        rig, seed = options.rig[k % len(options.rig)], options.seed + k // len(options.rig)
+        name = f"{rig}_{kind}_{seed}"
+        folder = options.work / "rendered" / name
+        if not (folder / "capture.json").exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            text = pathlib.Path(f"configs/rig_{rig}.yaml").read_text()
+            (folder / "rig_of_one_kind.yaml").write_text(re.sub(r"sensor: \w+,", f"sensor: {kind},", text))
+            renderer.run("render", "--rig", folder / "rig_of_one_kind.yaml", "-o", folder, "--set", f"seed={seed}", "--set",
+                         f"structure_yaw_deg={GOLDEN_ANGLE_DEG * seed % 360}", "--set", "assembly.position_mm=3")
+        measure(result, f"rendered {kind}", name, program.calibrate(name, [folder / "capture.json"], True),
+                truth_of(folder / "capture.json"))
+
+
+# The table.
+
+def of(rows, key):
+    return [row[key] for row in rows if key in row]
+
+
+def quantiles(values, at=(0.5, 0.9, 0.95, 1), digits=1):
+    values = [v for v in values if np.isfinite(v)]
+    return " / ".join(f"{np.quantile(values, q):.{digits}f}" for q in at) if values else "-"
+
+
+def percent(flags):
+    return f"{100 * np.mean(flags):.0f}" if np.size(flags) else "-"
+
+
+def squares(values):
+    beyond = ", ".join(percent(np.array(values) > limit) for limit in (CHI6_95, CHI6_99))
+    return f"{np.mean(values):.1f}; {quantiles(values)}; {beyond}" if values else "-"
+
+
+COLUMNS = ["placed", "weak", "wrong", "position, mm", "rotation, deg", "% in 1, 2 sigmas", "squares", "between, mm",
+           "squares between", "RMS, mm", "clouds' RMS, mm", "sigma, mm"]
+
+
+def cells(rows):
+    sensors, pairs, clouds = (rows[key] for key in ("sensors", "pairs", "clouds"))
+    right = [row for row in sensors if not row.get("wrong")]
+    sigmas = np.abs(of(right, "sigmas"))
+    return [f"{sum(of(sensors, 'placed'))} of {len(sensors)}", str(of(sensors, "status").count("weak")), str(sum(of(sensors, "wrong"))),
+            quantiles(of(right, "mm")), quantiles(of(right, "deg"), digits=2), f"{percent(sigmas < 1)}, {percent(sigmas < 2)}",
+            squares(of(right, "square")), quantiles(of(pairs, "mm")), squares(of(pairs, "square")),
+            quantiles(of(right, "rms_mm"), (0.5, 1)), f"{quantiles(of(clouds, 'rms_mm'), (0.5, 1))} ({len(clouds)})",
+            quantiles(of(right, "sigma_mm"), (0.5, 1))]
+
+
+def table_of(result):
+    """The cells of every set, and below it of its parts."""
+    table = {}
+    for name in dict.fromkeys(of(result["sensors"], "set")):
+        rows = {key: [row for row in rows if row["set"] == name] for key, rows in result.items()}
+        table[name] = cells(rows)
+        for key in ("capture",) if name.startswith("foreign") else ("status", "source", "code") if name.startswith("rendered") else ():
+            for value in sorted(set(of(rows["sensors"], key)) - {""}):
+                table[f"{name}: {key} {value}"] = cells({of_what: [row for row in some if row.get(key) == value] for of_what, some in rows.items()})
+    return table
+
+
+def print_table(results):
+    tables = [table_of(result) for result in results]
+    print("| set | program |", " | ".join(COLUMNS), "|\n" + "|---" * (len(COLUMNS) + 2) + "|")
+    for name in dict.fromkeys(itertools.chain(*tables)):
+        for number, table in enumerate(tables, 1):
+            print(f"| {name} | {number} |", " | ".join(table.get(name, ["-"] * len(COLUMNS))), "|")
+
+
+def text_of(row):
+    numbers = (("mm", "mm"), ("deg", "deg"), ("square", "squared sigmas"), ("rms_mm", "mm RMS"), ("sigma_mm", "mm sigma"))
+    return f"{row['status']} {row['code']}" + "".join(f", {row[key]:.1f} {word}" for key, word in numbers if key in row)
+
+
+def print_sensors(results):
+    """Single sensors: the real ones, those without a pose, the wrong ones; and where two programs differ."""
+    by_sensor = [{" ".join((row["set"], row["capture"], row["sensor"])): row for row in result["sensors"]} for result in results]
+    for number, rows in enumerate(by_sensor, 1):
+        print(f"\nProgram {number}: real sensors, sensors without a pose, wrong ones, and squares above 40")
+        for name, row in rows.items():
+            if row["set"].startswith("real") or not row["placed"] or row.get("wrong") or row.get("square", 0) > 40:
+                print(f"- {name}: {text_of(row)}")
+    if len(results) == 2:
+        print("\nWhere status, code or, by 3 mm, the error differs")
+        for name, a in by_sensor[0].items():
+            b = by_sensor[1].get(name, a)
+            if (a["status"], a["code"]) != (b["status"], b["code"]) or not abs(a.get("mm", 0) - b.get("mm", 0)) <= 3:
+                print(f"- {name}: {text_of(a)}\n  -> {text_of(b)}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("programs", nargs="+", help="volalign, or two to compare")
+    parser.add_argument("--parts", default="foreign,real,rendered")
+    parser.add_argument("--rigs", type=int, default=40, help="rendered rigs of each kind of sensor")
+    parser.add_argument("--rig", nargs="+", default=RIGS, help="rigs of configs/, in turn")
+    parser.add_argument("--seed", type=int, default=1000, help="the first one")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("out/accuracy"))
+    parser.add_argument("--json", type=pathlib.Path, help="file for the figures of every sensor and pair")
+    options = parser.parse_args()
+    captures = pathlib.Path(os.environ.get("VOLALIGN_CAPTURES") or "../shared/captures").resolve()
+    parts = options.parts.split(",")
+    if not captures.exists():
+        print(f"{captures} does not exist (VOLALIGN_CAPTURES names it): rendered rigs alone", file=sys.stderr)
+        parts = ["rendered"]
+    options.work = options.work.resolve()
+    programs = [Program(path, options) for path in options.programs]
+    results = [{"sensors": [], "pairs": [], "clouds": []} for _ in programs]
+    for program, result in zip(programs, results):
+        if "foreign" in parts:
+            foreign(program, captures, result)
+        if "real" in parts:
+            real(program, captures, result)
+        if "rendered" in parts:
+            rendered(program, programs[0], result)
+    for number, path in enumerate(options.programs, 1):
+        print(f"Program {number}: {path}")
+    print_table(results)
+    print_sensors(results)
+    if options.json:
+        options.json.write_text(json.dumps({"programs": options.programs, "results": results}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

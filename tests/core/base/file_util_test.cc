@@ -1,0 +1,177 @@
+#include "core/base/file_util.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+std::set<std::string> Listing(const std::filesystem::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+TEST(FileUtil, WritesAndReadsAnyBytes) {
+  const TempFolder folder;
+  std::string bytes;
+  for (int i = 0; i < 70000; ++i) bytes.push_back(static_cast<char>(i * 7));
+  for (const std::string& content : {bytes, std::string(), std::string("\r\n\0x", 4)}) {
+    WriteFileAtomically(folder / "a.bin", content);
+    EXPECT_EQ(ReadFile(folder / "a.bin"), content);
+  }
+  EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.bin"});
+}
+
+TEST(FileUtil, CreatesMissingFolders) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a/b/c.txt", "x");
+  EXPECT_EQ(ReadFile(folder / "a/b/c.txt"), "x");
+  EXPECT_EQ(Listing(folder / "a/b"), std::set<std::string>{"c.txt"});
+}
+
+TEST(FileUtil, AFileNameAloneGoesToTheWorkingFolder) {
+  const TempFolder folder;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  WriteFileAtomically("plain.txt", "x");
+  std::filesystem::current_path(before);
+  EXPECT_EQ(ReadFile(folder / "plain.txt"), "x");
+}
+
+// An open handle keeps what it read from: the new content comes as a new file, never in place.
+TEST(FileUtil, AReaderNeverSeesAMixture) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.txt", std::string(100000, 'o'));
+  std::ifstream reader(folder / "a.txt", std::ios::binary);
+  char first = 0;
+  reader.get(first);
+  WriteFileAtomically(folder / "a.txt", std::string(100000, 'n'));
+  std::string rest(std::istreambuf_iterator<char>(reader), {});
+  EXPECT_EQ(first + rest, std::string(100000, 'o'));
+  EXPECT_EQ(ReadFile(folder / "a.txt"), std::string(100000, 'n'));
+}
+
+TEST(FileUtil, ReadErrorsNamePathAndReason) {
+  const TempFolder folder;
+  ExpectError<IoError>([&] { ReadFile(folder / "missing.txt"); },
+                       {(folder / "missing.txt").string(), "No such file"});
+  ExpectError<IoError>([&] { ReadFile(folder.path()); }, {folder.path().string(), "folder"});
+}
+
+// What never ends, or never begins, is refused; a symbolic link to a file is that file.
+TEST(FileUtil, OnlyFilesOnDiskAreRead) {
+  const TempFolder folder;
+  const std::string pipe = (folder / "pipe").string();
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ExpectError<IoError>([&] { ReadFile(pipe); }, {pipe, "pipe"});
+  ExpectError<IoError>([] { ReadFile("/dev/zero", 1000); }, {"/dev/zero", "device"});
+  std::filesystem::create_symlink("/dev/zero", folder / "zero.png");
+  ExpectError<IoError>([&] { ReadFile(folder / "zero.png", 1000); }, {"zero.png", "device"});
+  WriteFileAtomically(folder / "a.txt", "content");
+  std::filesystem::create_symlink(folder / "a.txt", folder / "link.txt");
+  EXPECT_EQ(ReadFile(folder / "link.txt"), "content");
+  // Announces a size of 0.
+  EXPECT_GT(ReadFile("/proc/self/status").size(), 100u);
+}
+
+TEST(FileUtil, FilesThatAreTooLargeAreRefused) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.txt", "1234");
+  EXPECT_EQ(ReadFile(folder / "a.txt", 4), "1234");
+  ExpectError<IoError>([&] { ReadFile(folder / "a.txt", 3); }, {"a.txt", "4 bytes", "3"});
+  ExpectError<IoError>([] { ReadFile("/proc/self/status", 10); }, {"/proc/self/status", "10"});
+}
+
+TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "file", "x");
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "file/inner.txt", "y"); },
+                       {(folder / "file").string()});
+  std::filesystem::create_directory(folder / "taken");
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "taken", "y"); },
+                       {(folder / "taken").string(), "rename"});
+  const std::string long_name(300, 'a');
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / long_name, "y"); },
+                       {"create", "too long"});
+  EXPECT_EQ(Listing(folder.path()), (std::set<std::string>{"file", "taken"}));
+  EXPECT_EQ(ReadFile(folder / "file"), "x");
+}
+
+// Each writer's bytes are alike: a mixture of two, or a file that another one renamed away, shows.
+TEST(FileUtil, WritersOfOneFileDoNotShareATemporary) {
+  const TempFolder folder;
+  std::atomic<int> failures{0}, mixtures{0};
+  const auto write = [&](char letter) {
+    const std::string bytes(200000, letter);
+    for (int i = 0; i < 100; ++i) {
+      try {
+        WriteFileAtomically(folder / "a.txt", bytes, /*sync=*/false);
+        const std::string read = ReadFile(folder / "a.txt");
+        if (read.size() != bytes.size() || read != std::string(bytes.size(), read[0])) ++mixtures;
+      } catch (const Error&) {
+        ++failures;
+      }
+    }
+  };
+  std::thread first(write, 'a'), second(write, 'b');
+  first.join();
+  second.join();
+  EXPECT_EQ(failures, 0);
+  EXPECT_EQ(mixtures, 0);
+  EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.txt"});
+}
+
+// A limit on the size of files does what a full disk does: the write fails half-way.
+TEST(FileUtil, AFullDiskIsAnError) {
+  const TempFolder folder;
+  rlimit old_limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 1000;
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  ExpectError<IoError>([&] { WriteFileAtomically(folder / "a.txt", std::string(5000, 'x')); },
+                       {"write", (folder / "a.txt").string(), "File too large"});
+  ::setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_TRUE(Listing(folder.path()).empty());
+}
+
+// FIPS 180-2, appendix B, and the empty message.
+TEST(Sha256, KnownAnswers) {
+  EXPECT_EQ(Sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(Sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(Sha256(std::string(1000000, 'a')),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+// RFC 4648, section 10.
+TEST(Base64, FollowsTheStandard) {
+  EXPECT_EQ(Base64(""), "");
+  EXPECT_EQ(Base64("f"), "Zg==");
+  EXPECT_EQ(Base64("fo"), "Zm8=");
+  EXPECT_EQ(Base64("foo"), "Zm9v");
+  EXPECT_EQ(Base64("foobar"), "Zm9vYmFy");
+  EXPECT_EQ(Base64(std::string("\xff\xfe\x00\x80", 4)), "//4AgA==");
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,520 @@
+#include "core/config/config.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+struct SensorConfig {
+  std::string name = "sensor";
+  double rho_cm = 200;
+  std::array<double, 3> look_at_cm{0, 0, 0};
+  std::vector<std::string> tags;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "its name");
+    ar("rho_cm", rho_cm, "distance", Above(0));
+    ar("look_at_cm", look_at_cm, "point in the middle of the image");
+    ar("tags", tags, "words");
+  }
+};
+
+struct TrainConfig {
+  double lr = 2e-4;
+  std::array<double, 2> betas{0.9, 0.99};
+  int batch = 16;
+  std::int64_t samples = 3200000;
+  bool resume = false;
+  std::string schedule = "constant";
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("lr", lr, "initial learning rate", Above(0));
+    ar("betas", betas, "Adam's decay rates", AtLeast(0), Between(0, 0.999));
+    ar("batch", batch, "samples a step", AtLeast(1));
+    ar("samples", samples, "samples of the whole run", AtLeast(0));
+    ar("resume", resume, "continue | start again");
+    ar("schedule", schedule, "of the learning rate", OneOf({"constant", "one_cycle"}));
+  }
+};
+
+struct Config {
+  std::string name = "run";
+  TrainConfig train;
+  std::vector<int> roll_offsets_deg{90};
+  std::vector<std::string> words;
+  std::vector<SensorConfig> sensors;
+  float scale = 0.1f;
+  std::uint8_t small = 7;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "of the run");
+    ar("train", train, "training");
+    ar("roll_offsets_deg", roll_offsets_deg, "mounting offsets", Between(-360, 360));
+    ar("words", words, "any text");
+    ar("sensors", sensors, "the rig");
+    ar("scale", scale, "a float");
+    ar("small", small, "8 bits");
+  }
+};
+
+Config FromText(const std::string& text) {
+  return ReadConfig<Config>(ConfigSource::FromString(text, "a.yaml"));
+}
+
+void ExpectBad(const std::string& text, std::initializer_list<std::string> parts) {
+  SCOPED_TRACE(text);
+  ExpectError<ConfigError>([&] { FromText(text); }, parts);
+}
+
+TEST(ReadConfig, DefaultsStayWhereNothingIsSaid) {
+  for (const char* text : {"", "# only a comment\n", "{}", "train: {}\n"}) {
+    const Config config = FromText(text);
+    EXPECT_EQ(config.name, "run");
+    EXPECT_EQ(config.train.lr, 2e-4);
+    EXPECT_EQ(config.train.betas, (std::array<double, 2>{0.9, 0.99}));
+    EXPECT_EQ(config.roll_offsets_deg, std::vector<int>{90});
+    EXPECT_TRUE(config.sensors.empty());
+  }
+}
+
+TEST(ReadConfig, ReadsEveryType) {
+  const Config config = FromText(
+      "name: m01\n"
+      "train:\n"
+      "  lr: 1e-3\n"
+      "  betas: [0.5, .75]\n"
+      "  batch: +4\n"
+      "  samples: 3.2e6\n"
+      "  resume: yes\n"
+      "  schedule: one_cycle\n"
+      "roll_offsets_deg: [0, -90, 180]\n"
+      "words: [plain, \"with: colon\", 'a # b', \"7\", true]\n"
+      "sensors:\n"
+      "  - {name: KA03, rho_cm: 150}\n"
+      "  - name: KA04\n"
+      "    look_at_cm: [1, 2, 3]\n"
+      "    tags: []\n"
+      "scale: 0.1\n");
+  EXPECT_EQ(config.name, "m01");
+  EXPECT_EQ(config.train.lr, 1e-3);
+  EXPECT_EQ(config.train.betas, (std::array<double, 2>{0.5, 0.75}));
+  EXPECT_EQ(config.train.batch, 4);
+  EXPECT_EQ(config.train.samples, 3200000);
+  EXPECT_TRUE(config.train.resume);
+  EXPECT_EQ(config.train.schedule, "one_cycle");
+  EXPECT_EQ(config.roll_offsets_deg, (std::vector<int>{0, -90, 180}));
+  EXPECT_EQ(config.words, (std::vector<std::string>{"plain", "with: colon", "a # b", "7", "true"}));
+  ASSERT_EQ(config.sensors.size(), 2u);
+  EXPECT_EQ(config.sensors[0].name, "KA03");
+  EXPECT_EQ(config.sensors[0].rho_cm, 150);
+  EXPECT_EQ(config.sensors[1].name, "KA04");
+  EXPECT_EQ(config.sensors[1].rho_cm, 200);
+  EXPECT_EQ(config.sensors[1].look_at_cm, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(config.scale, 0.1f);
+}
+
+TEST(ReadConfig, UnknownKeysNamePlaceAndNearestKey) {
+  ExpectBad("train:\n  batch: 4\n  lrr: 1e-3\n",
+            {"'train.lrr'", "a.yaml:3", "did you mean 'train.lr'?"});
+  ExpectBad("nmae: x\n", {"'nmae'", "a.yaml:1", "did you mean 'name'?"});
+  ExpectBad("lr: 1\n", {"'lr'", "did you mean 'train.lr'?"});  // the wrong level
+  ExpectBad("sensors:\n  - {name: a}\n  - {nam: b}\n",
+            {"'sensors[1].nam'", "a.yaml:3", "did you mean 'sensors[1].name'?"});
+  ExpectBad("train: {batch: {size: 3}}\n", {"'train.batch.size'", "a.yaml:1"});
+  ExpectBad("inherits: b.yaml\n", {"'inherits'"});  // only a file has a folder to look in
+  try {
+    FromText("qqqqqqqqqqqqqqqqqqqqqq: 1\n");
+    ADD_FAILURE();
+  } catch (const ConfigError& e) {
+    EXPECT_EQ(std::string(e.what()).find("did you mean"), std::string::npos) << e.what();
+  }
+}
+
+TEST(ReadConfig, ItemsOfAListAreNumberedWithoutAGap) {
+  const auto expect_bad = [](const std::string& key, std::initializer_list<std::string> parts) {
+    SCOPED_TRACE(key);
+    ConfigSource source = ConfigSource::FromString("sensors: [{name: a}]\n", "a.yaml");
+    source.Set(key + "=x");
+    ExpectError<ConfigError>([&] { ReadConfig<Config>(source); }, parts);
+  };
+  expect_bad("sensors[2].name", {"sensors[2].name", "sensors[1] is missing", "--set"});
+  expect_bad("sensors[].name", {"sensors[].name", "sensors[0] is the first"});
+  expect_bad("sensors[-1].name", {"sensors[-1].name", "sensors[0] is the first"});
+  expect_bad("sensors[1x].name", {"sensors[1x].name", "sensors[0] is the first"});
+  ConfigSource twelve = ConfigSource::FromString("sensors: [{name: a}]\n", "a.yaml");
+  for (int i = 1; i < 12; ++i) twelve.Set("sensors[" + std::to_string(i) + "].name=x");
+  EXPECT_EQ(ReadConfig<Config>(twelve).sensors.size(), 12u);
+}
+
+// Memory is taken for items that are there, not for what an index says.
+struct Renamed {
+  struct Inner {
+    double depth = 1;
+    template <class Archive>
+    void Describe(Archive& ar) {
+      ar("depth", depth, "depth", AtLeast(0), FormerlyNamed("deep"));
+    }
+  };
+  int width = 1;
+  Inner inner;
+  std::vector<Inner> list;
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("width", width, "width", FormerlyNamed("wide"));
+    ar("inner", inner, "inner", FormerlyNamed("in"));
+    ar("list", list, "list", FormerlyNamed("items"));
+  }
+};
+
+TEST(ReadConfig, AFormerNameIsReadWithAWarning) {
+  ::testing::internal::CaptureStderr();
+  const auto config = ReadConfig<Renamed>(ConfigSource::FromString(
+      "wide: 3\nin: {deep: 4}\nitems: [{deep: 5}, {depth: 6}]\n", "a.yaml"));
+  const std::string warnings = ::testing::internal::GetCapturedStderr();
+  EXPECT_EQ(config.width, 3);
+  EXPECT_EQ(config.inner.depth, 4);
+  ASSERT_EQ(config.list.size(), 2U);
+  EXPECT_EQ(config.list[0].depth, 5);
+  EXPECT_EQ(config.list[1].depth, 6);
+  EXPECT_NE(warnings.find("warning: wide (a.yaml:1) is now called width\n"), std::string::npos)
+      << warnings;
+  EXPECT_NE(warnings.find("warning: in (a.yaml:2) is now called inner\n"), std::string::npos)
+      << warnings;
+  EXPECT_NE(warnings.find("warning: in.deep (a.yaml:2) is now called in.depth\n"),
+            std::string::npos)
+      << warnings;
+  ExpectError<ConfigError>(
+      [] { ReadConfig<Renamed>(ConfigSource::FromString("wide: 3\nwidth: 4\n", "a.yaml")); },
+      {"wide (a.yaml:1) is the former name of width (a.yaml:2)"});
+  // Neither written nor documented, and no prefix of another key counts.
+  EXPECT_EQ(WriteConfig(config).find("wide"), std::string::npos);
+  EXPECT_EQ(DocumentConfig<Renamed>().find("wide"), std::string::npos);
+  EXPECT_THROW(ReadConfig<Renamed>(ConfigSource::FromString("wider: 3\n", "a.yaml")), ConfigError);
+}
+
+TEST(ReadConfig, AHugeIndexIsAnError) {
+  for (const std::string index : {"999999999", "18446744073709551615", "99999999999999999999999"}) {
+    ConfigSource source;
+    source.Set("sensors[" + index + "].name=x");
+    ExpectError<ConfigError>([&] { ReadConfig<Config>(source); }, {"sensors[" + index + "].name"});
+  }
+}
+
+TEST(NearestKey, GoesByEditDistance) {
+  EXPECT_EQ(NearestKey("kitten", {"sitting", "mitten", "xyz"}), "mitten");
+  EXPECT_EQ(NearestKey("train.lambda", {"train.lr", "loss.lambda", "train.lambada"}),
+            "loss.lambda");
+  EXPECT_EQ(NearestKey("abc", {}), "");
+  EXPECT_EQ(NearestKey("abc", {"uvwxyz"}), "");
+}
+
+TEST(ReadConfig, DuplicateKeysAreErrors) {
+  ExpectBad("name: a\ntrain: {}\nname: b\n", {"'name'", "twice", "a.yaml:3"});
+  ExpectBad("train:\n  lr: 1\n  lr: 2\n", {"'train.lr'", "twice", "a.yaml:3"});
+  ExpectBad("train: {lr: 1}\ntrain: {batch: 2}\n", {"'train'", "twice", "a.yaml:2"});
+  ExpectBad("train: {batch: 2}\ntrain: {lr: 1}\n", {"'train'", "twice", "a.yaml:2"});
+  ExpectBad("sensors:\n  - {name: a}\nsensors:\n  - {rho_cm: 3}\n",
+            {"'sensors'", "twice", "a.yaml:3"});
+  ExpectBad("train: {lr: 1}\ntrain.lr: 2\n", {"'train.lr'", "twice", "a.yaml:2"});
+}
+
+TEST(ReadConfig, WrongTypesNameKeyValueAndPlace) {
+  ExpectBad("train:\n  lr: fast\n", {"train.lr = 'fast'", "number", "a.yaml:2"});
+  ExpectBad("train:\n  lr: 1e-3x\n", {"train.lr = '1e-3x'", "a.yaml:2"});
+  ExpectBad("train:\n  lr: .nan\n", {"train.lr", "a.yaml:2"});
+  ExpectBad("train:\n  lr: nan\n", {"train.lr", "finite"});
+  ExpectBad("train:\n  lr: inf\n", {"train.lr", "finite"});
+  ExpectBad("train:\n  lr: 1e999\n", {"train.lr", "a.yaml:2"});
+  ExpectBad("train:\n  lr:\n", {"'train.lr'", "no value", "a.yaml:2"});
+  ExpectBad("train:\n  lr: ''\n", {"train.lr", "a.yaml:2"});
+  ExpectBad("train:\n  lr: [1, 2]\n", {"train.lr", "single value", "a.yaml:2"});
+  ExpectBad("train:\n  batch: 1.5\n", {"train.batch = '1.5'", "whole number", "a.yaml:2"});
+  ExpectBad("train:\n  batch: four\n", {"train.batch = 'four'", "a.yaml:2"});
+  ExpectBad("train:\n  resume: 2\n", {"train.resume = '2'", "true or false", "a.yaml:2"});
+  ExpectBad("train:\n  betas: 0.9\n", {"train.betas", "list", "a.yaml:2"});
+  ExpectBad("train:\n  betas: [0.9]\n", {"train.betas", "1 values", "2 are expected", "a.yaml:2"});
+  ExpectBad("train:\n  betas: [0.9, x]\n", {"train.betas = 'x'", "a.yaml:2"});
+  ExpectBad("train: 5\n", {"'train'", "a.yaml:1"});
+  ExpectBad("train: [1, 2]\n", {"'train'", "a.yaml:1"});
+  ExpectBad("roll_offsets_deg: 90\n", {"roll_offsets_deg", "list", "a.yaml:1"});
+  ExpectBad("roll_offsets_deg: [[1, 2]]\n", {"roll_offsets_deg", "nested", "a.yaml:1"});
+  ExpectBad("roll_offsets_deg: [1, {a: 2}]\n", {"roll_offsets_deg", "mixes", "a.yaml:1"});
+  ExpectBad("sensors: 5\n", {"sensors", "list of maps", "a.yaml:1"});
+  ExpectBad("sensors: [a, b]\n", {"sensors", "list of maps", "a.yaml:1"});
+  ExpectBad("sensors: {name: a}\n", {"'sensors.name'", "a.yaml:1"});
+  ExpectBad("name: {first: a}\n", {"'name.first'", "a.yaml:1"});
+}
+
+// Silently wrapped numbers would be worse than none.
+TEST(ReadConfig, NumbersHaveToFitTheirType) {
+  EXPECT_EQ(FromText("train: {batch: 2147483647}\n").train.batch, 2147483647);
+  ExpectBad("train:\n  batch: 2147483648\n", {"train.batch = 2147483648", "a.yaml:2"});
+  ExpectBad("train:\n  batch: 4294967297\n", {"train.batch = 4294967297", "a.yaml:2"});
+  EXPECT_EQ(FromText("train: {samples: 9000000000000000001}\n").train.samples, 9000000000000000001);
+  ExpectBad("train:\n  samples: 9300000000000000000\n", {"train.samples", "a.yaml:2"});
+  EXPECT_EQ(FromText("small: 255\n").small, 255);
+  ExpectBad("small: 256\n", {"small = 256", "a.yaml:1"});
+  ExpectBad("small: -1\n", {"small = -1", "a.yaml:1"});
+}
+
+TEST(ReadConfig, ViolatedConstraintsAreNamedAsInTheHouseStyle) {
+  try {
+    FromText("name: x\ntrain:\n  lr: 0\n");
+    ADD_FAILURE();
+  } catch (const ConfigError& e) {
+    EXPECT_STREQ(e.what(), "train.lr = 0 violates train.lr > 0 (a.yaml:3)");
+  }
+  ExpectBad("train: {batch: 0}\n", {"train.batch = 0 violates train.batch >= 1"});
+  ExpectBad("train: {betas: [0.9, 0.9995]}\n",
+            {"train.betas = 0.9995 violates train.betas in [0, 0.999]"});
+  ExpectBad("train: {betas: [-0.1, 0.9]}\n", {"train.betas = -0.1 violates train.betas >= 0"});
+  ExpectBad(
+      "train: {schedule: cosine}\n",
+      {"train.schedule = cosine violates train.schedule in {constant, one_cycle}", "a.yaml:1"});
+  ExpectBad("roll_offsets_deg: [0, 400]\n", {"roll_offsets_deg = 400", "[-360, 360]"});
+  ExpectBad("sensors:\n  - {rho_cm: 100}\n  - {rho_cm: -1}\n",
+            {"sensors[1].rho_cm = -1", "a.yaml:3"});
+  // The borders themselves.
+  FromText("train: {batch: 1, betas: [0, 0.999]}\nroll_offsets_deg: [-360, 360]\n");
+}
+
+TEST(ValidateConfig, ChecksStructsFilledInCode) {
+  Config config;
+  ValidateConfig(config);
+  config.train.lr = -1;
+  ExpectError<ConfigError>([&] { ValidateConfig(config); },
+                           {"train.lr = -1 violates train.lr > 0"});
+  config.train.lr = std::numeric_limits<double>::quiet_NaN();
+  ExpectError<ConfigError>([&] { ValidateConfig(config); }, {"train.lr"});
+  config = Config();
+  config.sensors.resize(2);
+  config.sensors[1].rho_cm = 0;
+  ExpectError<ConfigError>([&] { ValidateConfig(config); }, {"sensors[1].rho_cm = 0"});
+}
+
+TEST(ConfigSource, BadYamlNamesFileAndLine) {
+  ExpectBad("name: [1, 2\n", {"a.yaml:"});
+  ExpectBad("name: x\n\t- y\n", {"a.yaml:2"});
+  ExpectBad("- a\n- b\n", {"a.yaml", "map"});
+  ExpectBad("just words\n", {"a.yaml", "map"});
+  ExpectBad("name: *nowhere\n", {"a.yaml:1"});
+  ExpectBad("? [a, b]\n: 3\n", {"a.yaml:1"});
+  ExpectBad("train: &x\n  again: *x\n", {"a.yaml", "nested"});
+}
+
+TEST(ConfigSource, SetOverridesTheFile) {
+  ConfigSource source =
+      ConfigSource::FromString("train: {lr: 1}\nsensors: [{name: a}, {name: b}]\n", "a.yaml");
+  source.Set("train.lr=1e-3");
+  source.Set("train.betas=[0.1, 0.2]");
+  source.Set("name=\"a b\"");
+  source.Set("words=[\"x=y\", z]");
+  source.Set("sensors[1].name=c");
+  const Config config = ReadConfig<Config>(source);
+  EXPECT_EQ(config.train.lr, 1e-3);
+  EXPECT_EQ(config.train.betas, (std::array<double, 2>{0.1, 0.2}));
+  EXPECT_EQ(config.name, "a b");
+  EXPECT_EQ(config.words, (std::vector<std::string>{"x=y", "z"}));
+  ASSERT_EQ(config.sensors.size(), 2u);
+  EXPECT_EQ(config.sensors[0].name, "a");
+  EXPECT_EQ(config.sensors[1].name, "c");
+  source.Set("sensors=[]");
+  EXPECT_TRUE(ReadConfig<Config>(source).sensors.empty());
+  source.Set("sensors[0].name=d");
+  EXPECT_EQ(ReadConfig<Config>(source).sensors.at(0).name, "d");
+}
+
+TEST(ConfigSource, SetErrors) {
+  const auto expect_bad = [](const std::string& assignment,
+                             std::initializer_list<std::string> parts) {
+    SCOPED_TRACE(assignment);
+    ExpectError<ConfigError>(
+        [&] {
+          ConfigSource source;
+          source.Set(assignment);
+          ReadConfig<Config>(source);
+        },
+        parts);
+  };
+  expect_bad("train.lr", {"--set train.lr", "KEY=VALUE"});
+  expect_bad("=3", {"--set =3"});
+  expect_bad("", {"--set"});
+  expect_bad("train.lr=", {"--set train.lr="});
+  expect_bad("train.lr={a: 1}", {"--set train.lr={a: 1}"});
+  expect_bad("train.betas=[1", {"--set train.betas=[1"});
+  expect_bad("train.betas=[[1, 2]]", {"--set"});
+  expect_bad("train.lrr=1", {"'train.lrr'", "(--set)", "'train.lr'"});
+  expect_bad("train.lr=0", {"train.lr = 0 violates train.lr > 0 (--set)"});
+}
+
+class ConfigFiles : public testing::Test {
+ protected:
+  std::string Write(const std::string& name, const std::string& text) {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    return folder_.Write(name, text).string();
+  }
+  TempFolder folder_;
+};
+
+TEST_F(ConfigFiles, InheritsLeafByLeaf) {
+  Write("base/root.yaml",
+        "name: root\ntrain: {lr: 1, batch: 2}\nroll_offsets_deg: [1, 2, 3]\n"
+        "sensors:\n  - {name: a, rho_cm: 1}\n  - {name: b}\n");
+  Write("base/middle.yaml", "inherits: root.yaml\ntrain:\n  batch: 3\n  schedule: one_cycle\n");
+  const std::string leaf = Write("leaf.yaml",
+                                 "inherits: base/middle.yaml\nname: leaf\nroll_offsets_deg: [4]\n"
+                                 "sensors:\n  - {name: c}\n");
+  const Config config = ReadConfig<Config>(ConfigSource::FromFile(leaf));
+  EXPECT_EQ(config.name, "leaf");
+  EXPECT_EQ(config.train.lr, 1);
+  EXPECT_EQ(config.train.batch, 3);
+  EXPECT_EQ(config.train.schedule, "one_cycle");
+  EXPECT_EQ(config.roll_offsets_deg, std::vector<int>{4});
+  ASSERT_EQ(config.sensors.size(), 1u);  // a list is replaced as a whole
+  EXPECT_EQ(config.sensors[0].name, "c");
+  EXPECT_EQ(config.sensors[0].rho_cm, 200);
+}
+
+TEST_F(ConfigFiles, AnEmptyListReplacesAnInheritedOne) {
+  Write("root.yaml", "sensors:\n  - {name: a}\n  - {name: b}\nroll_offsets_deg: [1]\n");
+  const std::string empty =
+      Write("leaf.yaml", "inherits: root.yaml\nsensors: []\nroll_offsets_deg: []\n");
+  const Config config = ReadConfig<Config>(ConfigSource::FromFile(empty));
+  EXPECT_TRUE(config.sensors.empty());
+  EXPECT_TRUE(config.roll_offsets_deg.empty());
+  const std::string again = Write("again.yaml", "inherits: leaf.yaml\nsensors: [{tags: [x]}]\n");
+  EXPECT_EQ(ReadConfig<Config>(ConfigSource::FromFile(again)).sensors.at(0).tags,
+            std::vector<std::string>{"x"});
+}
+
+TEST_F(ConfigFiles, ErrorsNameTheFileThatHoldsTheKey) {
+  const std::string root = Write("root.yaml", "train:\n  lr: 0\n");
+  const std::string leaf = Write("leaf.yaml", "inherits: root.yaml\n");
+  ExpectError<ConfigError>([&] { ReadConfig<Config>(ConfigSource::FromFile(leaf)); },
+                           {"train.lr = 0", "root.yaml:2"});
+}
+
+TEST_F(ConfigFiles, BadInheritance) {
+  Write("a.yaml", "inherits: b.yaml\n");
+  Write("b.yaml", "inherits: ./c.yaml\n");
+  Write("c.yaml", "inherits: a.yaml\n");
+  ExpectError<ConfigError>([&] { ConfigSource::FromFile((folder_ / "a.yaml").string()); },
+                           {"a.yaml", "inherits"});
+  const std::string self = Write("self.yaml", "inherits: self.yaml\n");
+  ExpectError<ConfigError>([&] { ConfigSource::FromFile(self); }, {"self.yaml", "inherits"});
+  const std::string missing = Write("missing.yaml", "inherits: nowhere.yaml\n");
+  ExpectError<IoError>([&] { ConfigSource::FromFile(missing); }, {"nowhere.yaml"});
+  const std::string list = Write("list.yaml", "name: x\ninherits: [a.yaml, b.yaml]\n");
+  ExpectError<ConfigError>([&] { ConfigSource::FromFile(list); }, {"inherits", "list.yaml:2"});
+  const std::string none = Write("none.yaml", "inherits: []\n");
+  ExpectError<ConfigError>([&] { ConfigSource::FromFile(none); }, {"inherits", "none.yaml:1"});
+  ExpectError<IoError>([&] { ConfigSource::FromFile((folder_ / "gone.yaml").string()); },
+                       {"gone.yaml"});
+}
+
+Config Unusual() {
+  Config config;
+  config.name = "x: \"quoted\" # 'not a comment'\n\ttab, \\ and {braces}";
+  config.train.lr = 1.0 / 3;
+  config.train.betas = {0.1 + 0.2, 1e-300};
+  config.train.samples = 9007199254740993;  // 2^53 + 1
+  config.train.resume = true;
+  config.roll_offsets_deg = {};
+  config.words = {"", " ", "true", "7", "~", "- a", "a: b", "[x]", "*x", "ümläut", "\x01"};
+  config.sensors.resize(2);
+  config.sensors[0].name = "first: one";
+  config.sensors[0].tags = {"a, b", "]"};
+  config.sensors[1].rho_cm = 0.1;
+  config.sensors[1].look_at_cm = {-1e-9, 0, 1e22};
+  config.scale = 0.3f;
+  return config;
+}
+
+TEST(WriteConfig, ReadsBackEqual) {
+  const Config config = Unusual();
+  const std::string text = WriteConfig(config);
+  // Over other defaults: everything, empty lists included, has to come from the text.
+  Config start;
+  start.words = {"old"};
+  start.sensors.resize(5);
+  start.sensors[4].tags = {"old"};
+  const Config read = ReadConfig<Config>(ConfigSource::FromString(text, "written"), start);
+  EXPECT_EQ(WriteConfig(read), text);
+  EXPECT_EQ(read.name, config.name);
+  EXPECT_EQ(read.train.lr, config.train.lr);
+  EXPECT_EQ(read.train.betas, config.train.betas);
+  EXPECT_EQ(read.train.samples, config.train.samples);
+  EXPECT_EQ(read.train.resume, config.train.resume);
+  EXPECT_EQ(read.roll_offsets_deg, config.roll_offsets_deg);
+  EXPECT_EQ(read.words, config.words);
+  ASSERT_EQ(read.sensors.size(), 2u);
+  EXPECT_EQ(read.sensors[0].name, config.sensors[0].name);
+  EXPECT_EQ(read.sensors[0].tags, config.sensors[0].tags);
+  EXPECT_EQ(read.sensors[1].rho_cm, config.sensors[1].rho_cm);
+  EXPECT_EQ(read.sensors[1].look_at_cm, config.sensors[1].look_at_cm);
+  EXPECT_TRUE(read.sensors[1].tags.empty());
+  EXPECT_EQ(read.scale, config.scale);
+}
+
+TEST(WriteConfig, AnEmptyListOfMapsReadsBackEmpty) {
+  Config start;
+  start.sensors.resize(3);
+  const Config read =
+      ReadConfig<Config>(ConfigSource::FromString(WriteConfig(Config()), "written"), start);
+  EXPECT_TRUE(read.sensors.empty());
+}
+
+TEST(WriteConfig, IsPlainYaml) {
+  Config config;
+  config.sensors.resize(1);
+  EXPECT_EQ(WriteConfig(config),
+            "name: \"run\"\n"
+            "train:\n"
+            "  lr: 0.0002\n"
+            "  betas: [0.9, 0.99]\n"
+            "  batch: 16\n"
+            "  samples: 3200000\n"
+            "  resume: false\n"
+            "  schedule: \"constant\"\n"
+            "roll_offsets_deg: [90]\n"
+            "words: []\n"
+            "sensors:\n"
+            "  - name: \"sensor\"\n"
+            "    rho_cm: 200\n"
+            "    look_at_cm: [0, 0, 0]\n"
+            "    tags: []\n"
+            "scale: 0.10000000149011612\n"
+            "small: 7\n");
+}
+
+TEST(DocumentConfig, HasARowForEveryKey) {
+  const std::string table = DocumentConfig<Config>();
+  for (const char* row :
+       {"| `name` | `run` | of the run |  |\n",
+        "| `train.lr` | `0.0002` | initial learning rate | > 0 |\n",
+        "| `train.betas` | `[0.9, 0.99]` | Adam's decay rates | >= 0, in [0, 0.999] |\n",
+        "| `train.resume` | `false` | continue \\| start again |  |\n",
+        "| `train.schedule` | `constant` | of the learning rate | in {constant, one_cycle} |\n",
+        "| `roll_offsets_deg` | `[90]` | mounting offsets | in [-360, 360] |\n",
+        "| `sensors[].rho_cm` | `200` | distance | > 0 |\n",
+        "| `sensors[].look_at_cm` | `[0, 0, 0]` | point in the middle of the image |  |\n"}) {
+    EXPECT_NE(table.find(row), std::string::npos) << row << "is not in\n" << table;
+  }
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 15);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,494 @@
+#include "core/geometry/structure.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "core/geometry/procrustes.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPi = 3.14159265358979323846;
+
+Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
+
+Box UnitBox(const std::string& name, double x = 0) {
+  return Box::FromMinMax(name, {x, 0, 0}, {x + 1, 1, 1});
+}
+
+const Side& SideNamed(const Structure& structure, const std::string& name) {
+  for (const Side& side : structure.sides()) {
+    if (side.name == name) return side;
+  }
+  throw std::runtime_error("no side " + name);
+}
+
+struct Exposure {
+  double area = 0;
+  Vector3d centroid = Vector3d::Zero();
+};
+
+/// Midpoints of a grid of n x n cells over the side, each looked up in every other box: covered
+/// where the point just above the side lies inside one. The extents come from the box, not from the
+/// side.
+Exposure BruteForceExposure(const Structure& structure, const Side& side, int n) {
+  const Box& own = structure.boxes()[static_cast<std::size_t>(side.box)];
+  const Eigen::Matrix3d r = own.structure_from_box.linear();
+  const Vector3d normal = FaceNormal(side.face);
+  int axis = 0;
+  normal.cwiseAbs().maxCoeff(&axis);
+  const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+  Exposure exposure;
+  const double cell = own.size[a] * own.size[b] / n / n;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      Vector3d local = normal * own.size[axis] / 2;
+      local[a] = own.size[a] * ((i + 0.5) / n - 0.5);
+      local[b] = own.size[b] * ((j + 0.5) / n - 0.5);
+      const Vector3d p = own.structure_from_box * local, above = p + 1e-3 * (r * normal);
+      bool covered = false;
+      for (std::size_t k = 0; k < structure.boxes().size(); ++k) {
+        if (static_cast<int>(k) == side.box) continue;
+        const Box& box = structure.boxes()[k];
+        const Vector3d q = box.structure_from_box.linear().transpose() *
+                           (above - box.structure_from_box.translation());
+        covered =
+            covered || (std::abs(q.x()) < box.size.x() / 2 && std::abs(q.y()) < box.size.y() / 2 &&
+                        std::abs(q.z()) < box.size.z() / 2);
+      }
+      if (covered) continue;
+      exposure.area += cell;
+      exposure.centroid += cell * p;
+    }
+  }
+  if (exposure.area > 0) exposure.centroid /= exposure.area;
+  return exposure;
+}
+
+/// Areas and first moments: the centroid of a sliver says little.
+void ExpectExposureAsBruteForce(const Structure& structure, int n, double tolerance) {
+  for (const Side& side : structure.sides()) {
+    const Exposure expected = BruteForceExposure(structure, side, n);
+    EXPECT_NEAR(side.exposed_area, expected.area, tolerance) << side.name;
+    if (expected.area == 0) continue;
+    const Vector3d moment = side.exposed_area * (side.exposed_centroid - side.centre);
+    EXPECT_LT((moment - expected.area * (expected.centroid - side.centre)).norm(), tolerance / 2)
+        << side.name;
+  }
+}
+
+// Names in the order of configs/structure.yaml, written out once more.
+TEST(PaperStructure, HasTheAuthorsLabels) {
+  const Structure structure = PaperStructure();
+  EXPECT_EQ(structure.num_classes(), 21);
+  EXPECT_EQ(structure.boxes().size(), 4u);
+  EXPECT_EQ(structure.sides().size(), 24u);
+  EXPECT_EQ(structure.SideNames(),
+            (std::vector<std::string>{
+                "mid_bottom/front", "mid_bottom/back", "mid_bottom/up", "mid_bottom/right",
+                "mid_bottom/left",  "mid_top/right",   "mid_top/left",  "mid_top/up",
+                "mid_top/front",    "mid_top/back",    "bottom/right",  "bottom/up",
+                "bottom/back",      "bottom/front",    "bottom/left",   "top/front",
+                "top/right",        "top/up",          "top/back",      "top/left"}));
+  for (int label = 1; label < 21; ++label) {
+    EXPECT_EQ(structure.SideOfLabel(label).label, label);
+    EXPECT_NE(structure.SideOfLabel(label).face, Face::kDown);
+  }
+  int down = 0;
+  for (const Side& side : structure.sides()) {
+    if (side.face != Face::kDown) continue;
+    ++down;
+    EXPECT_EQ(side.label, 0) << side.name;
+  }
+  EXPECT_EQ(down, 4);
+  ExpectError<Error>([&] { structure.SideOfLabel(0); }, {"label 0"});
+  ExpectError<Error>([&] { structure.SideOfLabel(21); }, {"label 21"});
+  ExpectError<Error>([&] { structure.Keypoint(-1, KeypointKind::kCentre); }, {"label -1"});
+}
+
+TEST(PaperStructure, StandsOnTheFloor) {
+  const Structure structure = PaperStructure();
+  EXPECT_NEAR(structure.FloorHeight(), -0.81, 1e-12);
+  EXPECT_NEAR(structure.Height(), 1.62, 1e-12);
+}
+
+// Centres by hand from the list of [min, max] in millimetres.
+TEST(PaperStructure, CentresNormalsAndExtents) {
+  const Structure structure = PaperStructure();
+  const auto expect_centre = [&](const char* name, double x, double y, double z) {
+    EXPECT_LT((SideNamed(structure, name).centre - Vector3d(x, y, z) / 1000).norm(), 1e-12) << name;
+  };
+  expect_centre("bottom/front", 275, -607.5, 0);
+  expect_centre("bottom/back", -280, -607.5, 0);
+  expect_centre("mid_bottom/up", -115, 0, -112.5);
+  expect_centre("mid_top/down", -227.5, 0, 0);
+  expect_centre("mid_top/left", -227.5, 202.5, -165);
+  expect_centre("top/right", -115, 607.5, 390);
+  for (const Side& side : structure.sides()) {
+    const Box& box = structure.boxes()[static_cast<std::size_t>(side.box)];
+    EXPECT_EQ(side.name, box.name + "/" + FaceName(side.face));
+    EXPECT_LT((side.normal - FaceNormal(side.face)).norm(), 1e-12);
+    EXPECT_LT((side.axis_u.cross(side.axis_v) - side.normal).norm(), 1e-12) << side.name;
+    // The three extents of the box: along u, v and the normal.
+    const double depth = 2 * (side.centre - box.structure_from_box.translation()).dot(side.normal);
+    EXPECT_NEAR(8 * side.half_u * side.half_v * depth / 2, box.size.prod(), 1e-12) << side.name;
+    EXPECT_NEAR((box.size.array() * side.axis_u.cwiseAbs().array()).sum(), 2 * side.half_u, 1e-12);
+    EXPECT_NEAR((box.size.array() * side.axis_v.cwiseAbs().array()).sum(), 2 * side.half_v, 1e-12);
+    EXPECT_EQ(structure.Keypoint(std::max<int>(1, side.label), KeypointKind::kCentre),
+              side.label ? side.centre : structure.SideOfLabel(1).centre);
+  }
+}
+
+TEST(PaperStructure, ExposedAreasAgreeWithAGrid) {
+  // Cells of 0.555 m / 400.
+  ExpectExposureAsBruteForce(PaperStructure(), 400, 1e-3);
+}
+
+// mid_bottom/up is 330 x 555 mm; mid_top covers x in [-280, 50], z in [-165, 165]; what stays is
+// z in [-390, -165].
+TEST(PaperStructure, ExposedCentroidInClosedForm) {
+  const Structure structure = PaperStructure();
+  const Side& up = SideNamed(structure, "mid_bottom/up");
+  EXPECT_NEAR(up.exposed_area, 0.330 * 0.225, 1e-12);
+  EXPECT_LT((up.exposed_centroid - Vector3d(-0.115, 0, -0.2775)).norm(), 1e-12);
+  const Side& top = SideNamed(structure, "top/up");
+  EXPECT_NEAR(top.exposed_area, 0.330 * 0.555, 1e-12);
+  EXPECT_LT((top.exposed_centroid - top.centre).norm(), 1e-12);
+  EXPECT_EQ(structure.Keypoint(3, KeypointKind::kExposed), up.exposed_centroid);
+  EXPECT_EQ(structure.Keypoint(3, KeypointKind::kCentre), up.centre);
+}
+
+// Three sides are not always enough.
+TEST(PaperStructure, SomeTriplesOfCentresAreCollinear) {
+  const Structure structure = PaperStructure();
+  const auto spread = [&](const std::vector<std::string>& names) {
+    std::vector<Vector3d> points;
+    points.reserve(names.size());
+    for (const auto& name : names) points.push_back(SideNamed(structure, name).centre);
+    return SecondSingularValue(points);
+  };
+  EXPECT_LT(spread({"mid_bottom/front", "mid_top/front", "top/front"}), 1e-12);
+  EXPECT_LT(spread({"bottom/right", "mid_bottom/right", "mid_top/right"}), 1e-12);
+  EXPECT_GT(spread({"mid_bottom/front", "mid_top/front", "bottom/right"}), kMinSecondSingularValue);
+  EXPECT_GT(spread({"mid_bottom/front", "mid_top/front", "top/front", "top/right"}),
+            kMinSecondSingularValue);
+}
+
+TEST(Structure, YawedBoxesKeepTheirCentreAndTurn) {
+  const TempFolder folder;
+  const std::string path =
+      folder
+          .Write("yawed.yaml",
+                 "boxes:\n"
+                 "  - {name: a, x: [-300, 300], y: [0, 400], z: [-200, 200]}\n"
+                 "  - {name: b, x: [-250, 150], y: [400, 700], z: [-100, 100], yaw_deg: 30}\n")
+          .string();
+  const Structure structure = ReadStructureYaml(path);
+  EXPECT_EQ(structure.name(), "yawed");
+  const double c = std::cos(kPi / 6), s = std::sin(kPi / 6);
+  const Side& front = SideNamed(structure, "b/front");
+  // A positive yaw about y (up) turns +x towards -z.
+  EXPECT_LT((front.normal - Vector3d(c, 0, -s)).norm(), 1e-12);
+  EXPECT_LT((front.centre - (Vector3d(-0.05, 0.55, 0) + 0.2 * front.normal)).norm(), 1e-12);
+  EXPECT_LT((SideNamed(structure, "b/up").normal - Vector3d::UnitY()).norm(), 1e-12);
+  // a/up loses the whole of b's footprint.
+  const Side& up = SideNamed(structure, "a/up");
+  EXPECT_NEAR(up.exposed_area, 0.6 * 0.4 - 0.4 * 0.2, 1e-4);
+  EXPECT_LT((up.exposed_centroid - Vector3d(0.05 * 0.08 / 0.16, 0.4, 0)).norm(), 2e-4);
+  EXPECT_NEAR(SideNamed(structure, "b/down").exposed_area, 0, 1e-6);
+  ExpectExposureAsBruteForce(structure, 500, 1e-3);
+}
+
+// Boxes at random yaws that stand on each other, hang over and stick into each other.
+TEST(Structure, RandomStacksAgreeWithAGrid) {
+  for (std::uint64_t index = 0; index < 6; ++index) {
+    RandomStream random(1, index, "stack");
+    std::vector<Box> boxes;
+    for (int b = 0; b < 4; ++b) {
+      const int level = b / 2;
+      Box box;
+      box.name = "box" + std::to_string(b);
+      box.size = {random.Uniform(0.2, 0.6), 0.3, random.Uniform(0.2, 0.6)};
+      box.structure_from_box.translation() =
+          Vector3d(random.Uniform(-0.2, 0.2), 0.15 + 0.3 * level, random.Uniform(-0.2, 0.2));
+      box.structure_from_box.linear() = RotationExp({0, random.Uniform(-1, 1), 0});
+      boxes.push_back(box);
+    }
+    SCOPED_TRACE(index);
+    ExpectExposureAsBruteForce(Structure::FromBoxes("random", boxes), 300, 2e-3);
+  }
+}
+
+TEST(Structure, CoversToAMillimetre) {
+  Box low = Box::FromMinMax("low", {0, 0, 0}, {1, 1, 1});
+  const auto exposed = [&](double gap) {
+    return Structure::FromBoxes("s",
+                                {low, Box::FromMinMax("high", {0, 1 + gap, 0}, {0.5, 2 + gap, 1})})
+        .sides()[2]
+        .exposed_area;
+  };
+  EXPECT_NEAR(exposed(0), 0.5, 1e-12);
+  EXPECT_NEAR(exposed(0.0005), 0.5, 1e-12);
+  EXPECT_NEAR(exposed(-0.01), 0.5, 1e-12);
+  EXPECT_NEAR(exposed(0.002), 1, 1e-12);
+}
+
+TEST(Structure, OneBox) {
+  const Structure structure = Structure::FromBoxes("one", {UnitBox("box")});
+  EXPECT_EQ(structure.num_classes(), 6);
+  EXPECT_EQ(structure.SideNames(),
+            (std::vector<std::string>{"box/front", "box/back", "box/up", "box/right", "box/left"}));
+  for (const Side& side : structure.sides()) {
+    EXPECT_NEAR(side.exposed_area, 1, 1e-12);
+    EXPECT_LT((side.exposed_centroid - side.centre).norm(), 1e-12);
+  }
+}
+
+TEST(Structure, TwelveBoxes) {
+  std::vector<Box> boxes;
+  boxes.reserve(12);
+  for (int b = 0; b < 12; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), b));
+  const Structure structure = Structure::FromBoxes("row", boxes);
+  EXPECT_EQ(structure.num_classes(), 61);
+  std::set<int> labels;
+  for (const Side& side : structure.sides()) {
+    if (side.face != Face::kDown) labels.insert(side.label);
+  }
+  EXPECT_EQ(labels.size(), 60u);
+  EXPECT_EQ(*labels.begin(), 1);
+  EXPECT_EQ(*labels.rbegin(), 60);
+  // Neighbours hide each other's front and back.
+  EXPECT_NEAR(SideNamed(structure, "b3/front").exposed_area, 0, 1e-12);
+  EXPECT_EQ(SideNamed(structure, "b3/front").exposed_centroid,
+            SideNamed(structure, "b3/front").centre);
+  EXPECT_NEAR(SideNamed(structure, "b0/back").exposed_area, 1, 1e-12);
+}
+
+TEST(Structure, LabelsEndAt255) {
+  std::vector<Box> boxes;
+  boxes.reserve(52);
+  for (int b = 0; b < 51; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), 2 * b));
+  const Structure structure = Structure::FromBoxes("row", boxes);
+  EXPECT_EQ(structure.num_classes(), 256);
+  EXPECT_EQ(structure.SideOfLabel(255).name, "b50/left");
+  EXPECT_EQ(structure.SideOfLabel(255).label, 255);
+  boxes.push_back(UnitBox("b51", -5));
+  ExpectError<DataError>([&] { Structure::FromBoxes("row", boxes); }, {"52 boxes", "51"});
+}
+
+TEST(Structure, RejectsBadBoxes) {
+  ExpectError<DataError>([] { Structure::FromBoxes("s", {}); }, {"box"});
+  ExpectError<DataError>(
+      [] {
+        Structure::FromBoxes("s", {UnitBox("a"), UnitBox("a", 2)});
+      },
+      {"'a'"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("")}); }, {"empty"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("a/b")}); }, {"'a/b'"});
+  Box flat = UnitBox("flat");
+  flat.size.y() = 0;
+  ExpectError<DataError>([&] { Structure::FromBoxes("s", {flat}); }, {"'flat'"});
+  flat.size.y() = -1;
+  ExpectError<DataError>([&] { Structure::FromBoxes("s", {flat}); }, {"'flat'"});
+  flat.size.y() = std::numeric_limits<double>::quiet_NaN();
+  ExpectError<DataError>([&] { Structure::FromBoxes("s", {flat}); }, {"'flat'"});
+  Box nowhere = UnitBox("nowhere");
+  nowhere.structure_from_box.translation().x() = std::numeric_limits<double>::quiet_NaN();
+  ExpectError<DataError>([&] { Structure::FromBoxes("s", {nowhere}); }, {"'nowhere'"});
+}
+
+TEST(Structure, RejectsBadLabelOrders) {
+  const std::vector<std::string> good = {"a/left", "a/front", "a/up", "a/back", "a/right"};
+  EXPECT_EQ(Structure::FromBoxes("s", {UnitBox("a")}, good).SideNames(), good);
+  const auto expect_bad = [](const std::vector<std::string>& order, const std::string& part) {
+    ExpectError<DataError>([&] { Structure::FromBoxes("s", {UnitBox("a")}, order); }, {part});
+  };
+  auto bad = good;
+  bad.pop_back();
+  expect_bad(bad, "'a/right' has no label");
+  bad = good;
+  bad[3] = "a/left";
+  expect_bad(bad, "'a/left'");
+  bad = good;
+  bad.push_back("a/down");
+  expect_bad(bad, "'a/down'");
+  bad = good;
+  bad[0] = "b/left";
+  expect_bad(bad, "'b/left'");
+}
+
+TEST(Structure, HashTellsDimensionsPosesAndLabels) {
+  const Structure structure = PaperStructure();
+  const auto order = structure.SideNames();
+  const auto& boxes = structure.boxes();
+  std::set<std::string> hashes = {structure.Hash()};
+  EXPECT_EQ(structure.Hash().size(), 64u);
+  EXPECT_EQ(structure.Hash(), PaperStructure().Hash());
+  std::size_t variants = 1;
+  const auto expect_new = [&](const std::vector<Box>& b, const std::vector<std::string>& o) {
+    EXPECT_TRUE(hashes.insert(Structure::FromBoxes("x", b, o).Hash()).second);
+    ++variants;
+  };
+  for (int axis = 0; axis < 3; ++axis) {
+    auto changed = boxes;
+    changed[2].size[axis] += 1e-5;
+    expect_new(changed, order);
+    changed = boxes;
+    changed[2].structure_from_box.translation()[axis] += 1e-5;
+    expect_new(changed, order);
+    changed = boxes;
+    changed[2].structure_from_box.linear() =
+        RotationExp(1e-4 * Vector3d::Unit(axis)) * changed[2].structure_from_box.linear();
+    expect_new(changed, order);
+  }
+  auto swapped = order;
+  std::swap(swapped[4], swapped[17]);
+  expect_new(boxes, swapped);
+  auto renamed = boxes;
+  renamed[0].name = "base";
+  auto renamed_order = order;
+  for (auto& name : renamed_order) {
+    if (name.compare(0, 7, "bottom/") == 0) name = "base/" + name.substr(7);
+  }
+  expect_new(renamed, renamed_order);
+  EXPECT_EQ(hashes.size(), variants);
+  // A tenth of a micrometre is the same structure.
+  auto same = boxes;
+  same[1].structure_from_box.translation().x() += 1e-7;
+  EXPECT_EQ(Structure::FromBoxes("other name", same, order).Hash(), structure.Hash());
+}
+
+TEST(Structure, DisplacedMovesBoxesAndKeepsLabels) {
+  const Structure structure = PaperStructure();
+  std::vector<Pose> offsets(4, Pose::Identity());
+  offsets[1].translation() = Vector3d(0.01, 0, -0.02);
+  offsets[3].linear() = RotationExp({0, 0.05, 0});
+  const Structure moved = structure.Displaced(offsets, 1.01);
+  ASSERT_EQ(moved.num_classes(), 21);
+  EXPECT_EQ(moved.SideNames(), structure.SideNames());
+  EXPECT_NE(moved.Hash(), structure.Hash());
+  for (int label = 1; label < 21; ++label) {
+    const Side& before = structure.SideOfLabel(label);
+    const Side& after = moved.SideOfLabel(label);
+    const Box& box = structure.boxes()[static_cast<std::size_t>(before.box)];
+    const Pose& offset = offsets[static_cast<std::size_t>(before.box)];
+    EXPECT_EQ(after.label, label);
+    EXPECT_EQ(after.name, before.name);
+    const Vector3d middle = box.structure_from_box.translation();
+    EXPECT_LT((after.centre - offset * Vector3d(middle + 1.01 * (before.centre - middle))).norm(),
+              1e-12);
+    EXPECT_LT((after.normal - offset.linear() * before.normal).norm(), 1e-12);
+    EXPECT_NEAR(after.half_u, 1.01 * before.half_u, 1e-12);
+    EXPECT_NEAR(after.half_v, 1.01 * before.half_v, 1e-12);
+  }
+  ExpectExposureAsBruteForce(moved, 300, 2e-3);
+  EXPECT_EQ(structure.Displaced(std::vector<Pose>(4, Pose::Identity())).Hash(), structure.Hash());
+  ExpectError<Error>([&] { structure.Displaced({Pose::Identity()}); }, {"1 offsets", "4 boxes"});
+}
+
+TEST(Side, ClosestPointAgreesWithDenseSampling) {
+  const Structure structure = PaperStructure();
+  RandomStream random(1, 0, "closest");
+  for (int i = 0; i < 40; ++i) {
+    const Side& side = structure.sides()[static_cast<std::size_t>(random.Below(24))];
+    const Vector3d p(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1));
+    const Vector3d q = side.ClosestPoint(p);
+    EXPECT_NEAR((q - side.centre).dot(side.normal), 0, 1e-12);
+    EXPECT_LE(std::abs((q - side.centre).dot(side.axis_u)), side.half_u + 1e-12);
+    EXPECT_LE(std::abs((q - side.centre).dot(side.axis_v)), side.half_v + 1e-12);
+    constexpr int kGrid = 200;
+    double best = std::numeric_limits<double>::infinity();
+    for (int a = 0; a <= kGrid; ++a) {
+      for (int b = 0; b <= kGrid; ++b) {
+        const Vector3d s = side.centre + side.half_u * (2.0 * a / kGrid - 1) * side.axis_u +
+                           side.half_v * (2.0 * b / kGrid - 1) * side.axis_v;
+        best = std::min(best, (s - p).norm());
+      }
+    }
+    EXPECT_LE((q - p).norm(), best + 1e-12);
+    EXPECT_GE((q - p).norm(), best - 3e-3);
+  }
+}
+
+class StructureYaml : public testing::Test {
+ protected:
+  Structure Read(const std::string& text) {
+    folder_.Write("boxes.yaml", text);
+    return ReadStructureYaml(path_);
+  }
+  void ExpectBad(const std::string& text, std::initializer_list<std::string> parts) {
+    SCOPED_TRACE(text);
+    ExpectError<ConfigError>([&] { Read(text); }, parts);
+  }
+
+  const TempFolder folder_;
+  const std::string path_ = (folder_ / "boxes.yaml").string();
+  const std::string box_ = "  - {name: a, x: [0, 10], y: [0, 20], z: [0, 30]}\n";
+};
+
+TEST_F(StructureYaml, LabelsAndNameAreOptional) {
+  const Structure plain = Read("boxes:\n" + box_);
+  EXPECT_EQ(plain.name(), "boxes");
+  EXPECT_EQ(plain.SideNames()[0], "a/front");
+  EXPECT_LT((plain.boxes()[0].size - Vector3d(0.01, 0.02, 0.03)).norm(), 1e-15);
+  const Structure named = Read("name: lab\nboxes:\n" + box_ +
+                               "labels:\n  - {id: 1, side: a/left}\n  - {id: 2, side: a/up}\n"
+                               "  - {id: 3, side: a/front}\n  - {id: 4, side: a/back}\n"
+                               "  - {id: 5, side: a/right}\n");
+  EXPECT_EQ(named.name(), "lab");
+  EXPECT_EQ(named.SideOfLabel(1).name, "a/left");
+  EXPECT_EQ(named.SideOfLabel(5).name, "a/right");
+}
+
+TEST_F(StructureYaml, RejectsBadFiles) {
+  ExpectBad("", {path_, "boxes"});
+  ExpectBad("[1, 2]", {path_, "boxes"});
+  ExpectBad("boxes: 3", {path_, "boxes"});
+  ExpectBad("boxes: []", {path_, "at least one box"});
+  ExpectBad("boxes: [", {path_});
+  ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "colour"});
+  ExpectBad("boxes:\n" + box_ + "boxes:\n" + box_, {path_ + ":3", "twice"});
+  ExpectBad("boxes:\n  - a box\n", {path_ + ":2"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 20]}\n", {path_ + ":2", "'z'"});
+  ExpectBad("boxes:\n  - {x: [0, 10], y: [0, 20], z: [0, 30]}\n", {path_ + ":2", "'name'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [20, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, .nan], y: [0, 1], z: [0, 30]}\n", {path_ + ":2", "'x'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, .inf], y: [0, 1], z: [0, 30]}\n", {path_});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10, 20], y: [0, 1], z: [0, 30]}\n",
+            {path_ + ":2", "'x'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, ten], y: [0, 1], z: [0, 30]}\n", {path_ + ":2"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw: 3}\n",
+            {path_ + ":2", "'yaw'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw_deg: .nan}\n",
+            {path_, "'a'"});
+  ExpectBad("boxes:\n" + box_ + box_, {path_, "two boxes are named 'a'"});
+  ExpectBad("boxes:\n" + box_ + "sides: {front: +z}\n", {path_ + ":3", "front +x"});
+  ExpectBad("boxes:\n" + box_ + "sides: {north: +x}\n", {path_ + ":3"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 2, side: a/up}\n", {path_ + ":4", "label id 2"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/down}\n", {path_, "'a/down'"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up}\n", {path_, "has no label"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: one, side: a/up}\n", {path_ + ":4"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up, colour: 3}\n",
+            {path_ + ":4", "colour"});
+  std::string many = "boxes:\n";
+  for (int b = 0; b < 52; ++b) {
+    many += "  - {name: b" + std::to_string(b) + ", x: [0, 10], y: [0, 20], z: [0, 30]}\n";
+  }
+  ExpectBad(many, {path_, "52 boxes"});
+  ExpectError<IoError>([] { ReadStructureYaml("missing/boxes.yaml"); }, {"missing/boxes.yaml"});
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,321 @@
+#include "core/geometry/visibility.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/base/random.h"
+#include "core/geometry/lens.h"
+
+namespace volalign {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
+
+/// Boxes at any yaw and tilt that overlap and hang over each other.
+Structure RandomStructure(std::uint64_t index) {
+  RandomStream random(4, index, "boxes");
+  std::vector<Box> boxes;
+  for (int b = 0; b < 5; ++b) {
+    Box box;
+    box.name = "box" + std::to_string(b);
+    box.size = {random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5)};
+    box.structure_from_box.translation() =
+        0.3 * Vector3d(random.Normal(), random.Normal(), random.Normal());
+    box.structure_from_box.linear() =
+        RotationExp(Vector3d(random.Normal(), random.Normal(), random.Normal()));
+    boxes.push_back(box);
+  }
+  return Structure::FromBoxes("random", boxes);
+}
+
+struct Triangle {
+  std::array<Vector3d, 3> p;
+  int box = 0;
+  int label = 0;
+};
+
+/// Two triangles a side, from the boxes' corners alone: which corners form a side is told from the
+/// definition of the faces (front +x, back -x, up +y, down -y, right +z, left -z).
+std::vector<Triangle> Triangles(const Structure& structure) {
+  std::vector<Triangle> triangles;
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    const Box& box = structure.boxes()[b];
+    const char* names[3][2] = {{"back", "front"}, {"down", "up"}, {"left", "right"}};
+    for (int axis = 0; axis < 3; ++axis) {
+      for (int positive = 0; positive < 2; ++positive) {
+        std::array<Vector3d, 4> corners;
+        const int a = (axis + 1) % 3, c = (axis + 2) % 3;
+        for (int i = 0; i < 4; ++i) {
+          Vector3d local;
+          local[axis] = (positive ? 0.5 : -0.5) * box.size[axis];
+          local[a] = ((i == 1 || i == 2) ? 0.5 : -0.5) * box.size[a];
+          local[c] = (i >= 2 ? 0.5 : -0.5) * box.size[c];
+          corners[static_cast<std::size_t>(i)] =
+              box.structure_from_box.linear() * local + box.structure_from_box.translation();
+        }
+        int label = 0;
+        const auto names_of_labels = structure.SideNames();
+        for (std::size_t k = 0; k < names_of_labels.size(); ++k) {
+          if (names_of_labels[k] == box.name + "/" + names[axis][positive])
+            label = static_cast<int>(k) + 1;
+        }
+        triangles.push_back({{corners[0], corners[1], corners[2]}, static_cast<int>(b), label});
+        triangles.push_back({{corners[0], corners[2], corners[3]}, static_cast<int>(b), label});
+      }
+    }
+  }
+  return triangles;
+}
+
+struct Crossing {
+  double t = kInfinity;
+  int label = 0;
+  int box = -1;
+  double edge = kInfinity;  ///< least barycentric coordinate: small near an edge
+};
+
+/// Moeller-Trumbore against every triangle, nearest first hit from the front (t > 0).
+Crossing BruteForceCast(const std::vector<Triangle>& triangles, const Vector3d& origin,
+                        const Vector3d& direction) {
+  Crossing best;
+  for (const Triangle& triangle : triangles) {
+    const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
+    const Vector3d h = direction.cross(e2);
+    const double det = e1.dot(h);
+    if (std::abs(det) < 1e-15) continue;
+    const Vector3d s = origin - triangle.p[0];
+    const double u = s.dot(h) / det;
+    const Vector3d q = s.cross(e1);
+    const double v = direction.dot(q) / det;
+    const double t = e2.dot(q) / det;
+    if (u < -1e-9 || v < -1e-9 || u + v > 1 + 1e-9 || t <= 0 || t >= best.t) continue;
+    // The diagonal between the two triangles of a side is no edge of it.
+    best = {t, triangle.label, triangle.box,
+            std::min({std::abs(u), std::abs(v), std::abs(1 - u - v)})};
+  }
+  return best;
+}
+
+TEST(CastRay, AgreesWithTriangles) {
+  for (std::uint64_t index = 0; index < 8; ++index) {
+    const Structure structure = index == 0 ? PaperStructure() : RandomStructure(index);
+    const auto triangles = Triangles(structure);
+    RandomStream random(4, index, "rays");
+    int hits = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const Vector3d origin =
+          2.5 * Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+      const Vector3d aim(random.Uniform(-0.7, 0.7), random.Uniform(-0.9, 0.9),
+                         random.Uniform(-0.7, 0.7));
+      const Vector3d direction = random.Uniform(0.3, 2) * (aim - origin);
+      const Crossing expected = BruteForceCast(triangles, origin, direction);
+      const RayHit hit = CastRay(structure, origin, direction);
+      ASSERT_EQ(hit.side >= 0, expected.box >= 0) << i;
+      if (hit.side < 0) {
+        EXPECT_EQ(hit.t, kInfinity);
+        continue;
+      }
+      ++hits;
+      EXPECT_NEAR(hit.t, expected.t, 1e-10);
+      const Side& side = structure.sides()[static_cast<std::size_t>(hit.side)];
+      if (expected.edge < 1e-6) continue;
+      EXPECT_EQ(side.label, expected.label);
+      EXPECT_EQ(side.box, expected.box);
+      // The hit lies on the side that it names.
+      EXPECT_LT(
+          (side.ClosestPoint(origin + hit.t * direction) - (origin + hit.t * direction)).norm(),
+          1e-9);
+      EXPECT_LT(side.normal.dot(direction), 0);
+    }
+    EXPECT_GT(hits, 500);
+  }
+}
+
+TEST(CastRay, ClosedForms) {
+  const Structure box = Structure::FromBoxes("s", {Box::FromMinMax("a", {-1, -1, -1}, {1, 1, 1})});
+  const auto cast = [&](const Vector3d& o, const Vector3d& d) { return CastRay(box, o, d); };
+  const auto name = [&](const RayHit& hit) {
+    return hit.side < 0 ? std::string("none")
+                        : box.sides()[static_cast<std::size_t>(hit.side)].name;
+  };
+  // Along the axes, with zero components in the direction.
+  EXPECT_EQ(name(cast({5, 0, 0}, {-1, 0, 0})), "a/front");
+  EXPECT_EQ(name(cast({-5, 0, 0}, {1, 0, 0})), "a/back");
+  EXPECT_EQ(name(cast({0, 5, 0}, {0, -1, 0})), "a/up");
+  EXPECT_EQ(name(cast({0, -5, 0}, {0, 1, 0})), "a/down");
+  EXPECT_EQ(name(cast({0, 0, 5}, {0, 0, -1})), "a/right");
+  EXPECT_EQ(name(cast({0, 0, -5}, {0, 0, 1})), "a/left");
+  EXPECT_DOUBLE_EQ(cast({5, 0.2, 0}, {-2, 0, 0}).t, 2);
+  EXPECT_EQ(name(cast({5, 0, 0}, {1, 0, 0})), "none");   // behind
+  EXPECT_EQ(name(cast({5, 2, 0}, {-1, 0, 0})), "none");  // passes above, parallel to it
+  // The `down` side is solid and has no label.
+  const RayHit below = cast({0.3, -5, 0.3}, {0, 1, 0});
+  EXPECT_DOUBLE_EQ(below.t, 4);
+  EXPECT_EQ(box.sides()[static_cast<std::size_t>(below.side)].label, 0);
+}
+
+TEST(CastRay, FromInsideABoxThatBoxIsNotSeen) {
+  const Structure two = Structure::FromBoxes("s", {Box::FromMinMax("a", {-1, -1, -1}, {1, 1, 1}),
+                                                   Box::FromMinMax("b", {3, -1, -1}, {4, 1, 1})});
+  EXPECT_EQ(CastRay(two, {0, 0, 0}, {-1, 0, 0}).side, -1);
+  const RayHit hit = CastRay(two, {0, 0, 0}, {1, 0, 0});
+  ASSERT_GE(hit.side, 0);
+  EXPECT_EQ(two.sides()[static_cast<std::size_t>(hit.side)].name, "b/back");
+  EXPECT_DOUBLE_EQ(hit.t, 3);
+}
+
+void ExpectViewAsTriangles(const Structure& structure, const Intrinsics& intrinsics,
+                           const Pose& pose, int* hits, int* downs) {
+  const auto triangles = Triangles(structure);
+  const RayTable rays = ComputeRays(intrinsics);
+  const ExpectedView view = CastView(structure, rays, pose);
+  ASSERT_EQ(view.depth.width(), intrinsics.width);
+  ASSERT_EQ(view.labels.height(), intrinsics.height);
+  for (int v = 0; v < intrinsics.height; ++v) {
+    for (int u = 0; u < intrinsics.width; ++u) {
+      const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+      const Crossing expected = BruteForceCast(triangles, pose.translation(), pose.linear() * ray);
+      if (expected.edge < 1e-6) continue;
+      const double depth = expected.box < 0 ? 0 : expected.t;  // the ray has z = 1
+      ASSERT_NEAR(view.depth(u, v), depth, 1e-6) << u << ", " << v;
+      ASSERT_EQ(view.labels(u, v), expected.label) << u << ", " << v;
+      *hits += expected.box >= 0;
+      *downs += expected.box >= 0 && expected.label == 0;
+    }
+  }
+}
+
+TEST(CastView, AgreesWithTriangles) {
+  const Intrinsics intrinsics{48, 40, 38, 39, 23.1, 20.4, {}};
+  RandomStream random(4, 0, "views");
+  int hits = 0, downs = 0;
+  for (int i = 0; i < 24; ++i) {
+    const Structure structure =
+        i % 2 ? RandomStructure(static_cast<std::uint64_t>(i)) : PaperStructure();
+    const double phi = random.Uniform(0, 6.28), rho = random.Uniform(1.0, 3.0);
+    const Vector3d position(rho * std::cos(phi), random.Uniform(-0.7, 0.9), rho * std::sin(phi));
+    const Pose pose =
+        LookAt(position, 0.2 * Vector3d(random.Normal(), random.Normal(), random.Normal()),
+               random.Uniform(-3, 3));
+    ExpectViewAsTriangles(structure, intrinsics, pose, &hits, &downs);
+  }
+  EXPECT_GT(hits, 5000);
+  EXPECT_GT(downs, 100);
+}
+
+// Near the floor, two overhangs show their `down` sides: solid, and background.
+TEST(CastView, OverhangsFromBelow) {
+  const Intrinsics intrinsics{64, 48, 50, 50, 31.5, 23.5, {}};
+  int hits = 0, downs = 0;
+  ExpectViewAsTriangles(PaperStructure(), intrinsics, LookAt({-1.2, -0.75, 0.2}, {-0.3, 0, 0}, 0),
+                        &hits, &downs);
+  EXPECT_GT(downs, 20);
+}
+
+// Within the bounding sphere, and away from the structure, the quick rejection must not lie.
+TEST(CastView, CloseUpAndLookingAway) {
+  const Intrinsics intrinsics{40, 30, 20, 20, 19.5, 14.5, {}};
+  int hits = 0, downs = 0;
+  ExpectViewAsTriangles(PaperStructure(), intrinsics, LookAt({0.4, 0.3, 0.4}, {0, 0, 0}, 0.4),
+                        &hits, &downs);
+  EXPECT_GT(hits, 100);
+  hits = 0;
+  ExpectViewAsTriangles(PaperStructure(), intrinsics, LookAt({2, 0.3, 0.4}, {4, 0, 0}, 0), &hits,
+                        &downs);
+  EXPECT_EQ(hits, 0);
+  ExpectViewAsTriangles(PaperStructure(), intrinsics, LookAt({0.9, 0, -1}, {0.9, 0.1, 2}, 0), &hits,
+                        &downs);
+  EXPECT_GT(hits, 5);  // at the image's border only
+}
+
+TEST(DistanceToSurface, AgreesWithDenseSampling) {
+  for (std::uint64_t index = 0; index < 2; ++index) {
+    const Structure structure = index == 0 ? PaperStructure() : RandomStructure(99);
+    constexpr double kStep = 0.01;
+    std::vector<std::pair<Vector3d, int>> samples;
+    for (const Triangle& triangle : Triangles(structure)) {
+      const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
+      const int n = static_cast<int>(std::max(e1.norm(), e2.norm()) / kStep) + 1;
+      for (int i = 0; i <= n; ++i) {
+        for (int j = 0; i + j <= n; ++j) {
+          samples.emplace_back(triangle.p[0] + e1 * i / n + e2 * j / n, triangle.box);
+        }
+      }
+    }
+    RandomStream random(4, index, "distance");
+    for (int i = 0; i < 150; ++i) {
+      const Vector3d p(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1));
+      double best = kInfinity;
+      for (const auto& [q, box] : samples) best = std::min(best, (q - p).norm());
+      const SurfaceDistance distance = DistanceToSurface(structure, p);
+      EXPECT_LE(distance.distance, best + 1e-9);
+      EXPECT_GE(distance.distance, best - kStep);
+      ASSERT_GE(distance.side, 0);
+      const Side& side = structure.sides()[static_cast<std::size_t>(distance.side)];
+      EXPECT_NEAR((side.ClosestPoint(p) - p).norm(), distance.distance, 1e-12);
+    }
+  }
+}
+
+TEST(DistanceToSurface, ClosedForms) {
+  const Structure box = Structure::FromBoxes("s", {Box::FromMinMax("a", {-1, -1, -1}, {1, 1, 1})});
+  EXPECT_NEAR(DistanceToSurface(box, {3, 0, 0}).distance, 2, 1e-15);
+  EXPECT_EQ(box.sides()[static_cast<std::size_t>(DistanceToSurface(box, {3, 0, 0}).side)].name,
+            "a/front");
+  EXPECT_NEAR(DistanceToSurface(box, {2, 2, 2}).distance, std::sqrt(3.0), 1e-15);
+  EXPECT_NEAR(DistanceToSurface(box, {0, -0.9, 0}).distance, 0.1, 1e-15);  // inside
+  EXPECT_EQ(box.sides()[static_cast<std::size_t>(DistanceToSurface(box, {0, -0.9, 0}).side)].name,
+            "a/down");
+}
+
+TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
+  Structure yawed = PaperStructure();
+  std::vector<Pose> offsets(4, Pose::Identity());
+  offsets[1].linear() = RotationExp({0, 0.1, 0});
+  offsets[3].linear() = RotationExp({0, -0.2, 0});
+  for (const Structure& structure : {PaperStructure(), yawed.Displaced(offsets)}) {
+    double area = 0;
+    for (const Side& side : structure.sides()) {
+      if (side.face != Face::kDown) area += side.exposed_area;
+    }
+    for (const double spacing : {0.005, 0.02}) {
+      const auto points = SampleExposedSurface(structure, spacing);
+      EXPECT_NEAR(static_cast<double>(points.size()) * spacing * spacing, area, 0.01 * area)
+          << spacing;
+      std::vector<Vector3d> sums(structure.sides().size(), Vector3d::Zero());
+      std::vector<int> counts(structure.sides().size());
+      for (const auto& p : points) {
+        const SurfaceDistance distance = DistanceToSurface(structure, p);
+        EXPECT_LT(distance.distance, 1e-9);
+        sums[static_cast<std::size_t>(distance.side)] += p;
+        ++counts[static_cast<std::size_t>(distance.side)];
+        // No box holds the point just above it: whatever looks at it from there sees it.
+        const Side& side = structure.sides()[static_cast<std::size_t>(distance.side)];
+        for (const Box& box : structure.boxes()) {
+          const Vector3d q = box.structure_from_box.inverse() * Vector3d(p + 2e-3 * side.normal);
+          EXPECT_FALSE((q.cwiseAbs().array() < box.size.array() / 2 - 1e-3).all()) << side.name;
+        }
+      }
+      for (std::size_t i = 0; i < sums.size(); ++i) {
+        const Side& side = structure.sides()[i];
+        if (side.face == Face::kDown) {
+          EXPECT_EQ(counts[i], 0) << side.name;
+        } else if (side.exposed_area > 1e-3) {
+          EXPECT_LT((sums[i] / counts[i] - side.exposed_centroid).norm(), spacing) << side.name;
+          EXPECT_NEAR(counts[i] * spacing * spacing, side.exposed_area, 2 * spacing) << side.name;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,246 @@
+#include "core/json/json_archive.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+
+namespace volalign {
+namespace {
+
+enum class Colour { kNone, kRed, kBlue };
+const char* ToString(Colour colour) {
+  return colour == Colour::kRed ? "red" : colour == Colour::kBlue ? "blue" : "";
+}
+std::vector<Colour> AllOf(Colour) { return {Colour::kNone, Colour::kRed, Colour::kBlue}; }
+
+struct Part {
+  std::string name;
+  double size_m = 0;
+  std::optional<PoseError> error;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("size_m", size_m);
+    ar.Optional("error", error);
+  }
+};
+
+struct Thing {
+  std::string title;
+  bool flag = false, chosen = false;
+  int count = 0;
+  std::uint64_t seed = 0;
+  std::int64_t offset = 0;
+  Colour colour = Colour::kNone;
+  std::optional<Colour> second;
+  std::string note;
+  std::vector<std::string> files;
+  double gain = 1;
+  Pose pose = Pose::Identity();
+  Eigen::Vector3d vector = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 2, 3> matrix = Eigen::Matrix<double, 2, 3>::Zero();
+  std::vector<Part> parts;
+  std::vector<std::pair<std::string, double>> laps;
+  std::map<std::string, int> counts;
+  std::vector<std::pair<int, double>> spans;
+  Intrinsics intrinsics{4, 3, 5, 5.5, 1.5, 1, {}};
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar.Constant("format", "thing/1");
+    ar("title", title);
+    ar("flag", flag);
+    ar.Choice("chosen", chosen, "yes", "no");
+    ar("count", count);
+    ar("seed", seed);
+    ar("offset", offset);
+    ar.Optional("colour", colour);
+    ar.Optional("second", second);
+    ar.Optional("note", note);
+    ar.OneOrList("files", files);
+    ar.Later("gain", gain);
+    ar("pose", pose);
+    ar("vector", vector);
+    ar("matrix", matrix);
+    ar.ByName("parts", parts, &Part::name);
+    ar("laps", laps);
+    ar("counts", counts);
+    ar("spans", spans);
+    double twice = 2 * count;
+    ar.Derived("twice", twice);
+    ar("intrinsics", intrinsics);
+  }
+};
+
+Thing Full() {
+  Thing thing;
+  thing.title = "a \"b\"";
+  thing.flag = thing.chosen = true;
+  thing.count = -3;
+  thing.seed = 18446744073709551615ULL;
+  thing.offset = std::numeric_limits<std::int64_t>::min();
+  thing.colour = Colour::kRed;
+  thing.second = Colour::kBlue;
+  thing.note = "n";
+  thing.files = {"one", "two"};
+  thing.gain = 0.1;
+  Vector6d motion;
+  motion << 1, 2, 3, 0.1, -0.2, 0.3;
+  thing.pose = PerturbLeft(motion, Pose::Identity());
+  thing.vector << 1, 1.0 / 3, -0.0;
+  thing.matrix << 1, 2, 3, 4, 5, 6;
+  thing.parts = {{"z", 0.5, PoseError{0.25, 2}}, {"a", 1e-300, {}}};
+  thing.laps = {{"b", 1.5}, {"a", 2}};
+  thing.counts = {{"x", 1}};
+  thing.spans = {{1, 2.5}, {-3, 4}};
+  return thing;
+}
+
+// By hand: the keys in the order of Describe, what has no value absent.
+TEST(JsonArchive, WritesKeysInOrderAndLeavesOutWhatHasNoValue) {
+  Thing thing;
+  thing.parts = {{"z", 0.5, PoseError{0.25, 2}}, {"a", 1, {}}};
+  thing.laps = {{"b", 1.5}, {"a", 2}};
+  thing.spans = {{1, 2.5}, {-3, 4}};
+  EXPECT_EQ(
+      WriteDescribed(thing, "t.json", -1),
+      R"({"format":"thing/1","title":"","flag":false,"chosen":"no","count":0,"seed":0,"offset":0,)"
+      R"("gain":1.0,)"
+      R"("pose":[[1.0,0.0,0.0,0.0],[0.0,1.0,0.0,0.0],[0.0,0.0,1.0,0.0],[0.0,0.0,0.0,1.0]],)"
+      R"("vector":[0.0,0.0,0.0],"matrix":[[0.0,0.0,0.0],[0.0,0.0,0.0]],)"
+      R"("parts":{"z":{"size_m":0.5,"error":{"translation_m":0.25,"rotation_deg":2.0}},)"
+      R"("a":{"size_m":1.0}},"laps":{"b":1.5,"a":2.0},"counts":{},"spans":[[1,2.5],[-3,4.0]],)"
+      R"("twice":0.0,)"
+      R"("intrinsics":{"width":4,"height":3,"fx":5.0,"fy":5.5,"cx":1.5,"cy":1.0,"distortion":[]}})"
+      "\n");
+  thing.files = {"one"};
+  EXPECT_EQ(DescribedJson(thing, "t.json")["files"], "one");
+}
+
+TEST(JsonArchive, ReadsBackWhatItWrote) {
+  const Thing thing = Full();
+  const std::string text = WriteDescribed(thing, "t.json", 1);
+  Thing read = ReadDescribed<Thing>(text, "t.json");
+  EXPECT_EQ(read.title, thing.title);
+  EXPECT_TRUE(read.flag && read.chosen);
+  EXPECT_EQ(read.count, thing.count);
+  EXPECT_EQ(read.seed, thing.seed);
+  EXPECT_EQ(read.colour, thing.colour);
+  EXPECT_EQ(read.second, thing.second);
+  EXPECT_EQ(read.note, thing.note);
+  EXPECT_EQ(read.files, thing.files);
+  EXPECT_EQ(read.gain, thing.gain);
+  EXPECT_LT((read.pose.matrix() - thing.pose.matrix()).norm(), 1e-12);
+  EXPECT_EQ(read.vector, thing.vector);
+  EXPECT_EQ(read.matrix, thing.matrix);
+  ASSERT_EQ(read.parts.size(), 2u);
+  EXPECT_EQ(read.parts[1].name, "z");  // alphabetical order
+  EXPECT_EQ(read.parts[1].error->rotation_deg, 2);
+  EXPECT_EQ(read.parts[0].size_m, 1e-300);
+  EXPECT_FALSE(read.parts[0].error.has_value());
+  EXPECT_EQ(read.laps.size(), 2u);
+  EXPECT_EQ(read.counts, thing.counts);
+  EXPECT_EQ(read.offset, thing.offset);
+  EXPECT_EQ(read.spans, thing.spans);
+  EXPECT_EQ(read.intrinsics, thing.intrinsics);
+  // An absent key takes a value back, where one was optional, and keeps it, where it came later.
+  auto json = nlohmann::json::parse(text);
+  for (const char* key : {"colour", "second", "note", "files", "gain", "twice"}) json.erase(key);
+  read = ReadDescribed<Thing>(json.dump(), "t.json");
+  EXPECT_EQ(read.colour, Colour::kNone);
+  EXPECT_FALSE(read.second.has_value());
+  EXPECT_EQ(read.note, "");
+  EXPECT_TRUE(read.files.empty());
+  EXPECT_EQ(read.gain, 1);
+}
+
+TEST(JsonArchive, ReadingNamesThePlace) {
+  const nlohmann::json good = nlohmann::json::parse(WriteDescribed(Full(), "t.json", 1));
+  const auto expect = [&](const std::string& pointer, const nlohmann::json& value,
+                          std::initializer_list<std::string> parts) {
+    nlohmann::json bad = good;
+    bad[nlohmann::json::json_pointer(pointer)] = value;
+    ExpectError<DataError>([&] { ReadDescribed<Thing>(bad.dump(), "t.json"); }, parts);
+  };
+  expect("/format", "thing/2", {"t.json: format \"thing/2\"", "thing/1"});
+  expect("/titel", "x", {"t.json", "\"titel\" is unknown", "\"title\""});
+  expect("/title", 3, {"t.json: title = 3 is not a string"});
+  expect("/flag", 1, {"t.json: flag = 1", "true or false"});
+  expect("/chosen", "maybe", {"t.json: chosen = \"maybe\" is none of yes, no"});
+  expect("/count", 1.5, {"t.json: count = 1.5", "whole"});
+  expect("/offset", 1.5, {"t.json: offset = 1.5", "whole"});
+  expect("/spans/1", {1, 2, 3}, {"t.json: spans[1] has 3 elements, not 2"});
+  expect("/seed", -1, {"t.json: seed = -1", "whole"});
+  expect("/colour", "green", {"t.json: colour = \"green\"", "red, blue"});
+  expect("/note", nullptr, {"t.json", "null"});
+  expect("/files/1", 2, {"t.json: files[1] = 2", "string"});
+  expect("/pose/0/0", 2, {"t.json: pose"});
+  expect("/vector", {1, 2}, {"t.json: vector has 2 numbers, not 3"});
+  expect("/matrix/1", {1, 2}, {"t.json: matrix has 2 columns, not 3"});
+  expect("/parts/z/size_m", "big", {"t.json: parts: z: size_m = \"big\"", "finite number"});
+  expect("/parts/z/colour", "red", {"t.json: parts: z", "\"colour\" is unknown"});
+  expect("/parts/z/error", 1, {"t.json: parts: z: error", "object"});
+  expect("/laps/a", "x", {"t.json: laps: a"});
+  expect("/intrinsics/fx", 0, {"t.json: intrinsics", "fx = 0"});
+  nlohmann::json bad = good;
+  bad["parts"]["z"].erase("size_m");
+  ExpectError<DataError>([&] { ReadDescribed<Thing>(bad.dump(), "t.json"); },
+                         {"t.json: parts: z", "\"size_m\" is missing"});
+  std::string twice = good.dump();
+  twice.replace(twice.find("\"count\""), 0, "\"count\":1,");
+  ExpectError<DataError>([&] { ReadDescribed<Thing>(twice, "t.json"); }, {"t.json", "twice"});
+}
+
+struct Measured {
+  double size = 0, gain = 0;
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Pose pose = Pose::Identity();
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar.IfFinite("size", size);
+    ar.IfFinite("gain", gain, 1.0);
+    ar.IfFinite("place", place);
+    ar.IfFinite("pose", pose);
+  }
+};
+
+TEST(JsonArchive, WhatIsUnknownIsAnAbsentKey) {
+  Measured thing;
+  thing.size = 2;
+  thing.place.y() = std::nan("");
+  thing.gain = std::numeric_limits<double>::infinity();
+  thing.pose.translation().x() = std::nan("");
+  const std::string text = WriteDescribed(thing, "t.json", -1);
+  EXPECT_EQ(text, "{\"size\":2.0}\n");
+  const Measured read = ReadDescribed<Measured>(text, "t.json");
+  EXPECT_EQ(read.size, 2);
+  EXPECT_EQ(read.gain, 1);
+  EXPECT_TRUE(read.place.array().isNaN().all());
+  EXPECT_TRUE(read.pose.matrix().array().isNaN().all());
+  ExpectError<DataError>([] { ReadDescribed<Measured>("{\"size\": null}", "t.json"); }, {"null"});
+}
+
+TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
+  for (const double value : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    Thing thing = Full();
+    thing.parts[0].size_m = value;
+    ExpectError<Error>([&] { WriteDescribed(thing, "t.json", 1); },
+                       {"t.json: parts: z: size_m", "not finite"});
+    thing = Full();
+    thing.matrix(1, 2) = value;
+    ExpectError<Error>([&] { WriteDescribed(thing, "t.json", 1); },
+                       {"t.json: matrix", "not finite"});
+  }
+}
+
+}  // namespace
+}  // namespace volalign

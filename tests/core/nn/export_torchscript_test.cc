@@ -1,0 +1,100 @@
+#include "core/nn/export_torchscript.h"
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/rand.h>
+#include <c10/core/GradMode.h>
+#include <gtest/gtest.h>
+#include <torch/csrc/jit/api/module.h>
+#include <torch/csrc/jit/serialization/import.h>
+
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "core/base/error.h"
+#include "core/nn/checkpoint.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A depth-like map with holes and far values.
+at::Tensor Depth(int height, int width) {
+  const at::Tensor depth = at::rand({2, 1, height, width}) * 9;
+  return depth * (at::rand({2, 1, height, width}) > 0.2);
+}
+
+TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
+  const TempFolder folder;
+  c10::NoGradGuard no_grad;
+  for (const auto normalization :
+       {Normalization::kNone, Normalization::kBatch, Normalization::kGroup}) {
+    for (const auto input : {InputEncoding::kDepth, InputEncoding::kDepthMask}) {
+      CheckpointMeta meta;
+      meta.structure = ReadStructureYaml("configs/structure.yaml");
+      meta.network.base_channels = 2;
+      meta.network.residual_blocks = 2;
+      meta.network.normalization = normalization;
+      meta.network.input = input;
+      meta.network.attention = input == InputEncoding::kDepth;
+      meta.network.background_bias = 1;
+      StructureNet net(meta.network);
+      for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
+      SaveCheckpoint(folder / "model.pt", net, meta, false);
+      ExportTorchScript(folder / "model.pt", folder / "model.ts");
+      torch::jit::ExtraFilesMap extra{{"volalign.json", ""}};
+      torch::jit::Module script = torch::jit::load((folder / "model.ts").string(), at::kCPU, extra);
+      EXPECT_NE(extra["volalign.json"].find("\"top/front\""), std::string::npos);
+      net->eval();
+      const std::vector<std::pair<int, int>> sizes = {{16, 16}, {45, 80}, {33, 47}, {144, 160}};
+      for (const auto& [height, width] : sizes) {
+        const at::Tensor depth = Depth(height, width);
+        const at::Tensor ours = net->forward(EncodeDepth(depth, input));
+        const at::Tensor theirs = script.forward({depth}).toTensor();
+        ASSERT_EQ(theirs.sizes(), ours.sizes());
+        EXPECT_TRUE((theirs - ours).abs().max().item<double>() < 1e-4)
+            << ToString(normalization) << " " << ToString(input) << " " << height << "x" << width;
+      }
+    }
+  }
+  ExpectError<IoError>([&] { ExportTorchScript(folder / "missing.pt", folder / "x.ts"); },
+                       {"missing.pt"});
+  EXPECT_FALSE(fs::exists(folder / "x.ts"));
+}
+
+TEST(ExportTorchScript, RunsInPython) {
+  const TempFolder folder;
+  c10::NoGradGuard no_grad;
+  CheckpointMeta meta;
+  meta.structure = ReadStructureYaml("configs/structure.yaml");
+  meta.network.base_channels = 2;
+  meta.network.normalization = Normalization::kBatch;
+  meta.network.input = InputEncoding::kDepthMask;
+  StructureNet net(meta.network);
+  for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
+  net->eval();
+  SaveCheckpoint(folder / "model.pt", net, meta, false);
+  ExportTorchScript(folder / "model.pt", folder / "model.ts");
+  TensorFile cases{"cases", "{}", {}};
+  for (int i = 0; i < 2; ++i) {
+    const at::Tensor depth = Depth(45 + 19 * i, 80);
+    cases.tensors["depth" + std::to_string(i)] = depth;
+    cases.tensors["expected" + std::to_string(i)] =
+        net->forward(EncodeDepth(depth, meta.network.input));
+  }
+  WriteTensorFile(folder / "cases.pt", cases);
+  const int status = std::system(
+      ("/usr/bin/python3 tests/core/nn/export_torchscript_check.py " + folder.path().string())
+          .c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == 77) GTEST_SKIP() << "/usr/bin/python3 has no torch (python3-torch)";
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+}  // namespace
+}  // namespace volalign

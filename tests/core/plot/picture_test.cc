@@ -1,0 +1,127 @@
+#include "core/plot/picture.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <vector>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+
+namespace volalign {
+namespace {
+
+int LargestDifference(Rgb a, Rgb b) {
+  return std::max({std::abs(a.r - b.r), std::abs(a.g - b.g), std::abs(a.b - b.b)});
+}
+
+TEST(LabelColour, TheStructures21LabelsAreTold) {
+  EXPECT_EQ(LabelColour(0), (Rgb{0, 0, 0}));
+  for (int a = 0; a < 21; ++a) {
+    for (int b = 0; b < a; ++b) {
+      EXPECT_GE(LargestDifference(LabelColour(a), LabelColour(b)), 20) << a << " and " << b;
+    }
+  }
+}
+
+TEST(LabelColour, EveryLabelDiffersFromBackgroundAndFromItsBoxs) {
+  for (int label = 1; label <= 255; ++label) {
+    EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(0)), 100);
+    const int box = (label - 1) / 5 * 5 + 1;
+    for (int other = box; other < label; ++other) {
+      EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(other)), 20);
+    }
+  }
+}
+
+TEST(ColourLabels, ColoursPixelByPixel) {
+  LabelImage labels(5, 3);
+  for (std::size_t i = 0; i < labels.size(); ++i) labels[i] = static_cast<std::uint8_t>(i);
+  const RgbImage picture = ColourLabels(labels);
+  ASSERT_EQ(picture.width(), 5);
+  ASSERT_EQ(picture.height(), 3);
+  for (int v = 0; v < 3; ++v) {
+    for (int u = 0; u < 5; ++u) EXPECT_EQ(picture(u, v), LabelColour(labels(u, v)));
+  }
+  for (int turns = 1; turns < 4; ++turns) {
+    EXPECT_EQ(ColourLabels(Turn(labels, turns)), Turn(picture, turns));
+  }
+}
+
+// Entries 255, 134 and 13 of the published table of 256 viridis colours (S. van der Walt and N.
+// Smith; d3-scale-chromatic has it as 440154 440256 ... 481467 ... fde725).
+TEST(ColourDepth, NearIsYellowFarIsViolet) {
+  DepthImage depth(6, 1);
+  depth[0] = 1;
+  depth[1] = 2;
+  depth[2] = 3;
+  depth[3] = 0;
+  depth[4] = 0.2f;
+  depth[5] = 9;
+  const RgbImage picture = ColourDepth(depth, 1, 3);
+  const auto near = [](Rgb colour, double r, double g, double b) {
+    EXPECT_NEAR(colour.r, 255 * r, 4);
+    EXPECT_NEAR(colour.g, 255 * g, 4);
+    EXPECT_NEAR(colour.b, 255 * b, 4);
+  };
+  near(picture[0], 0.993248, 0.906157, 0.143936);
+  near(picture[1], 0.122606, 0.585371, 0.546557);
+  near(picture[2], 72 / 255.0, 20 / 255.0, 103 / 255.0);
+  EXPECT_EQ(picture[3], (Rgb{0, 0, 0}));
+  EXPECT_EQ(picture[4], picture[0]);  // clamped
+  EXPECT_EQ(picture[5], picture[2]);
+}
+
+TEST(SignedColour, IsBlueBelowZeroAndOrangeAbove) {
+  EXPECT_GT(SignedColour(-1).b, SignedColour(-1).r + 100);
+  EXPECT_GT(SignedColour(1).r, SignedColour(1).b + 100);
+  EXPECT_LT(std::abs(SignedColour(0).r - SignedColour(0).b), 8);
+  EXPECT_EQ(SignedColour(-3), SignedColour(-1));
+  EXPECT_EQ(SignedColour(3), SignedColour(1));
+  EXPECT_FALSE(SignedColour(0.1) == SignedColour(-0.1));
+}
+
+TEST(OverlayLabels, LabelsKeepTheirHueAndNoDepthIsBlack) {
+  DepthImage depth(8, 6, 2.0f);
+  LabelImage labels(8, 6, 3);
+  depth(4, 4) = 0;
+  labels(2, 2) = 0;
+  const RgbImage picture = OverlayLabels(depth, labels);
+  EXPECT_EQ(picture(4, 4), (Rgb{0, 0, 0}));
+  // A flat plane is shaded evenly: the label's colour times one factor.
+  const Rgb colour = LabelColour(3);
+  EXPECT_NEAR(picture(1, 1).r, 0.78 * colour.r, 1.01);
+  EXPECT_NEAR(picture(1, 1).g, 0.78 * colour.g, 1.01);
+  EXPECT_NEAR(picture(1, 1).b, 0.78 * colour.b, 1.01);
+  EXPECT_EQ(picture(2, 2).r, picture(2, 2).g);  // unlabelled surface is grey
+  EXPECT_EQ(picture(2, 2).r, picture(2, 2).b);
+  ExpectError<Error>([&] { OverlayLabels(depth, LabelImage(6, 8)); }, {"sizes"});
+}
+
+TEST(Montage, PlacesPicturesInRows) {
+  const std::vector<RgbImage> pictures = {
+      RgbImage(4, 3, Rgb{10, 0, 0}), RgbImage(2, 5, Rgb{20, 0, 0}), RgbImage(4, 5, Rgb{30, 0, 0})};
+  const RgbImage sheet = Montage(pictures, 2);
+  ASSERT_EQ(sheet.width(), 4 + 2 + 4);
+  ASSERT_EQ(sheet.height(), 5 + 2 + 5);
+  const Rgb background = sheet(4, 0);
+  for (int v = 0; v < sheet.height(); ++v) {
+    for (int u = 0; u < sheet.width(); ++u) {
+      Rgb expected = background;
+      if (u < 4 && v < 3) expected = {10, 0, 0};
+      if (u >= 6 && u < 8 && v < 5) expected = {20, 0, 0};
+      if (u < 4 && v >= 7) expected = {30, 0, 0};
+      EXPECT_EQ(sheet(u, v), expected) << u << ", " << v;
+    }
+  }
+  EXPECT_EQ(Montage(pictures, 3).height(), 5);
+  EXPECT_EQ(Montage(pictures, 1).width(), 4);
+  EXPECT_EQ(Montage(pictures, 99).width(), 4 + 2 + 4 + 2 + 4);
+  EXPECT_EQ(Montage({pictures[0]}, 4), pictures[0]);
+  EXPECT_TRUE(Montage({}, 4).empty());
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,307 @@
+// Calibration without a network: initial poses come from the shape of the structure.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "infer/calib/calibrate.h"
+#include "infer/initial/agreement.h"
+#include "infer/report/report.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/calib/calibrate_rig.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Certain;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+using testing_infer::StoredSegmenter;
+using testing_infer::ThreeSensors;
+
+/// Three boxes, one of them turned, as somebody who has no model for them may stack them.
+Structure OwnBoxes() {
+  std::vector<Box> boxes = {Box::FromMinMax("low", {-0.3, 0, -0.2}, {0.3, 0.35, 0.2}),
+                            Box::FromMinMax("middle", {-0.3, 0.35, -0.15}, {0.1, 0.65, 0.15}),
+                            {"high", {0.35, 0.25, 0.25}, Pose::Identity()}};
+  boxes.back().structure_from_box.translation() = Eigen::Vector3d(-0.05, 0.775, 0.05);
+  boxes.back().structure_from_box.linear() =
+      Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return Structure::FromBoxes("own", boxes);
+}
+
+Rig RigOfOwnBoxes() {
+  Rig rig{OwnBoxes(), {}, {}};
+  for (int i = 0; i < 3; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(30.0 + 110 * i, 2.0, 1.1, 90, {0, 0.4, 0}),
+            {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  return rig;
+}
+
+TEST(CalibrateByGeometry, AnyBoxesWithoutAModel) {
+  const Rig rig = RigOfOwnBoxes();
+  const CalibrationResult result =
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions());
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  for (const FrameResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name);
+    ASSERT_TRUE(sensor.error.has_value());
+    EXPECT_LT(sensor.error->translation_m, 0.004);
+    EXPECT_LT(sensor.error->rotation_deg, 0.2);
+    EXPECT_EQ(sensor.initial_source, PoseSource::kGeometry);
+  }
+  EXPECT_NE(FormatReport(result).find("  geometry  "), std::string::npos) << FormatReport(result);
+}
+
+TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
+  Rig rig = ThreeSensors();
+  for (std::uint8_t& label : rig.labels[1]) label = 0;
+  StoredSegmenter blind;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    blind.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  CalibrateOptions options;
+  const CalibrationResult both = Calibrate(rig.frames, rig.structure, blind, options);
+  ASSERT_TRUE(both.sensors[1].error.has_value());
+  EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
+  EXPECT_EQ(both.sensors[0].initial_source, PoseSource::kNetwork);
+  EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
+
+  options.initial.method = PoseMethod::kNetwork;
+  const CalibrationResult alone = Calibrate(rig.frames, rig.structure, blind, options);
+  EXPECT_EQ(alone.sensors[1].code, SensorCode::kNoStructure);
+}
+
+// As beyond the distances that it was trained for: sides are found beside the stack.
+TEST(CalibrateByGeometry, StandsInForANetworkThatLabelsTheRoom) {
+  Rig rig = ThreeSensors();
+  LabelImage& labels = rig.labels[1];
+  const LabelImage truth = labels;
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      const int from = v - labels.height() / 4;
+      labels(u, v) = from >= 0 ? truth(u, from) : 0;
+    }
+  }
+  StoredSegmenter astray;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    astray.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  const CalibrationResult both = Calibrate(rig.frames, rig.structure, astray);
+  ASSERT_TRUE(both.sensors[1].error.has_value()) << both.sensors[1].reason;
+  EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
+  EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
+}
+
+/// The paper's stack on a table, in a room whose floor is 0.7 m lower.
+Rig OnATable() {
+  const Structure stack = testing_infer::PaperStructure();
+  std::vector<Box> seen = stack.boxes();
+  seen.push_back(Box::FromMinMax("table", {-0.9, -1.51, -0.8}, {0.7, -0.81, 0.8}));
+  Rig rig{Structure::FromBoxes("on a table", seen), {}, {}};
+  for (int i = 0; i < 4; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.3, 0.5, 90, {-0.1, -0.2, 0}),
+            {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    SensorFrame& frame = rig.frames.back();
+    frame.quarter_turns = kAutoTurns;
+    rig.labels[static_cast<std::size_t>(i)] =
+        LabelsFromPose(MakeSensorView(frame.depth, frame.intrinsics), stack, *frame.ground_truth,
+                       0.03)
+            .labels;
+  }
+  rig.structure = stack;
+  return rig;
+}
+
+void ExpectNoWrongOk(const CalibrationResult& result) {
+  for (const FrameResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + sensor.reason);
+    if (sensor.status != SensorStatus::kOk) continue;
+    EXPECT_LT(sensor.error->translation_m, 0.02);
+    EXPECT_LT(sensor.error->rotation_deg, 1);
+  }
+}
+
+TEST(OnATable, OfWhichNothingIsSaidNoSensorIsTurnedOver) {
+  const Rig rig = OnATable();
+  ExpectNoWrongOk(testing_infer::CalibrateRig(rig));
+  ExpectNoWrongOk(
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions()));
+}
+
+TEST(OnATable, OfAKnownHeightEverySensorIsPlaced) {
+  const Rig rig = OnATable();
+  CalibrateOptions options;
+  options.initial.table_height_m = 0.7;
+  for (const bool model : {true, false}) {
+    const CalibrationResult result =
+        model ? testing_infer::CalibrateRig(rig, options)
+              : Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options);
+    EXPECT_EQ(result.verdict(), SensorStatus::kOk) << model;
+    ExpectNoWrongOk(result);
+  }
+}
+
+TEST(OnATable, OfUnknownHeightAStackThatLooksTheSameUpsideDownIsAmbiguous) {
+  const Rig rig = OnATable();
+  CalibrateOptions options;
+  options.initial.table_height_m = -1;
+  for (const FrameResult& sensor :
+       Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options).sensors) {
+    EXPECT_NE(sensor.status, SensorStatus::kOk) << sensor.name;
+    EXPECT_TRUE(sensor.code == SensorCode::kAmbiguous) << sensor.reason;
+  }
+}
+
+CalibrationResult WithoutAModel(const std::vector<SensorFrame>& frames,
+                                const Structure& structure) {
+  return Calibrate(std::vector<Still>{{"", frames}}, structure, nullptr, CalibrateOptions());
+}
+
+/// What four sensors see of a stack that is not the one that is described.
+Rig FourThatSee(const Structure& built) {
+  Rig rig{built, {}, {}};
+  for (int i = 0; i < 4; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.2, 0.4, 90), {true, 3.0});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  return rig;
+}
+
+/// `sees_no_difference`: a sensor may, and is placed by what stands as described.
+void ExpectTrueReasons(const CalibrationResult& result, bool sees_no_difference = false) {
+  for (const FrameResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + ToString(sensor.code) + ", " + sensor.reason);
+    if (sees_no_difference && sensor.status == SensorStatus::kOk) {
+      EXPECT_LT(sensor.error->translation_m, 0.02);
+      EXPECT_LT(sensor.error->rotation_deg, 1);
+      continue;
+    }
+    EXPECT_EQ(sensor.status, SensorStatus::kFailed);
+    EXPECT_TRUE(
+        sensor.code == SensorCode::kNoStructure || sensor.code == SensorCode::kAssemblyTurned ||
+        sensor.code == SensorCode::kAssemblyMirrored || sensor.code == SensorCode::kFrameMirrored);
+  }
+}
+
+TEST(CalibrateByGeometry, AStackThatIsBuiltOtherwiseIsNotFound) {
+  const Structure described = testing_infer::PaperStructure();
+  const std::vector<Box>& boxes = described.boxes();
+  const auto with = [&](std::size_t changed, const Pose& motion) {
+    std::vector<Pose> motions(boxes.size(), Pose::Identity());
+    motions[changed] = motion;
+    return described.Displaced(motions);
+  };
+  // Half a turn of the two upper boxes about the column; mid_bottom turned by a quarter.
+  std::vector<Pose> upper(4, Pose::Identity());
+  upper[2] = upper[3] = Eigen::Translation3d(-0.115, 0, 0) *
+                        Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()) *
+                        Eigen::Translation3d(0.115, 0, 0);
+  const Eigen::Vector3d middle = boxes[1].structure_from_box.translation();
+  const Pose turned(Eigen::Translation3d(middle) *
+                    Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()) *
+                    Eigen::Translation3d(-middle));
+  for (const Structure& built : {described.Displaced(upper), with(1, turned),
+                                 with(0, Pose(Eigen::Translation3d(0.3, 0, 0)))})
+    ExpectTrueReasons(WithoutAModel(FourThatSee(built).frames, described), true);
+}
+
+TEST(CalibrateByGeometry, MirroredFramesAreNotFound) {
+  Rig rig = FourThatSee(testing_infer::PaperStructure());
+  for (std::size_t i = 1; i < rig.frames.size(); ++i)
+    testing_infer::FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+  CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  result.sensors.erase(result.sensors.begin());
+  ExpectTrueReasons(result);
+}
+
+/// A room full of boxes, none of them on another, that no stack is made of.
+Structure ManyBoxes(std::uint64_t seed) {
+  RandomStream random(seed, 0, "boxes");
+  std::vector<Box> boxes;
+  for (int i = 0; i < 16; ++i) {
+    const Eigen::Vector3d size(random.Uniform(0.25, 0.6), random.Uniform(0.2, 1.2),
+                               random.Uniform(0.25, 0.6));
+    Box box{"box" + std::to_string(i), size, Pose::Identity()};
+    box.structure_from_box.translation() =
+        Eigen::Vector3d(-1.35 + 0.9 * (i % 4), size.y() / 2, -1.35 + 0.9 * (i / 4));
+    box.structure_from_box.linear() =
+        Eigen::AngleAxisd(random.Uniform(-0.8, 0.8), Eigen::Vector3d::UnitY()).toRotationMatrix();
+    boxes.push_back(box);
+  }
+  return Structure::FromBoxes("many", boxes);
+}
+
+TEST(CalibrateByGeometry, NothingIsOkInARoomFullOfOtherBoxes) {
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    Rig rig{ManyBoxes(seed), {}, {}};
+    for (int i = 0; i < 4; ++i) {
+      rig.Add("S" + std::to_string(i), RingPose(20.0 + 90 * i, 2.6, 1.4, 90, {0, 0.3, 0}),
+              {true, 3.5});
+      AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+      rig.frames.back().quarter_turns = kAutoTurns;
+    }
+    for (const Structure& described : {OwnBoxes(), testing_infer::PaperStructure()}) {
+      for (const FrameResult& sensor : WithoutAModel(rig.frames, described).sensors)
+        EXPECT_NE(sensor.status, SensorStatus::kOk) << seed << " " << described.name();
+    }
+  }
+}
+
+// One of four sensors sees no floor, and the paper's stack looks the same upside down. The others
+// are mounted as it is.
+TEST(CalibrateByGeometry, UpFromTheOtherSensors) {
+  Rig rig = FourThatSee(testing_infer::PaperStructure());
+  DepthImage& depth = rig.frames[2].depth;
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    if (rig.labels[2][i] == 0) depth[i] = 0;
+  }
+  const CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+  for (const FrameResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name + ": " + sensor.reason);
+    ASSERT_TRUE(sensor.error.has_value());
+    EXPECT_LT(sensor.error->translation_m, 0.02);
+    EXPECT_LT(sensor.error->rotation_deg, 1);
+  }
+}
+
+TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {
+  Rig rig{Structure::FromBoxes("one", {Box::FromMinMax("one", {-0.3, 0, -0.2}, {0.3, 0.4, 0.2})}),
+          {},
+          {}};
+  for (int i = 0; i < 2; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(30.0 + 80 * i, 1.8, 1.0, 90, {0, 0.2, 0}),
+            {true, 3.0});
+  }
+  const CalibrationResult result =
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions());
+  for (const FrameResult& sensor : result.sensors) {
+    SCOPED_TRACE(sensor.name);
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
+    EXPECT_NE(sensor.reason.find("turned by 180 deg"), std::string::npos) << sensor.reason;
+  }
+}
+
+TEST(CalibrateByGeometry, WithoutAModelThereIsNothingToAskANetwork) {
+  const Rig rig = RigOfOwnBoxes();
+  for (const PoseMethod method : {PoseMethod::kNetwork, PoseMethod::kPaper}) {
+    CalibrateOptions options;
+    options.initial.method = method;
+    ExpectError<ConfigError>([&] {
+      Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, options);
+    });
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,301 @@
+// Situations that rendered rooms do not have: nothing behind the structure, exact boxes, sensors
+// that see too little of it, no floor in view, mirrored frames. Each of them from several places.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "infer/calib/calibrate.h"
+#include "infer/initial/aliases.h"
+#include "infer/report/report.h"
+#include "tests/infer/calib/calibrate_rig.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::AddSmoothError;
+using testing_infer::CalibrateRig;
+using testing_infer::Certain;
+using testing_infer::FlipFrame;
+using testing_infer::LeaveGaps;
+using testing_infer::PaperStructure;
+using testing_infer::Restrict;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+using testing_infer::Scene;
+using testing_infer::StoredSegmenter;
+
+void ExpectPlaced(const FrameResult& sensor, double metres, double degrees) {
+  ASSERT_TRUE(sensor.error.has_value())
+      << sensor.name << ": " << ToString(sensor.code) << ", " << sensor.reason;
+  EXPECT_FALSE(!(sensor.error->translation_m < metres))
+      << sensor.name << ": " << sensor.error->translation_m;
+  EXPECT_FALSE(!(sensor.error->rotation_deg < degrees))
+      << sensor.name << ": " << sensor.error->rotation_deg;
+}
+
+// Straight before the four sides that face along +z, so low that no top is seen: nothing but their
+// silhouettes fixes the place along them.
+TEST(NothingBehind, FourParallelSidesFixAPose) {
+  for (int k = 0; k < 6; ++k) {
+    Rig rig{PaperStructure(), {}, {}};
+    Pose pose = RingPose(90, 2.0 + 0.1 * k, -0.6, 90 + 2 * k, {-0.1, -0.1, 0});
+    pose.translation().x() = -0.1;
+    rig.Add("S", pose, {false, 0});
+    LabelImage& labels = rig.labels[0];
+    for (int label = 1; label < rig.structure.num_classes(); ++label) {
+      const bool seen = std::count(labels.begin(), labels.end(), label) > 0;
+      const bool parallel = rig.structure.SideOfLabel(label).normal.z() > 0.9;
+      ASSERT_TRUE(!seen || parallel) << label;
+    }
+    const int most = k % 3 * 2;  // px missing round each edge, 0 to 4
+    LeaveGaps(&rig.frames[0].depth, &labels, most > 0 ? 1 : 0, most, static_cast<unsigned>(k));
+    AddNoise(&rig.frames[0].depth, 0.002, static_cast<unsigned>(k));
+    const FrameResult sensor = CalibrateRig(rig).sensors[0];
+    EXPECT_EQ(sensor.status, SensorStatus::kOk) << k << ": " << sensor.reason;
+    ExpectPlaced(sensor, 0.012, 0.5);
+    const Eigen::Vector3d off = sensor.structure_from_sensor->translation() - pose.translation();
+    EXPECT_LT((off.cwiseAbs() - 3 * sensor.sigma_position_m()).maxCoeff(), 0) << k;
+  }
+}
+
+/// Geometry would find what the labels leave open.
+CalibrateOptions ByLabels() {
+  CalibrateOptions options;
+  options.initial.method = PoseMethod::kNetwork;
+  return options;
+}
+
+/// m, mean error of the positions of six sensors round boxes that stand as described.
+double ErrorWithExactBoxes(std::uint64_t seed, const std::string& estimate) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (unsigned i = 0; i < 6; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(60.0 * i + 17 * static_cast<double>(seed), 2.0, 0.3),
+            {true, 3.5});
+    AddNoise(&rig.frames[i].depth, 0.001, seed + i);
+    AddSmoothError(&rig.frames[i].depth, 0.001, 6, seed + i);
+  }
+  CalibrateOptions options;
+  options.refine.estimate = estimate;
+  double sum = 0;
+  for (const FrameResult& sensor : CalibrateRig(rig, options).sensors)
+    sum += sensor.error ? sensor.error->translation_m : 1;
+  return sum / 6;
+}
+
+TEST(ExactBoxes, CostNothingWhereMoreIsEstimated) {
+  for (const std::uint64_t seed : {3, 30}) {
+    const double nominal = ErrorWithExactBoxes(seed, "none");
+    const double estimated = ErrorWithExactBoxes(seed, "auto");
+    EXPECT_LT(estimated, 0.0015) << seed;
+    EXPECT_LT(estimated, nominal + 0.0005) << seed << ": " << nominal;
+  }
+}
+
+/// Three sensors, and one whose network marks so few sides that they fix no pose.
+Rig WithLostSensor(int k, const Scene& scene) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i + 10 * k), scene);
+  rig.Add("S3", RingPose(90, 2.0, 0.3, 90, Eigen::Vector3d(k % 2 ? 0.6 : -1.1, 0, 0)), scene);
+  Restrict(rig.structure, &rig.labels[3], [&](const Side& side) {
+    if (k == 2) return side.name == "mid_top/right";
+    return side.name == "mid_bottom/right" || side.name == "mid_top/right" ||
+           side.name == "bottom/right";
+  });
+  for (std::size_t i = 0; i < 4; ++i) AddNoise(&rig.frames[i].depth, 0.002, i);
+  return rig;
+}
+
+TEST(Neighbours, PlaceASensorThatSeesTooFewSides) {
+  for (int k = 0; k < 3; ++k) {
+    const CalibrationResult result = CalibrateRig(WithLostSensor(k, {true, 3.5}), ByLabels());
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << result.sensors[i].reason;
+      ExpectPlaced(result.sensors[i], 0.006, 0.1);
+    }
+    const FrameResult& lost = result.sensors[3];
+    EXPECT_EQ(lost.status, SensorStatus::kWeak);
+    EXPECT_EQ(lost.code, SensorCode::kByNeighbours) << ToString(lost.code) << lost.reason;
+    EXPECT_NE(lost.reason.find("S0, S1, S2"), std::string::npos) << lost.reason;
+    EXPECT_FALSE(lost.hint.empty());
+    ExpectPlaced(lost, 0.008, 0.2);
+    EXPECT_LT(lost.sigma_position_m().maxCoeff(), 0.03);
+  }
+}
+
+// What it shares with them has to fix the pose: a part of one plane does not.
+TEST(Neighbours, DoNotPlaceASensorThatCouldSlide) {
+  Rig rig = WithLostSensor(2, {true, 3.5});
+  SensorFrame& frame = rig.frames[3];
+  const auto label = testing_infer::LabelOf(rig.structure, "mid_top/right");
+  const Side& side = rig.structure.SideOfLabel(label);
+  const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
+  int left = 0;
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v) - side.centre;
+      const bool inside = rig.labels[3](u, v) == label &&
+                          Eigen::Vector2d(side.axis_u.dot(p), side.axis_v.dot(p)).norm() < 0.15;
+      left += inside ? 1 : 0;
+      if (inside) continue;
+      frame.depth(u, v) = 0;
+      rig.labels[3](u, v) = 0;
+    }
+  }
+  ASSERT_GT(left, 1000);
+  const CalibrationResult result = CalibrateRig(rig);
+  EXPECT_EQ(result.sensors[3].status, SensorStatus::kFailed);
+  EXPECT_FALSE(result.sensors[3].structure_from_sensor.has_value());
+  EXPECT_EQ(result.placed(), 3);
+}
+
+TEST(Neighbours, WithoutOverlapEverySensorIsOnItsOwn) {
+  CalibrateOptions options = ByLabels();
+  options.refine.max_overlap_points = 0;
+  const CalibrationResult result = CalibrateRig(WithLostSensor(0, {true, 3.5}), options);
+  EXPECT_EQ(result.sensors[3].code, SensorCode::kDegenerateSides) << result.sensors[3].reason;
+}
+
+/// Labels that a network gives that takes the structure for one that stands upside down.
+LabelImage UpsideDownLabels(const Rig& rig, std::size_t i) {
+  const Pose motion = FindAliases(rig.structure).front().motion;
+  LabelImage labels = CastView(rig.structure, ComputeRays(rig.frames[i].intrinsics),
+                               motion * *rig.frames[i].ground_truth)
+                          .labels;
+  for (std::size_t k = 0; k < labels.size(); ++k) {
+    if (rig.labels[i][k] == 0) labels[k] = 0;
+  }
+  return labels;
+}
+
+/// Six sensors that see the stack and, with walls, what is 0.6 m above and below its middle, so
+/// that nothing in view tells up from down. `floor` of them also see the floor; the pictures of the
+/// first `upright` stand upright, the others lie on their side.
+Rig WithoutFloor(double wall, int k, int floor, int upright = 0) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 6; ++i) {
+    const bool sees_floor = i < floor;
+    rig.Add("S" + std::to_string(i),
+            RingPose(20 + 60.0 * i + 17 * k, 1.9 + 0.1 * (i % 3), 0.2 + 0.1 * (i % 4),
+                     i < upright ? 0 : 90),
+            {sees_floor, wall});
+    SensorFrame& frame = rig.frames.back();
+    frame.quarter_turns = kAutoTurns;
+    const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
+    for (int v = 0; v < view.height() && !sees_floor; ++v) {
+      for (int u = 0; u < view.width(); ++u) {
+        const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
+        if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.6) frame.depth(u, v) = 0;
+      }
+    }
+  }
+  return rig;
+}
+
+/// Its calibration with a network that takes two of the six for upside down.
+CalibrationResult CalibrateMisled(const Rig& rig) {
+  StoredSegmenter segmenter;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    segmenter.Store(rig.frames[i].depth,
+                    Certain(i % 3 == 1 ? UpsideDownLabels(rig, i) : rig.labels[i]));
+  return Calibrate(rig.frames, rig.structure, segmenter);
+}
+
+TEST(OneUpForTheRig, NoSensorIsUpsideDownToTheOthers) {
+  for (int k = 0; k < 2; ++k) {
+    const CalibrationResult result = CalibrateMisled(WithoutFloor(k * 3.5, k, 0));
+    for (const FrameResult& sensor : result.sensors) {
+      ExpectPlaced(sensor, 0.015, 0.2);
+      EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << "nothing says which way is up";
+    }
+  }
+}
+
+// S1 is misled and S4 is, one of three upright pictures and one of three that lie on their side.
+TEST(OneUpForTheRig, SensorsMayBeMountedInTwoWays) {
+  const CalibrationResult result = CalibrateMisled(WithoutFloor(0, 0, 0, 3));
+  for (const FrameResult& sensor : result.sensors) {
+    ExpectPlaced(sensor, 0.015, 0.2);
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
+  }
+}
+
+// S0 and S1, the upright ones, contradict each other, and nothing joins either to the others.
+TEST(OneUpForTheRig, WhatMayContradictTheOthersIsNotPlaced) {
+  const CalibrationResult result = CalibrateMisled(WithoutFloor(0, 0, 0, 2));
+  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
+    const FrameResult& sensor = result.sensors[i];
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
+    if (i < 2) {
+      EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
+      EXPECT_NE(sensor.reason.find("agrees with the other sensors"), std::string::npos)
+          << sensor.reason;
+      EXPECT_NE(sensor.hint.find("quarter_turns"), std::string::npos) << sensor.hint;
+    } else {
+      ExpectPlaced(sensor, 0.015, 0.2);
+    }
+  }
+}
+
+// The two that were misled are mounted as three are that see a floor.
+TEST(OneUpForTheRig, AFloorThatOthersSeeSettlesIt) {
+  const CalibrationResult result = CalibrateMisled(WithoutFloor(3.5, 0, 4));
+  for (const FrameResult& sensor : result.sensors) {
+    ExpectPlaced(sensor, 0.015, 0.2);
+    EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.name << ": " << sensor.reason;
+  }
+}
+
+Rig ThreeInARoom(int k) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 3; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 120 * i + 13 * k), {true, 3.5});
+    AddNoise(&rig.frames.back().depth, 0.002, static_cast<unsigned>(i));
+  }
+  return rig;
+}
+
+TEST(MirroredFrames, AllOfThemMayAlsoBeTheStack) {
+  Rig rig = ThreeInARoom(0);
+  for (std::size_t i = 0; i < 3; ++i) FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+  const CalibrationResult result = CalibrateRig(rig);
+  for (const FrameResult& sensor : result.sensors) {
+    EXPECT_EQ(sensor.code, SensorCode::kAssemblyMirrored) << sensor.reason;
+    EXPECT_NE(sensor.hint.find("if it is the stack"), std::string::npos) << sensor.hint;
+    EXPECT_NE(sensor.hint.find("if it is the frames"), std::string::npos) << sensor.hint;
+  }
+  const std::string report = FormatReport(result);
+  const std::string sentence = "the stack or the frames are mirrored: that explains";
+  const std::size_t first = report.find(sentence);
+  ASSERT_NE(first, std::string::npos) << report;
+  EXPECT_EQ(report.find(sentence, first + 1), std::string::npos) << "said once for all\n" << report;
+  EXPECT_NE(report.find("S0, S1, S2 are failed"), std::string::npos) << report;
+}
+
+TEST(MirroredFrames, SomeOfThemAreNamedAndTheOthersPlaced) {
+  for (const std::size_t mirrored : {1u, 2u}) {
+    Rig rig = ThreeInARoom(static_cast<int>(mirrored));
+    for (std::size_t i = 0; i < mirrored; ++i)
+      FlipFrame(rig.structure, &rig.frames[i], &rig.labels[i]);
+    const CalibrationResult result = CalibrateRig(rig);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const FrameResult& sensor = result.sensors[i];
+      if (i < mirrored) {
+        EXPECT_EQ(sensor.status, SensorStatus::kFailed);
+        EXPECT_EQ(sensor.code, SensorCode::kFrameMirrored) << sensor.reason;
+        EXPECT_FALSE(sensor.hint.empty());
+      } else {
+        EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
+        ExpectPlaced(sensor, 0.005, 0.1);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,477 @@
+#include "infer/calib/calibrate.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Certain;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::Restrict;
+using testing_infer::Rig;
+using testing_infer::RingOfEight;
+using testing_infer::RingPose;
+using testing_infer::StoredSegmenter;
+using testing_infer::ThreeSensors;
+
+TEST(Calibrate, NoiseFreeRingOfEightIsExact) {
+  const Rig rig = RingOfEight();
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  ASSERT_EQ(result.sensors.size(), 8u);
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  EXPECT_EQ(result.placed(), 8);
+  for (const FrameResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error.has_value());
+    // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
+    EXPECT_FALSE(!(sensor.error->translation_m < 1.5e-3))
+        << sensor.name << ": " << sensor.error->translation_m;
+    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.05))
+        << sensor.name << ": " << sensor.error->rotation_deg;
+    EXPECT_LT(sensor.rms_to_structure_m, 1e-3);
+    EXPECT_GT(sensor.inlier_share, 0.999);
+    EXPECT_GT(sensor.label_iou, 0.98);
+    EXPECT_GE(sensor.sides.size(), 5u);
+    EXPECT_EQ(sensor.code, SensorCode::kNone);
+    EXPECT_GT(sensor.sigma_position_m().minCoeff(), 0);
+  }
+  ASSERT_TRUE(result.metrics.has_value());
+  // A sample of a 5 mm grid is at most 3.6 mm away, 2 mm in the mean square.
+  EXPECT_LT(result.metrics->d1, 2.5e-3);
+  EXPECT_GE(result.metrics->d2, result.metrics->d1);
+  EXPECT_GE(result.pairs.size(), 8u);
+}
+
+TEST(Calibrate, NoiseAndWrongLabelsCostMillimetres) {
+  Rig rig = RingOfEight({true, 3.5});
+  StoredSegmenter segmenter;
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    AddNoise(&rig.frames[i].depth, 0.005, i);
+    LabelImage labels = rig.labels[i];
+    RandomStream random(7, i, "labels");
+    for (std::uint8_t& label : labels) {
+      if (random.Chance(0.1)) label = static_cast<std::uint8_t>(random.Below(21));
+    }
+    segmenter.Store(rig.frames[i].depth, Certain(labels));
+  }
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  for (const FrameResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error.has_value()) << sensor.name << " " << sensor.reason;
+    EXPECT_FALSE(!(sensor.error->translation_m < 0.01))
+        << sensor.name << ": " << sensor.error->translation_m;
+    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.2))
+        << sensor.name << ": " << sensor.error->rotation_deg;
+  }
+}
+
+TEST(Calibrate, ASensorThatCannotBePlacedLeavesTheOthersAlone) {
+  Rig rig = RingOfEight();
+  rig.frames.resize(5);
+  rig.labels.resize(5);
+  // S1: no depth. S2: the three sides with collinear centres. S3: sees nothing of the structure.
+  std::fill(rig.frames[1].depth.begin(), rig.frames[1].depth.end(), 0.0f);
+  rig.frames[2].depth = rig.frames[0].depth;
+  rig.labels[2] = rig.labels[0];
+  rig.frames[2].depth(0, 0) = 3.3f;
+  Restrict(rig.structure, &rig.labels[2], [](const Side& side) {
+    return side.name == "mid_bottom/front" || side.name == "mid_top/front" ||
+           side.name == "top/front";
+  });
+  const auto away =
+      testing_infer::Render(rig.structure, Kinect(), RingPose(0, 2.0, 0.4, 90, {5, 0, 0}));
+  rig.frames[3].depth = away.depth;
+  rig.labels[3] = away.labels;
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  CalibrateOptions options;
+  options.refine.max_overlap_points = 0;  // by which S2 would be placed
+  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+  EXPECT_EQ(result.placed(), 2);
+  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
+  const std::vector<SensorCode> codes = {SensorCode::kNone, SensorCode::kNoDepth,
+                                         SensorCode::kDegenerateSides, SensorCode::kNoStructure,
+                                         SensorCode::kNone};
+  for (std::size_t i = 0; i < 5; ++i) {
+    const FrameResult& sensor = result.sensors[i];
+    EXPECT_EQ(sensor.code, codes[i]) << sensor.name << ": " << sensor.reason;
+    const bool placed = codes[i] == SensorCode::kNone;
+    EXPECT_EQ(sensor.status, placed ? SensorStatus::kOk : SensorStatus::kFailed) << sensor.reason;
+    EXPECT_EQ(sensor.structure_from_sensor.has_value(), placed);
+    if (placed) {
+      EXPECT_LT(sensor.error->translation_m, 1.5e-3);
+    } else {
+      EXPECT_FALSE(sensor.reason.empty());
+      EXPECT_FALSE(sensor.hint.empty());
+    }
+  }
+}
+
+TEST(LabelsFromPose, AreTheRenderedOnesWhereDepthAgrees) {
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(40);
+  auto frame = testing_infer::Render(structure, Kinect(), pose);
+  // Something 20 cm in front hides a corner; elsewhere the depth is 3 cm off, which is near enough.
+  int hidden = 0;
+  for (int v = 0; v < frame.depth.height(); ++v) {
+    for (int u = 0; u < frame.depth.width(); ++u) {
+      if (frame.labels(u, v) == 0) continue;
+      const bool in_front = u < 150;
+      frame.depth(u, v) -= in_front ? 0.2f : 0.03f;
+      hidden += in_front;
+    }
+  }
+  ASSERT_GT(hidden, 100);
+  const SegmentationResult seen =
+      LabelsFromPose(MakeSensorView(frame.depth, Kinect()), structure, pose, 0.04);
+  int missing = 0;
+  for (int v = 0; v < frame.depth.height(); ++v) {
+    for (int u = 0; u < frame.depth.width(); ++u) {
+      const int label = seen.labels(u, v);
+      EXPECT_EQ(seen.confidence(u, v), label > 0 ? 1 : 0);
+      if (u < 150) {
+        EXPECT_EQ(label, 0);
+      } else if (label != frame.labels(u, v)) {
+        // Only within 3 cm of the end of a side, where the nearer point has left it sideways.
+        EXPECT_EQ(label, 0);
+        ++missing;
+      }
+    }
+  }
+  EXPECT_LT(missing, 200);
+}
+
+TEST(Calibrate, DegenerateSetsOfSidesAreRecognised) {
+  const std::vector<std::vector<std::string>> sets = {
+      {"mid_bottom/front", "mid_top/front", "top/front"},
+      {"mid_bottom/right", "bottom/right", "mid_top/right"},
+      {"mid_bottom/front", "mid_bottom/right"},
+      {"mid_top/front"}};
+  for (const auto& set : sets) {
+    Rig rig{PaperStructure(), {}, {}};
+    rig.Add("A", RingPose(45));
+    Restrict(rig.structure, &rig.labels[0], [&](const Side& side) {
+      return std::find(set.begin(), set.end(), side.name) != set.end();
+    });
+    StoredSegmenter segmenter = rig.PerfectSegmenter();
+    // Geometry would see the others.
+    CalibrateOptions options;
+    options.initial.method = PoseMethod::kNetwork;
+    const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+    EXPECT_EQ(result.sensors[0].code, SensorCode::kDegenerateSides)
+        << set[0] << ": " << result.sensors[0].reason;
+    EXPECT_FALSE(result.metrics.has_value());
+  }
+}
+
+TEST(Calibrate, AStackBuiltOtherwiseIsInconsistent) {
+  // The same boxes in a straight pile: every side is found, sharp and planar, and none fits with
+  // the others.
+  const Structure structure = PaperStructure();
+  std::vector<Pose> offsets(structure.boxes().size(), Pose::Identity());
+  for (std::size_t i = 0; i < offsets.size(); ++i) {
+    const Eigen::Vector3d centre = structure.boxes()[i].structure_from_box.translation();
+    const double side = i % 2 ? 0.45 : -0.45;
+    offsets[i].translation() = Eigen::Vector3d(side - centre.x(), 0, -side - centre.z());
+    offsets[i].linear() = RotationExp(Eigen::Vector3d(0, 0.6 * static_cast<double>(i), 0));
+    offsets[i].translation() += centre - offsets[i].linear() * centre;
+  }
+  Rig rig{structure.Displaced(offsets), {}, {}};
+  rig.Add("A", RingPose(45, 2.4));
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed);
+  EXPECT_EQ(result.sensors[0].code, SensorCode::kInconsistent) << result.sensors[0].reason;
+}
+
+/// A room with boxes like the structure's, and a network that takes their faces for sides of the
+/// structure.
+struct FakeRoom {
+  DepthImage depth;
+  SegmentationResult segmentation;
+};
+
+FakeRoom MakeFakeRoom(const Structure& structure, std::uint64_t seed) {
+  RandomStream random(seed, 0, "fake_room");
+  std::vector<Box> boxes;
+  const int count = 3 + random.Below(6);
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Vector3d size(random.Uniform(0.25, 0.8), random.Uniform(0.3, 1.5),
+                               random.Uniform(0.25, 0.8));
+    const double x = random.Uniform(-2, 1), z = random.Uniform(-1.8, 1.8);
+    Box box;
+    box.name = "clutter" + std::to_string(i);
+    box.size = size;
+    box.structure_from_box.linear() = RotationExp(Eigen::Vector3d(0, random.Uniform(0, 1.5), 0));
+    box.structure_from_box.translation() =
+        Eigen::Vector3d(x, structure.FloorHeight() + size.y() / 2, z);
+    boxes.push_back(box);
+  }
+  const Structure clutter = Structure::FromBoxes("clutter", boxes);
+  const auto view = testing_infer::Render(clutter, Kinect(),
+                                          RingPose(random.Uniform(0, 360), 2.5, 0.4), {true, 4});
+  FakeRoom room{view.depth, Certain(LabelImage(view.depth.width(), view.depth.height()))};
+  // Each visible face gets one side's label, with the right orientation more often than not.
+  std::vector<int> given(static_cast<std::size_t>(clutter.num_classes()), 0);
+  for (int label = 1; label < clutter.num_classes(); ++label) {
+    if (random.Chance(0.2)) continue;
+    int guess = 1 + random.Below(structure.num_classes() - 1);
+    for (int i = 0; i < 5 && structure.SideOfLabel(guess).face != clutter.SideOfLabel(label).face;
+         ++i) {
+      guess = 1 + random.Below(structure.num_classes() - 1);
+    }
+    given[static_cast<std::size_t>(label)] = guess;
+  }
+  for (std::size_t i = 0; i < view.labels.size(); ++i) {
+    room.segmentation.labels[i] = static_cast<std::uint8_t>(given[view.labels[i]]);
+    if (random.Chance(0.05)) room.segmentation.labels[i] = 0;
+  }
+  return room;
+}
+
+TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
+  const Structure structure = PaperStructure();
+  std::vector<SensorFrame> frames;
+  StoredSegmenter segmenter;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    FakeRoom room = MakeFakeRoom(structure, seed);
+    SensorFrame frame;
+    frame.name = "room" + std::to_string(seed);
+    frame.depth = room.depth;
+    frame.intrinsics = Kinect();
+    frame.quarter_turns = 1;
+    frames.push_back(frame);
+    segmenter.Store(room.depth, std::move(room.segmentation));
+  }
+  const CalibrationResult result = Calibrate(frames, structure, segmenter);
+  for (const FrameResult& sensor : result.sensors) {
+    EXPECT_EQ(sensor.status, SensorStatus::kFailed)
+        << sensor.name << ": explained " << sensor.explained_share << ", label IoU "
+        << sensor.label_iou << ", inliers " << sensor.inlier_share;
+    EXPECT_TRUE(sensor.code == SensorCode::kNoStructure ||
+                sensor.code == SensorCode::kInconsistent ||
+                sensor.code == SensorCode::kDegenerateSides)
+        << ToString(sensor.code);
+  }
+}
+
+/// Perfect labels for one turn, sides shuffled for the others; counts the frames that it was given.
+class OneTurnSegmenter : public Segmenter {
+ public:
+  OneTurnSegmenter(const Rig& rig, int turn) : perfect_(rig.PerfectSegmenter()), turn_(turn) {}
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    std::vector<SegmentationResult> results = perfect_.Segment(requests);
+    for (std::size_t i = 0; i < requests.size(); ++i) {
+      if (requests[i].quarter_turns == turn_) continue;
+      for (std::uint8_t& label : results[i].labels) {
+        if (label)
+          label = static_cast<std::uint8_t>(1 + (label * 7 + requests[i].quarter_turns) % 20);
+      }
+    }
+    frames_ += static_cast<int>(requests.size());
+    return results;
+  }
+  int frames() const { return frames_; }
+
+ private:
+  StoredSegmenter perfect_;
+  int turn_;
+  int frames_ = 0;
+};
+
+TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
+  for (const bool floor : {true, false}) {
+    for (int turn = 0; turn < 4; ++turn) {
+      Rig rig{PaperStructure(), {}, {}};
+      for (int i = 0; i < 4; ++i) {
+        rig.Add("S" + std::to_string(i), RingPose(130 + 80.0 * i), {floor, 0});
+        rig.frames.back().quarter_turns = kAutoTurns;
+      }
+      OneTurnSegmenter segmenter(rig, turn);
+      CalibrateOptions options;
+      options.refine.outer_iterations = 1;
+      const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+      for (const FrameResult& sensor : result.sensors) {
+        EXPECT_EQ(sensor.quarter_turns, turn);
+        EXPECT_TRUE(sensor.structure_from_sensor.has_value()) << sensor.reason;
+      }
+      // Without a floor nothing tells up from down, and every turn has to be seen. With it, one
+      // pass, or one, three for the first sensor, and one for each other.
+      EXPECT_EQ(segmenter.frames(), !floor ? 16 : turn == 0 ? 4 : 10) << turn;
+    }
+  }
+}
+
+/// Calibrates a rig whose depths stay as rendered after `spoil` has changed its frames.
+template <class Spoil>
+CalibrationResult CalibrateSpoilt(Rig rig, Spoil spoil, const CalibrateOptions& options = {}) {
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    spoil(&rig.frames[i]);
+    segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
+  }
+  return Calibrate(rig.frames, rig.structure, segmenter, options);
+}
+
+void ExpectFailed(const FrameResult& sensor, SensorCode code,
+                  const std::vector<std::string>& parts) {
+  EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
+  EXPECT_EQ(sensor.code, code) << sensor.name << ": " << sensor.reason;
+  EXPECT_FALSE(sensor.hint.empty()) << sensor.name;
+  for (const std::string& part : parts)
+    EXPECT_NE(sensor.reason.find(part), std::string::npos) << sensor.reason;
+}
+
+/// Three sides in a line, cut off by the right or left border of the scene as a person sees it.
+TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
+  for (const bool right : {true, false}) {
+    Rig rig = ThreeSensors();
+    // From +z, +x is on the right.
+    rig.Add("S3", RingPose(90, 2.0, 0.3, 90, Eigen::Vector3d(right ? -1.1 : 0.6, 0, 0)),
+            {true, 3.5});
+    Restrict(rig.structure, &rig.labels[3], [&](const Side& side) {
+      return side.name == "mid_bottom/right" || side.name == "mid_top/right" ||
+             side.name == "bottom/right";
+    });
+    CalibrateOptions options;
+    options.refine.max_overlap_points = 0;  // by which it would be placed
+    const CalibrationResult result = CalibrateSpoilt(
+        rig, [](SensorFrame*) {}, options);
+    ExpectFailed(result.sensors[3], SensorCode::kDegenerateSides, {"sides"});
+    const std::string& hint = result.sensors[3].hint;
+    EXPECT_NE(hint.find(right ? "turn the sensor to the right" : "turn the sensor to the left"),
+              std::string::npos)
+        << hint;
+  }
+}
+
+TEST(FailureClasses, WrongUnits) {
+  struct Case {
+    float factor;
+    const char* text;
+  };
+  // 100 um read as mm, mm as m, mm as 100 um, mm as um.
+  for (const Case& c : {Case{10, "10 times too large"}, Case{1000, "1000 times too large"},
+                        Case{0.1f, "10 times too small"}, Case{0.001f, "1000 times too small"}}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      for (float& z : frame->depth) z *= c.factor;
+    });
+    ExpectFailed(result.sensors[1], SensorCode::kWrongUnits, {c.text});
+    EXPECT_EQ(result.placed(), 2);
+  }
+}
+
+TEST(FailureClasses, WrongFocalLength) {
+  for (const double factor : {0.85, 1.15}) {
+    const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
+      if (frame->name != "S1") return;
+      frame->intrinsics.fx *= factor;
+      frame->intrinsics.fy *= factor;
+    });
+    ExpectFailed(result.sensors[1], SensorCode::kIntrinsicsSuspect, {"better with fx = "});
+    const std::string& reason = result.sensors[1].reason;
+    const double fx = std::stod(reason.substr(reason.find("fx = ") + 5));
+    EXPECT_NEAR(fx, 252.2, 0.02 * 252.2) << reason;
+    EXPECT_EQ(result.placed(), 2);
+    EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  }
+}
+
+TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
+  Intrinsics wide;
+  wide.width = 320;
+  wide.height = 180;
+  wide.fx = wide.fy = 235.9;
+  wide.cx = 159.3;
+  wide.cy = 88.0;
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 2; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5}, wide);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame* frame) {
+    if (frame->name == "S1") std::swap(frame->intrinsics.cx, frame->intrinsics.cy);
+  });
+  ExpectFailed(result.sensors[1], SensorCode::kIntrinsicsSuspect,
+               {"better with cx = 159.3, cy = 88.0"});
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+}
+
+TEST(FailureClasses, ExchangedWidthAndHeight) {
+  ExpectError<DataError>(
+      [] {
+        CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+          std::swap(frame->intrinsics.width, frame->intrinsics.height);
+        });
+      },
+      {"320x288", "288x320"});
+}
+
+TEST(FailureClasses, EmptyDepth) {
+  const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [](SensorFrame* frame) {
+    if (frame->name == "S1") std::fill(frame->depth.begin(), frame->depth.end(), 0.0f);
+  });
+  ExpectFailed(result.sensors[1], SensorCode::kNoDepth, {"0.0 %"});
+  EXPECT_EQ(result.placed(), 2);
+}
+
+TEST(FailureClasses, AMirroredStack) {
+  // Seen from the other side of the plane z = 0, with sides named by where they face.
+  const Structure structure = PaperStructure();
+  std::vector<Box> boxes = structure.boxes();
+  for (Box& box : boxes) box.structure_from_box.translation().z() *= -1;
+  Rig rig{Structure::FromBoxes("mirrored", boxes, structure.SideNames()), {}, {}};
+  for (int i = 0; i < 3; ++i)
+    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_TRUE(result.assembly->altered());
+  for (const FrameResult& sensor : result.sensors)
+    ExpectFailed(sensor, SensorCode::kAssemblyMirrored, {"the stack or the frames are mirrored"});
+  EXPECT_EQ(result.placed(), 0);
+}
+
+TEST(FailureClasses, NoneOfThemOnAGoodRig) {
+  Rig rig = ThreeSensors();
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) AddNoise(&rig.frames[i].depth, 0.003, i);
+  const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame*) {});
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_FALSE(result.assembly->altered());
+  EXPECT_GT(result.assembly->described_shape_iou, 0.97);
+}
+
+TEST(Calibrate, RejectsBadInput) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("A", RingPose(130));
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
+  CalibrateOptions options;
+  options.refine.without_structure = {"B"};
+  ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
+                           {"without_structure", "\"B\""});
+  options = {};
+  options.verdict.min_on_side_share = 2;
+  ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
+                           {"min_on_side_share", "2"});
+  rig.frames.push_back(rig.frames[0]);
+  ExpectError<DataError>([&] { Calibrate(rig.frames, rig.structure, segmenter); },
+                         {"two sensors", "\"A\""});
+  rig.frames.resize(1);
+  rig.frames[0].intrinsics.width = 100;
+  ExpectError<DataError>([&] { Calibrate(rig.frames, rig.structure, segmenter); },
+                         {"320x288", "100x288"});
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,132 @@
+#include "infer/calib/check_request.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+
+namespace volalign {
+namespace {
+
+SensorFrame Frame(const std::string& name, float depth) {
+  SensorFrame frame;
+  frame.name = name;
+  frame.depth = DepthImage(4, 3, depth);
+  frame.intrinsics.width = 4;
+  frame.intrinsics.height = 3;
+  frame.intrinsics.fx = frame.intrinsics.fy = 5;
+  frame.sensor = "kind";
+  return frame;
+}
+
+/// Two sensors in two stills, as a calibration may have them.
+struct Request {
+  std::vector<Still> stills{{"first", {Frame("A", 1), Frame("B", 2)}},
+                            {"second", {Frame("A", 3), Frame("B", 4)}}};
+  CalibrateOptions options;
+  bool model = true;
+
+  void Measure(std::size_t still, std::size_t sensor, float depth) {
+    stills[still].frames[sensor].depth = DepthImage(4, 3, depth);
+  }
+  SensorFrame& OfSecond(std::size_t sensor) { return stills[1].frames[sensor]; }
+  void Check() const { CheckRequest(stills, Structure(), options, model); }
+};
+
+/// The message of the error of this kind; empty where there is none.
+template <class Kind>
+std::string Message(const Request& request) {
+  try {
+    request.Check();
+  } catch (const Kind& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CheckRequest, LetsThroughWhatCanBeCalibrated) {
+  const std::vector<std::function<void(Request*)>> changes = {
+      [](Request*) {},
+      [](Request* request) { request->stills.pop_back(); },
+      // A sensor may be absent from a still, and each may see nothing at all there.
+      [](Request* request) { request->stills[1].frames.pop_back(); },
+      [](Request* request) {
+        for (const std::size_t still : {0, 1}) request->Measure(still, 0, 0);
+      },
+      // The same depth map of two sensors is found later, sensor by sensor.
+      [](Request* request) { request->Measure(0, 1, 1); },
+      [](Request* request) { request->options.refine.without_structure = {"B"}; },
+      [](Request* request) {
+        request->model = false;
+        request->options.initial.method = PoseMethod::kGeometry;
+      },
+      [](Request* request) { request->model = false; },
+  };
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    Request request;
+    changes[i](&request);
+    EXPECT_NO_THROW(request.Check()) << "case " << i;
+  }
+}
+
+TEST(CheckRequest, NamesWhatIsWrongWithTheFrames) {
+  struct Case {
+    std::function<void(Request*)> change;
+    std::vector<std::string> words;
+  };
+  const std::vector<Case> cases = {
+      {[](Request* request) { request->stills.clear(); }, {"no capture"}},
+      {[](Request* request) { request->stills[1].name = "first"; }, {"captures", "\"first\""}},
+      {[](Request* request) { request->OfSecond(1).name = "A"; }, {"sensors", "\"A\""}},
+      {[](Request* request) { request->OfSecond(1).intrinsics.fx = 6; },
+       {"\"B\"", "intrinsics", "first", "second"}},
+      {[](Request* request) { request->OfSecond(0).sensor = "other"; }, {"\"A\"", "kind"}},
+      {[](Request* request) { request->Measure(1, 1, 2); },
+       {"\"B\"", "same depth map", "first", "second"}},
+  };
+  for (const Case& c : cases) {
+    Request request;
+    c.change(&request);
+    const std::string message = Message<DataError>(request);
+    for (const std::string& word : c.words)
+      EXPECT_NE(message.find(word), std::string::npos) << word << " in: " << message;
+  }
+}
+
+// One measured pixel that is the same in both is enough to show something; one that differs is
+// enough to be another frame.
+TEST(CheckRequest, ComparesEveryPixel) {
+  Request request;
+  for (const std::size_t still : {0, 1}) {
+    request.Measure(still, 0, 0);
+    request.stills[still].frames[0].depth(2, 1) = 1.5f;
+  }
+  EXPECT_NE(Message<DataError>(request), "");
+  request.OfSecond(0).depth(3, 2) = 1;
+  EXPECT_NO_THROW(request.Check());
+}
+
+TEST(CheckRequest, NamesWhatIsWrongWithTheOptions) {
+  for (const PoseMethod method : {PoseMethod::kNetwork, PoseMethod::kPaper}) {
+    Request request;
+    request.options.initial.method = method;
+    EXPECT_NO_THROW(request.Check());
+    request.model = false;
+    EXPECT_NE(Message<ConfigError>(request).find("no model"), std::string::npos);
+  }
+  Request unknown;
+  unknown.options.refine.without_structure = {"A", "C"};
+  EXPECT_NE(Message<ConfigError>(unknown).find("\"C\""), std::string::npos);
+  Request estimate;
+  estimate.options.refine.estimate = "boxes, weather";
+  EXPECT_NE(Message<ConfigError>(estimate).find("weather"), std::string::npos);
+  Request range;
+  range.options.threads = 0;
+  EXPECT_NE(Message<ConfigError>(range).find("threads"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace volalign

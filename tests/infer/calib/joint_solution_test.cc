@@ -1,0 +1,70 @@
+#include "infer/calib/joint_solution.h"
+
+#include <gtest/gtest.h>
+
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "tests/infer/initial/geometry_frames.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+/// Three sensors that see the structure from one place: two that geometry has located, of which the
+/// joint solution takes the second half a metre away, and one that a network has located, which it
+/// takes there as well.
+class Shapeless : public testing::Test {
+ protected:
+  void SetUp() override {
+    Pose away = truth_;
+    away.translation().x() += 0.5;
+    std::vector<SensorView> views;
+    std::vector<LocateResult> located;
+    for (const bool geometry : {true, true, false}) {
+      frames_[{0, views.size()}] = FrameInput();
+      views.push_back(testing_infer::See(structure_, truth_));
+      LocatedFrame frame;
+      if (geometry) frame.visible_by_geometry = 1;
+      located.emplace_back(std::move(frame));
+    }
+    seen_.views = PerFrame<SensorView>({views});
+    located_ = PerFrame<LocateResult>({located});
+    refined_.placements.push_back({Pose::Identity(), {}, {}, structure_});
+    for (const Pose& pose : {truth_, away, away}) {
+      refined_.frames.emplace_back();
+      refined_.frames.back().structure_from_sensor = pose;
+    }
+  }
+
+  SomeFrames<Finding> Find() const { return FindShapeless(seen_, located_, frames_, refined_, {}); }
+
+  const Structure structure_ = PaperStructure();
+  const Pose truth_ = RingPose(40);
+  Seen seen_;
+  PerFrame<LocateResult> located_;
+  SomeFrames<FrameInput> frames_;
+  RefineResult refined_;
+};
+
+TEST_F(Shapeless, IsASensorThatGeometryAloneLocated) {
+  const SomeFrames<Finding> found = Find();
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.at({0, 1}).code, SensorCode::kNoStructure);
+}
+
+// What was refined are the located frames alone.
+TEST_F(Shapeless, FramesThatAreNotLocatedHaveNoPose) {
+  located_[{0, 0}] = Finding();
+  frames_.erase({0, 0});
+  refined_.frames.erase(refined_.frames.begin());
+  refined_.frames[0].structure_from_sensor = truth_;
+  EXPECT_TRUE(Find().empty());
+}
+
+}  // namespace
+}  // namespace volalign

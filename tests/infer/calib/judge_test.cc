@@ -1,0 +1,177 @@
+#include "infer/calib/judge.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "infer/calib/calibrate.h"
+#include "tests/infer/checks/seen_with_labels.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+/// S0 and S2 are located, S1 is not; refined poses are as given.
+struct Stages {
+  Rig rig;
+  CaptureSet capture;
+  CalibrateOptions options;
+  Joint joint;
+
+  static Rig ThreeSensors() {
+    Rig rig{testing_infer::PaperStructure(), {}, {}};
+    for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
+    return rig;
+  }
+  Stages() : rig(ThreeSensors()), capture({{"", rig.frames}}, rig.structure) {
+    joint.seen = testing_infer::SeenWithLabels(capture, rig.labels);
+    joint.stacks.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
+    joint.lenses.resize(3);
+    joint.report.settled = true;
+    joint.located = MapFrames(joint.seen.views, 1, [&](FrameId id) -> LocateResult {
+      if (id.frame == 1) return Finding{SensorCode::kNoStructure, "reason", "hint"};
+      RefinedFrame& refined = joint.frames[id].refined;
+      refined.accepted = true;
+      refined.structure_from_sensor = *rig.frames[id.frame].ground_truth;
+      refined.covariance = 1e-6 * Matrix6d::Identity();
+      LocatedFrame located;
+      located.own_pose = refined.structure_from_sensor;
+      return located;
+    });
+    joint.pairs = {{{"S0", "S2", 0.25, 0.003}}};
+  }
+  RefinedFrame& Refined(std::size_t frame) { return joint.frames.at({0, frame}).refined; }
+  CalibrationResult Judge() {
+    const auto suspect_lenses =
+        MapFrames(joint.located, 1, [](FrameId) { return std::optional<Finding>(); });
+    return volalign::Judge(joint, {std::nullopt}, suspect_lenses, options);
+  }
+};
+
+TEST(Judge, EverySensorGetsWhatIsItsOwn) {
+  const CalibrationResult result = Stages().Judge();
+  ASSERT_EQ(result.sensors.size(), 3u);
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  EXPECT_EQ(result.sensors[1].status, SensorStatus::kFailed);
+  EXPECT_EQ(result.sensors[1].code, SensorCode::kNoStructure);
+  EXPECT_FALSE(result.sensors[1].structure_from_sensor.has_value());
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+  EXPECT_NEAR(result.sensors[2].error->translation_m, 0, 1e-9);
+  ASSERT_EQ(result.pairs.size(), 1u);
+  EXPECT_EQ(result.pairs[0].a, "S0");
+  EXPECT_EQ(result.pairs[0].b, "S2");
+  EXPECT_EQ(result.placed(), 2);
+  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
+}
+
+TEST(Judge, ASensorThatCouldNotBeSolvedIsWeak) {
+  Stages stages;
+  stages.Refined(2).accepted = false;
+  stages.Refined(2).problem = "its solution is no number";
+  const CalibrationResult result = stages.Judge();
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kWeak);
+  EXPECT_EQ(result.sensors[2].code, SensorCode::kUnsolved);
+  EXPECT_EQ(result.sensors[2].reason, "its solution is no number");
+}
+
+TEST(Judge, NoSensorOfASolutionThatHasNotSettledIsOk) {
+  Stages stages;
+  stages.joint.report = {7, false, true, 0.0034, 2.5};
+  const CalibrationResult result = stages.Judge();
+  EXPECT_EQ(result.solve.rounds, 7);
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);
+    EXPECT_EQ(result.sensors[i].code, SensorCode::kUnsettled);
+    EXPECT_NE(result.sensors[i].reason.find("3.4 mm"), std::string::npos);
+    EXPECT_NE(result.sensors[i].reason.find("2.5 px"), std::string::npos);
+    EXPECT_EQ(result.sensors[i].reason.find("steps"), std::string::npos);
+  }
+  EXPECT_EQ(result.sensors[1].code, SensorCode::kNoStructure);
+  stages.joint.report = {7, false, false, 0.0001, 0};
+  EXPECT_NE(stages.Judge().sensors[0].reason.find("steps"), std::string::npos);
+}
+
+TEST(Judge, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
+  Stages stages;
+  Pose& refined = stages.Refined(2).structure_from_sensor;
+  refined.translation().y() += 0.1;
+  const SensorView view = stages.joint.seen.views[{0, 2}];
+  const ExpectedView seen = CastView(stages.rig.structure, view.rays, refined);
+  MiouOptions options;
+  options.num_classes = stages.rig.structure.num_classes();
+  const double miou = MeanIou(stages.rig.labels[2], seen.labels, view.depth, options);
+  ASSERT_LT(miou, 0.95);
+  const std::size_t found = stages.joint.seen.labelled[{0, 2}].initial.patches.size();
+  const CalibrationResult result = stages.Judge();
+  EXPECT_NEAR(result.sensors[0].miou, 1, 1e-9);
+  EXPECT_NEAR(result.sensors[2].miou, miou, 1e-12);
+  EXPECT_LT(result.sensors[2].label_iou, 0.95);
+  EXPECT_LT(result.sensors[2].explained_share, 0.99);
+  EXPECT_LT(result.sensors[2].sides.size(), found);
+}
+
+TEST(Judge, DepthsAreJudgedAsTheyWereCorrected) {
+  // What the sensor measured is 2 % and 30 mm short, as was found out.
+  Stages stages;
+  RefinedFrame& refined = stages.Refined(2);
+  refined.depth_gain = 1 / 0.98;
+  refined.depth_offset = 0.03;
+  for (float& z : stages.joint.seen.views[{0, 2}].depth) {
+    if (z > 0) z = 0.98f * (z - 0.03f);
+  }
+  const CalibrationResult result = stages.Judge();
+  EXPECT_GT(result.sensors[2].initial_rms_to_structure_m, 0.01) << "as measured";
+  EXPECT_LT(result.sensors[2].rms_to_structure_m, 1e-4);
+  EXPECT_NEAR(result.sensors[2].inlier_share, 1, 1e-9);
+  EXPECT_EQ(result.sensors[2].depth_gain, 1 / 0.98);
+  EXPECT_EQ(result.sensors[2].depth_offset_m, 0.03);
+  EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
+  ASSERT_TRUE(result.metrics.has_value());
+  EXPECT_NEAR(result.metrics->d1, Stages().Judge().metrics->d1, 1e-4);
+}
+
+TEST(Judge, ReportedPosesAreJudgedByTheBoxesAsBuiltInitialOnesByTheDescribedOnes) {
+  Stages stages;
+  Pose aside = Pose::Identity();
+  aside.translation().x() = 0.015;
+  stages.joint.stacks.front().built =
+      stages.rig.structure.Displaced(std::vector<Pose>(4, aside), 1);
+  const CalibrationResult result = stages.Judge();
+  // Sides that look along x are 15 mm off, the others by what of them is not above another.
+  EXPECT_GT(result.sensors[0].rms_to_structure_m, 0.004);
+  EXPECT_LT(result.sensors[0].rms_to_structure_m, 0.015);
+  EXPECT_LT(result.sensors[0].initial_rms_to_structure_m, 0.002);
+}
+
+TEST(Judge, ALensThatWasEstimatedIsCalledSo) {
+  for (const bool estimated : {true, false}) {
+    Stages stages;
+    RefinedLens& lens = stages.joint.lenses[stages.joint.seen.lenses.of_frame[{0, 2}]];
+    lens.estimated = estimated;
+    lens.sigmas = {0.001, 0.002, 0.003};
+    const CalibrationResult result = stages.Judge();
+    EXPECT_EQ(result.sensors[2].lens.source,
+              estimated ? LensSource::kEstimated : LensSource::kGiven);
+    EXPECT_EQ(result.sensors[2].lens.sigmas, Eigen::Vector3d(0.001, 0.002, 0.003));
+  }
+}
+
+TEST(Judge, SensorsInOnePlaceNameEachOther) {
+  Stages stages;
+  stages.Refined(2).structure_from_sensor = stages.Refined(0).structure_from_sensor;
+  const CalibrationResult result = stages.Judge();
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);
+    EXPECT_EQ(result.sensors[i].code, SensorCode::kSamePose);
+  }
+  EXPECT_NE(result.sensors[0].reason.find("where S2 stands"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,139 @@
+#include "infer/capture/capture_draft.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "infer/capture/capture.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+constexpr char kIntrinsics[] =
+    R"({"width": 4, "height": 3, "fx": 5, "fy": 5.5, "cx": 1.5, "cy": 1})";
+
+class CaptureDraftTest : public ::testing::Test {
+ protected:
+  void WriteDepth(const std::string& name) { WritePng(folder_ / name, Image16(4, 3, 2000)); }
+  void WriteText(const std::string& name, const std::string& text) {
+    WriteFileAtomically(folder_ / name, text);
+  }
+  nlohmann::json Draft(const CaptureDraftOptions& options = {}) {
+    draft_ = DraftCapture(folder_.path(), folder_.path(), options);
+    return nlohmann::json::parse(draft_.json).at("sensors");
+  }
+  static bool Mentions(const std::vector<std::string>& sentences, const std::string& a,
+                       const std::string& b) {
+    return std::any_of(sentences.begin(), sentences.end(), [&](const std::string& sentence) {
+      return sentence.find(a) != std::string::npos && sentence.find(b) != std::string::npos;
+    });
+  }
+
+  TempFolder folder_;
+  CaptureDraft draft_;
+};
+
+TEST_F(CaptureDraftTest, AFolderASensor) {
+  WriteDepth("left/depth_9.png");
+  WriteDepth("left/depth_10.png");
+  WriteDepth("left/ir_9.png");
+  WriteText("left/calib.yaml",
+            "image_width: 4\nimage_height: 3\nK: [5, 0, 1.5, 0, 5.5, 1, 0, 0, 1]\n");
+  WriteDepth("right/0001.png");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  options.sensor = "kinect_v2";
+  const nlohmann::json sensors = Draft(options);
+  ASSERT_EQ(sensors.size(), 2u);
+  EXPECT_EQ(sensors[0]["name"], "left");
+  EXPECT_EQ(sensors[0]["depth"],
+            (std::vector<std::string>{"left/depth_9.png", "left/depth_10.png"}));
+  EXPECT_EQ(sensors[0]["sensor"], "kinect_v2");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.001);
+  EXPECT_EQ(sensors[0]["intrinsics"]["fy"], 5.5);
+  EXPECT_EQ(sensors[1]["name"], "right");
+  EXPECT_EQ(sensors[1]["depth"], "right/0001.png");
+  // Another sensor's intrinsics are not taken for its own.
+  EXPECT_FALSE(sensors[1].contains("intrinsics"));
+  EXPECT_EQ(draft_.unknown.size(), 1u);
+  EXPECT_TRUE(Mentions(draft_.unknown, "right", "intrinsics"));
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "ir_9.png"));
+}
+
+TEST_F(CaptureDraftTest, AFlatFolder) {
+  WriteDepth("KA03_Depth.png");
+  WriteDepth("cam_1_depth_0001.png");
+  WriteDepth("cam_1_depth_0002.png");
+  WriteDepth("cam2.png");
+  WriteDepth("depth_KA07.png");
+  WriteDepth("KA03_color.png");
+  WriteDepth("KA03_Labels.png");
+  WriteText("KA03.json", kIntrinsics);
+  WriteText("intrinsics.json", kIntrinsics);
+  WriteText("notes.json", "{\"by\": \"me\"}");
+  const nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 4u);
+  std::map<std::string, nlohmann::json> by_name;
+  for (const nlohmann::json& sensor : sensors) by_name[sensor["name"]] = sensor;
+  EXPECT_EQ(by_name["cam_1"]["depth"].size(), 2u);
+  EXPECT_EQ(by_name["cam2"]["depth"], "cam2.png");
+  EXPECT_EQ(by_name["KA07"]["depth"], "depth_KA07.png");
+  EXPECT_EQ(by_name["KA03"]["depth"], "KA03_Depth.png");
+  for (const nlohmann::json& sensor : sensors) {
+    EXPECT_TRUE(sensor.contains("intrinsics")) << sensor;
+    EXPECT_FALSE(sensor.contains("depth_scale")) << "units are never guessed";
+    EXPECT_TRUE(Mentions(draft_.unknown, sensor["name"].get<std::string>() + ": depth_scale",
+                         "2 m at 0.001"));
+  }
+  EXPECT_TRUE(Mentions(draft_.found, "KA03", "of KA03.json"));
+  EXPECT_TRUE(Mentions(draft_.found, "cam2", "of intrinsics.json"));
+  EXPECT_TRUE(Mentions(draft_.found, "cam2", "rectified"));
+}
+
+TEST_F(CaptureDraftTest, RecordingsStateAll) {
+  std::filesystem::copy("tests/infer/formats/recordings/realsense.bag", folder_ / "front.bag");
+  std::filesystem::create_directories(folder_ / "back");
+  std::filesystem::copy("tests/infer/formats/recordings/kinect.mkv", folder_ / "back/output.mkv");
+  const nlohmann::json sensors = Draft();
+  EXPECT_TRUE(draft_.unknown.empty()) << draft_.unknown.front();
+  EXPECT_EQ(sensors[0]["name"], "front");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.0001);
+  EXPECT_EQ(sensors[0]["serial"], "918512071234");
+  EXPECT_EQ(sensors[1]["name"], "back");
+  EXPECT_EQ(sensors[1]["depth"], "back/output.mkv");
+  EXPECT_EQ(sensors[1]["intrinsics"]["distortion"].size(), 8u);
+  // What it writes can be read.
+  WriteText("capture.json", draft_.json);
+  const Capture capture = ReadCapture(folder_ / "capture.json");
+  EXPECT_EQ(capture.sensors.size(), 2u);
+  EXPECT_EQ(capture.sensors[1].depth_scale, 0.001);
+}
+
+TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
+  ExpectError<IoError>([&] { DraftCapture(folder_ / "none", folder_.path(), {}); }, {"none"});
+  ExpectError<DataError>([&] { Draft(); }, {"no depth file"});
+  WritePng(folder_ / "picture.png", LabelImage(4, 3, 1));
+  ExpectError<DataError>([&] { Draft(); }, {"no depth file", "8 bits"});
+  // Intrinsics of another resolution.
+  WriteDepth("A_depth.png");
+  WriteText("A.json", R"({"width": 8, "height": 6, "fx": 5, "fy": 5, "cx": 3, "cy": 2})");
+  Draft();
+  EXPECT_TRUE(Mentions(draft_.unknown, "A: intrinsics", "8x6"));
+  // Frames of several names: which are depth?
+  WriteDepth("B/first_1.png");
+  WriteDepth("B/second_1.png");
+  Draft();
+  EXPECT_TRUE(Mentions(draft_.unknown, "B", "which of its images"));
+}
+
+}  // namespace
+}  // namespace volalign

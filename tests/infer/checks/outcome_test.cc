@@ -1,0 +1,34 @@
+#include "infer/checks/outcome.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace volalign {
+namespace {
+
+// Files of earlier versions have these words.
+TEST(SensorCode, HasTheWordsOfTheFiles) {
+  std::string words;
+  for (const SensorCode code : AllOf(SensorCode())) words += std::string(ToString(code)) + " ";
+  EXPECT_EQ(words,
+            " no_depth wrong_units no_structure degenerate_sides inconsistent assembly_mirrored "
+            "assembly_turned assembly_swapped assembly_missing frame_mirrored unconnected "
+            "duplicate_depth intrinsics_suspect disagrees ambiguous not_finite unsolved unsettled "
+            "same_pose by_neighbours few_inliers large_residual labels_disagree lens_suspect "
+            "uncertain ");
+}
+
+TEST(SensorStatus, IsTheWorseTheLarger) {
+  EXPECT_EQ(
+      AllOf(SensorStatus()),
+      (std::vector<SensorStatus>{SensorStatus::kOk, SensorStatus::kWeak, SensorStatus::kFailed}));
+  EXPECT_LT(SensorStatus::kOk, SensorStatus::kWeak);
+  EXPECT_LT(SensorStatus::kWeak, SensorStatus::kFailed);
+  EXPECT_STREQ(ToString(SensorStatus::kOk), "ok");
+  EXPECT_STREQ(ToString(SensorStatus::kWeak), "weak");
+  EXPECT_STREQ(ToString(SensorStatus::kFailed), "failed");
+}
+
+}  // namespace
+}  // namespace volalign

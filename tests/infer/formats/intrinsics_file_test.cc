@@ -1,0 +1,186 @@
+// The forms in which other programs state intrinsics, written here from their documentation, and
+// OpenCV's by OpenCV itself.
+
+#include "infer/formats/intrinsics_file.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+constexpr FrameSize kSize{640, 480};
+
+Intrinsics Parse(const std::string& text, const FrameSize& size = kSize) {
+  return ParseIntrinsicsText(text, "file", size);
+}
+
+void ExpectBad(const std::string& text, std::initializer_list<std::string> parts) {
+  ExpectError<DataError>([&] { Parse(text); }, parts);
+}
+
+const Intrinsics kPinhole{640, 480, 525.5, 524.25, 319.5, 239.25, {}};
+
+TEST(IntrinsicsFileTest, OwnKeys) {
+  EXPECT_EQ(
+      Parse(
+          R"({"width": 640, "height": 480, "fx": 525.5, "fy": 524.25, "cx": 319.5, "cy": 239.25})"),
+      kPinhole);
+  ExpectBad(
+      R"({"width": 640, "height": 480, "fx": 525.5, "fy": 524.25, "cx": 319.5, "cy": 239.25, "k1": 0})",
+      {"file", "k1"});
+}
+
+TEST(IntrinsicsFileTest, Open3d) {
+  const std::string matrix = "[525.5, 0, 0, 0, 524.25, 0, 319.5, 239.25, 1]";
+  const std::string pinhole =
+      "{\"width\": 640, \"height\": 480, \"intrinsic_matrix\": " + matrix + "}";
+  EXPECT_EQ(Parse(pinhole), kPinhole);
+  EXPECT_EQ(Parse("{\"class_name\": \"PinholeCameraParameters\", \"intrinsic\": " + pinhole + "}"),
+            kPinhole);
+  // Row by row is another matrix in Open3D.
+  ExpectBad(
+      R"({"width": 640, "height": 480, "intrinsic_matrix": [525.5, 0, 319.5, 0, 524.25, 239.25, 0, 0, 1]})",
+      {"file", "column by column"});
+}
+
+TEST(IntrinsicsFileTest, OpencvFileStorage) {
+  const TempFolder folder;
+  const std::string path = (folder / "camera.yml").string();
+  const auto write = [&](const cv::Mat& lens, bool with_size) {
+    cv::FileStorage file(path, cv::FileStorage::WRITE);
+    if (with_size) file << "image_width" << 640 << "image_height" << 480;
+    file << "camera_matrix"
+         << (cv::Mat_<double>(3, 3) << 525.5, 0, 319.5, 0, 524.25, 239.25, 0, 0, 1)
+         << "distortion_coefficients" << lens;
+  };
+  Intrinsics expected = kPinhole;
+  expected.distortion = {0.1, -0.2, 0.001, 0.002, 0.05};
+  write((cv::Mat_<double>(5, 1) << 0.1, -0.2, 0.001, 0.002, 0.05), true);
+  EXPECT_EQ(ReadIntrinsicsFile(path, kSize), expected);
+  expected.distortion = {1, 2, 3e-4, 4e-4, 5, 6, 7, 8};
+  cv::Mat lens = (cv::Mat_<double>(1, 14) << 1, 2, 3e-4, 4e-4, 5, 6, 7, 8, 0, 0, 0, 0, 0, 0);
+  write(lens, true);
+  EXPECT_EQ(ReadIntrinsicsFile(path, kSize), expected);
+  lens.at<double>(0, 9) = 1e-3;
+  write(lens, true);
+  ExpectError<DataError>([&] { ReadIntrinsicsFile(path, kSize); }, {"camera.yml", "thin prism"});
+  // For which image size? Not to be guessed.
+  write((cv::Mat_<double>(4, 1) << 0, 0, 0, 0), false);
+  ExpectError<DataError>([&] { ReadIntrinsicsFile(path, kSize); }, {"camera.yml", "image_width"});
+}
+
+TEST(IntrinsicsFileTest, RosCameraInfo) {
+  const std::string begin =
+      "image_width: 640\nimage_height: 480\ncamera_name: left\n"
+      "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [525.5, 0, 319.5, 0, 524.25, 239.25, 0, 0, "
+      "1]\n";
+  const std::string end =
+      "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.001, 0.002, 0]\n"
+      "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n";
+  Intrinsics expected = kPinhole;
+  expected.distortion = {0.1, -0.2, 0.001, 0.002, 0};
+  EXPECT_EQ(Parse(begin + "distortion_model: plumb_bob\n" + end), expected);
+  ExpectBad(begin + "distortion_model: equidistant\n" + end, {"file", "equidistant"});
+  // As `rostopic echo` and `ros2 topic echo` print the message.
+  EXPECT_EQ(
+      Parse(
+          "height: 480\nwidth: 640\ndistortion_model: plumb_bob\nD: [0.1, -0.2, 0.001, 0.002, "
+          "0.0]\n"
+          "K: [525.5, 0.0, 319.5, 0.0, 524.25, 239.25, 0.0, 0.0, 1.0]\nbinning_x: 0\nbinning_y: 0\n"
+          "roi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: false\n"),
+      expected);
+  EXPECT_EQ(Parse("height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd:\n- 0.1\n- -0.2\n- "
+                  "0.001\n- 0.002\n- 0.0\n"
+                  "k:\n- 525.5\n- 0.0\n- 319.5\n- 0.0\n- 524.25\n- 239.25\n- 0.0\n- 0.0\n- 1.0\n"),
+            expected);
+  ExpectBad(
+      "height: 480\nwidth: 640\nK: [525.5, 0, 319.5, 0, 524.25, 239.25, 0, 0, 1]\nbinning_x: 2\n",
+      {"file", "binning_x"});
+}
+
+TEST(IntrinsicsFileTest, RealSense) {
+  Intrinsics rectified = kPinhole;
+  rectified.distortion.assign(5, 0.0);
+  const std::string begin =
+      R"({"width": 640, "height": 480, "fx": 525.5, "fy": 524.25, "ppx": 319.5, "ppy": 239.25, "model": )";
+  EXPECT_EQ(Parse(begin + R"("distortion.brown_conrady", "coeffs": [0, 0, 0, 0, 0]})"), rectified);
+  EXPECT_EQ(Parse(begin + R"("Inverse Brown Conrady", "coeffs": [0, 0, 0, 0, 0]})"), rectified);
+  ExpectBad(begin + R"("distortion.inverse_brown_conrady", "coeffs": [0.1, 0, 0, 0, 0]})",
+            {"file", "inverse_brown_conrady"});
+  // As print(profile.intrinsics) of pyrealsense2 2.56 has it.
+  EXPECT_EQ(Parse("[ 640x480  p[319.5 239.25]  f[525.5 524.25]  Brown Conrady [0 0 0 0 0] ]"),
+            rectified);
+  // As `rs-enumerate-devices -c` prints it: the depth stream of the frame's size.
+  const auto block = [](const std::string& stream, int width, int height, double fx) {
+    return " Intrinsic of \"" + stream + "\" / " + std::to_string(width) + "x" +
+           std::to_string(height) + " / {Z16}\n  Width:      \t" + std::to_string(width) +
+           "\n  Height:     \t" + std::to_string(height) +
+           "\n  PPX:        \t319.5\n  PPY:        \t239.25\n  Fx:         \t" +
+           std::to_string(fx) +
+           "\n  Fy:         \t524.25\n  Distortion: \tBrown Conrady\n  Coeffs:     \t0  \t0  \t0  "
+           "\t0  "
+           "\t0  \n  FOV (deg):  \t60 x 50\n\n";
+  };
+  const std::string text = "Device info:\n" + block("Depth", 848, 480, 600) +
+                           block("Depth", 640, 480, 525.5) + block("Color", 640, 480, 700);
+  EXPECT_EQ(Parse(text), rectified);
+  ExpectError<DataError>([&] { Parse(text, {320, 240}); }, {"file", "320x240"});
+  std::string broken = block("Depth", 640, 480, 525.5);
+  broken.replace(broken.find("\t640"), 4, "\t640.9");
+  ExpectError<DataError>([&] { Parse(broken); }, {"file", "640x480"});
+}
+
+/// A factory calibration on record, at the numbers that the vendor's SDK computes from it.
+TEST(IntrinsicsFileTest, AzureKinect) {
+  const auto raw = [](const std::string& type, const std::string& numbers) {
+    return R"({"CalibrationInformation": {"Cameras": [
+      {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Location": "CALIBRATION_CameraLocationPV0",
+       "Intrinsics": {"ModelType": "CALIBRATION_LensDistortionModelBrownConrady", "ModelParameters": [9]}},
+      {"Purpose": "CALIBRATION_CameraPurposeDepth", "Location": "CALIBRATION_CameraLocationD0",
+       "Intrinsics": {"ModelType": "CALIBRATION_LensDistortionModel)" +
+           type + R"(", "ModelParameters": [)" + numbers + "]}}]}}";
+  };
+  const std::string numbers =
+      "0.5, 0.51, 0.49, 0.495, 0.92, 0.5, 0.028, 1.25, 0.75, 0.14, 0, 0, -0.0001, 0.0002";
+  const std::vector<double> lens = {0.92, 0.5, 0.0002, -0.0001, 0.028, 1.25, 0.75, 0.14};
+  const Intrinsics binned = Parse(raw("BrownConrady", numbers), {320, 288});
+  EXPECT_NEAR(binned.fx, 250.88, 1e-9);
+  EXPECT_NEAR(binned.fy, 253.44, 1e-9);
+  EXPECT_NEAR(binned.cx, 159.5, 1e-9);
+  EXPECT_NEAR(binned.cy, 170.62, 1e-9);
+  EXPECT_EQ(binned.distortion, lens);
+  // Twice the size: the same rays, (u + .5) twice as large.
+  const Intrinsics whole = Parse(raw("BrownConrady", numbers), {640, 576});
+  EXPECT_NEAR(whole.cx, 2 * binned.cx + 0.5, 1e-9);
+  EXPECT_NEAR(whole.cy, 2 * binned.cy + 0.5, 1e-9);
+  EXPECT_NEAR(whole.fx, 2 * binned.fx, 1e-9);
+  const Intrinsics wide = Parse(raw("BrownConrady", numbers), {512, 512});
+  EXPECT_NEAR(wide.cx, 255.5, 1e-9);
+  EXPECT_EQ(Parse(raw("BrownConrady", numbers), {1024, 1024}).width, 1024);
+  ExpectBad(raw("BrownConrady", numbers), {"file", "640x480"});
+  ExpectError<DataError>(
+      [&] {
+        Parse(raw("Rational6KT", numbers), {320, 288});
+      },
+      {"file", "Rational6KT"});
+}
+
+TEST(IntrinsicsFileTest, SaysWhatItExpected) {
+  ExpectBad("hello: world\n", {"file", "camera_matrix", "ppx"});
+  ExpectBad("K: [1, 2\n", {"file", "line"});
+  ExpectBad("just text", {"file"});
+  ExpectBad("", {"file"});
+  ExpectBad("K: {a: b}\nwidth: 1\n", {"file"});
+}
+
+}  // namespace
+}  // namespace volalign

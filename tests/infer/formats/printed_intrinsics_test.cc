@@ -1,0 +1,48 @@
+#include "infer/formats/printed_intrinsics.h"
+
+#include <gtest/gtest.h>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+
+namespace volalign::formats_internal {
+namespace {
+
+TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
+  const std::optional<Intrinsics> found = FromPyrealsense(
+      "depth: [ 640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
+  EXPECT_FALSE(FromPyrealsense("width: 640", "file"));
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[x 240.9]  f[1 2]  Brown Conrady [0 0 0 0 0] ]", "file"); },
+      {"file", "p[...]"});
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[1 2]  f[1 2]  Ftheta [1 0 0 0 0] ]", "file"); },
+      {"file", "Ftheta"});
+}
+
+TEST(FromRsEnumerate, TakesTheDepthStreamOfTheFramesSize) {
+  const auto block = [](const std::string& stream, int width, const std::string& fx) {
+    return "Intrinsic of \"" + stream + "\" / {Z16}\n  Width: \t" + std::to_string(width) +
+           "\n  Height: 480\n  PPX: 319.5\n  PPY: 239.25\n  Fx: " + fx +
+           "\n  Fy: 524.25\n  Distortion: Brown Conrady \n  Coeffs: 0.1 0 0 0 0\n\n";
+  };
+  const std::string text = block("Color", 640, "700") + block("Depth", 848, "600") +
+                           block("Depth", 640, "525.5") + block("Infrared", 640, "800");
+  const std::optional<Intrinsics> found = FromRsEnumerate(text, "file", {640, 480});
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 525.5, 524.25, 319.5, 239.25, {0.1, 0, 0, 0, 0}}));
+  EXPECT_EQ(FromRsEnumerate(text, "file", {848, 480})->fx, 600);
+  ExpectError<DataError>([&] { FromRsEnumerate(text, "file", {1280, 480}); }, {"file", "1280x480"});
+  EXPECT_FALSE(FromRsEnumerate(block("Color", 640, "700"), "file", {640, 480}));
+  // A number of a block that has none is not taken from the next one.
+  ExpectError<DataError>(
+      [&] {
+        FromRsEnumerate(block("Depth", 640, "none") + text, "file", {640, 480});
+      },
+      {"file", "Fx"});
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal

@@ -1,0 +1,114 @@
+// A bag written by hand, after wiki.ros.org/Bags/Format/2.0.
+
+#include "infer/formats/ros_bag.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <initializer_list>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign::formats_internal {
+namespace {
+
+template <class T>
+std::string Bytes(T value) {
+  return std::string(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+std::string Block(const std::string& bytes) {
+  return Bytes(static_cast<std::uint32_t>(bytes.size())) + bytes;
+}
+
+using Fields = std::initializer_list<std::pair<std::string, std::string>>;
+
+std::string Header(const Fields& fields) {
+  std::string bytes;
+  for (const auto& [name, value] : fields) bytes += Block(name + "=" + value);
+  return bytes;
+}
+
+std::string Record(const Fields& fields, const std::string& data) {
+  return Block(Header(fields)) + Block(data);
+}
+
+std::string Connection(std::uint32_t number, const std::string& topic, const std::string& type) {
+  return Record({{"op", "\x07"}, {"conn", Bytes(number)}, {"topic", topic}},
+                Header({{"type", type}}));
+}
+
+std::string Message(std::uint32_t connection, const std::string& data) {
+  return Record({{"op", "\x02"}, {"conn", Bytes(connection)}}, data);
+}
+
+std::string Chunk(const std::string& content, const std::string& compression = "none") {
+  return Record({{"op", "\x05"},
+                 {"compression", compression},
+                 {"size", Bytes(static_cast<std::uint32_t>(content.size()))}},
+                content);
+}
+
+std::string Bag(const std::string& records, const std::string& index = "") {
+  const std::string magic = "#ROSBAG V2.0\n";
+  const auto begin = [&](std::uint64_t index_pos) {
+    return magic + Record({{"op", "\x03"}, {"index_pos", Bytes(index_pos)}}, "");
+  };
+  const std::uint64_t at = begin(0).size() + records.size();
+  return begin(index.empty() ? 0 : at) + records + index;
+}
+
+/// "topic type message" of each.
+std::vector<std::string> MessagesOf(RosBag& bag, std::size_t most = 100) {
+  std::vector<std::string> messages;
+  bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
+    messages.push_back(connection.topic + " " + connection.type + " " + std::string(message));
+    return messages.size() < most;
+  });
+  return messages;
+}
+
+TEST(RosBag, GivesTheMessagesOfItsChunksInOrder) {
+  const TempFolder folder;
+  const std::string depth = Connection(0, "/depth", "sensor_msgs/Image");
+  const std::string info = Connection(3, "/info", "sensor_msgs/CameraInfo");
+  const std::string chunks =
+      Chunk(depth + Message(0, "one")) + Chunk(info + Message(3, "two") + Message(0, "three"));
+  const std::vector<std::string> all = {"/depth sensor_msgs/Image one",
+                                        "/info sensor_msgs/CameraInfo two",
+                                        "/depth sensor_msgs/Image three"};
+  RosBag indexed(folder.Write("a.bag", Bag(chunks, depth + info)));
+  ASSERT_EQ(indexed.connections().size(), 2u);
+  EXPECT_EQ(indexed.connections().at(3).topic, "/info");
+  EXPECT_EQ(MessagesOf(indexed), all);
+  EXPECT_EQ(MessagesOf(indexed), all);  // again from the start
+  EXPECT_EQ(MessagesOf(indexed, 2), std::vector<std::string>(all.begin(), all.begin() + 2));
+  // Cut off before the index and in the middle of a chunk: what is whole serves.
+  const std::string bytes = Bag(chunks);
+  RosBag cut(folder.Write("b.bag", bytes.substr(0, bytes.size() - 3)));
+  EXPECT_TRUE(cut.connections().empty());
+  EXPECT_EQ(MessagesOf(cut), std::vector<std::string>{all[0]});
+}
+
+TEST(RosBag, SaysWhatIsDamaged) {
+  const TempFolder folder;
+  const auto expect = [&](const std::string& records, const std::string& part) {
+    RosBag bag(folder.Write("c.bag", Bag(records)));
+    ExpectError<DataError>([&] { MessagesOf(bag); }, {"c.bag", part});
+  };
+  expect(Chunk(Message(5, "one")), "unknown connection");
+  expect(Chunk("x", "zip"), "\"zip\"");
+  expect(Chunk("no stream of bz2", "bz2"), "bz2");
+  expect(Chunk("no frame of lz4", "lz4"), "lz4");
+  expect(Chunk(Bytes<std::uint32_t>(1000)), "1000 bytes are announced");
+  EXPECT_THROW(RosBag(folder.Write("d.bag", "#ROSBAG V1.2\n")), DataError);
+  EXPECT_THROW(RosBag(folder.Write("e.bag", "#ROSBAG V2.0\n" + Chunk(""))), DataError);
+  EXPECT_THROW(RosBag(folder / "none.bag"), IoError);
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal

@@ -1,0 +1,143 @@
+#include "infer/initial/geometry_search.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/infer/initial/geometry_frames.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Choose;
+using testing_infer::Contains;
+using testing_infer::ExpectChosen;
+using testing_infer::Find;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::RandomStack;
+using testing_infer::RingPose;
+using testing_infer::See;
+using testing_infer::Standing;
+
+TEST(FindPosesByGeometry, TheFloorDecidesBetweenThePapersStackAndItUpsideDown) {
+  const Structure structure = PaperStructure();
+  for (int i = 0; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    const Pose truth = RingPose(45.0 * i, 2.0 + 0.2 * i, 0.3 + 0.05 * (i % 3));
+    ExpectChosen(Choose(See(structure, truth), structure), truth);
+  }
+}
+
+TEST(FindPosesByGeometry, AnyStackOfBoxes) {
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const Structure structure = RandomStack(seed);
+    const Eigen::Vector3d middle(0, structure.Height() / 2, 0);
+    for (int i = 0; i < 3; ++i) {
+      SCOPED_TRACE(std::to_string(seed) + ": " + std::to_string(i));
+      const Pose truth = RingPose(20.0 + 90 * i, 1.8 + 0.4 * i, 1.2, 90, middle);
+      ExpectChosen(Choose(See(structure, truth), structure), truth);
+    }
+  }
+}
+
+TEST(FindPosesByGeometry, ASensorMayBeRolledByAnyAngle) {
+  const Structure structure = PaperStructure();
+  for (const double roll : {0.0, 37.0, 180.0, 250.0}) {
+    SCOPED_TRACE(roll);
+    const Pose truth = RingPose(70, 2.3, 0.5, roll);
+    ExpectChosen(Choose(See(structure, truth), structure), truth);
+  }
+}
+
+TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
+  const Structure structure = PaperStructure();
+  // From where sides that face in three directions are seen.
+  for (const double phi : {35.0, 215.0}) {
+    SCOPED_TRACE(phi);
+    const Pose truth = RingPose(phi, 2.2, 0.4);
+    const SensorView view = See(structure, truth, {false, 0});
+    EXPECT_TRUE(Contains(Find(view, structure), truth));
+    EXPECT_TRUE(Choose(view, structure).ambiguous);
+  }
+}
+
+// One family of upright planes tells nothing of a turn about their normal. What reaches under the
+// structure contradicts a pose, unless it may stand on a table.
+TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
+  const Structure structure = PaperStructure();
+  for (int i = 0; i < 4; ++i) {
+    for (const double wall : {0.0, 3.5}) {
+      SCOPED_TRACE(std::to_string(i) + (wall > 0 ? " in a room" : ""));
+      const Pose truth = RingPose(90.0 * i, 2.2, 0.2);
+      const SensorView view = See(structure, truth, {false, wall});
+      const double table_height_m = wall > 0 ? -1 : 0;
+      EXPECT_TRUE(Contains(Find(view, structure, table_height_m), truth));
+      EXPECT_TRUE(Choose(view, structure, table_height_m).ambiguous);
+      if (wall > 0) EXPECT_FALSE(Contains(Find(view, structure), truth));
+    }
+  }
+}
+
+TEST(FindPosesByGeometry, OnATableOfKnownAndUnknownHeight) {
+  const Structure stack =
+      Structure::FromBoxes("stack", {Standing("low", {0.5, 0.3, 0.35}, {0, 0, 0}),
+                                     Standing("high", {0.3, 0.4, 0.3}, {0.1, 0.3, 0.02}, 25)});
+  std::vector<Box> with_table = stack.boxes();
+  with_table.push_back(Standing("table", {1.2, 0.7, 0.9}, {0.2, -0.7, 0.1}));
+  const Structure seen = Structure::FromBoxes("stack on a table", with_table);
+  const Pose truth = RingPose(60, 2.0, 0.9, 90, {0, 0.2, 0});
+  const SensorView view = See(seen, truth);
+  ExpectChosen(Choose(view, stack, 0.7), truth);
+  EXPECT_TRUE(Contains(Find(view, stack, -1), truth));
+}
+
+TEST(FindPosesByGeometry, NothingInARoomWithoutTheStack) {
+  const Structure structure = PaperStructure();
+  Structure elsewhere =
+      structure.Displaced(std::vector<Pose>(4, Pose(Eigen::Translation3d(100, 0, 0))));
+  for (const bool floor : {true, false}) {
+    for (int i = 0; i < 2; ++i) {
+      SCOPED_TRACE(i);
+      EXPECT_TRUE(Find(See(elsewhere, RingPose(50.0 * i), {floor, 2.5}), structure).empty());
+    }
+  }
+}
+
+TEST(FindPosesByGeometry, NothingBeforeAWall) {
+  const Structure structure = PaperStructure();
+  const SensorView wall = MakeSensorView(DepthImage(320, 288, 1.5f), Kinect());
+  EXPECT_TRUE(Find(wall, structure).empty());
+  EXPECT_TRUE(Find(MakeSensorView(DepthImage(320, 288, 0.0f), Kinect()), structure).empty());
+}
+
+TEST(FindPosesByGeometry, NothingAmongOtherBoxes) {
+  const Structure others =
+      Structure::FromBoxes("others", {Standing("a", {0.7, 0.5, 0.5}, {0.3, -0.81, 0.4}, 20),
+                                      Standing("b", {0.4, 1.1, 0.4}, {-0.5, -0.81, -0.2}, 70),
+                                      Standing("c", {0.5, 0.3, 0.8}, {0.3, -0.31, 0.4}, 35)});
+  for (int i = 0; i < 3; ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_TRUE(Find(See(others, RingPose(120.0 * i, 2.3)), PaperStructure()).empty());
+  }
+}
+
+TEST(FindPosesByGeometry, ASymmetricStackIsAmbiguousOnAFloor) {
+  const std::vector<Structure> stacks = {
+      Structure::FromBoxes("one", {Standing("one", {0.5, 0.4, 0.3}, {0, 0, 0})}),
+      Structure::FromBoxes("two", {Standing("a", {0.4, 0.35, 0.3}, {-0.2, 0, 0}),
+                                   Standing("b", {0.4, 0.35, 0.3}, {0.2, 0, 0})}),
+      Structure::FromBoxes("column", {Standing("a", {0.4, 0.4, 0.4}, {0, 0, 0}),
+                                      Standing("b", {0.4, 0.4, 0.4}, {0, 0.4, 0})})};
+  for (const Structure& structure : stacks) {
+    SCOPED_TRACE(structure.name());
+    const Pose truth = RingPose(35, 1.8, 0.9, 90, {0, 0.2, 0});
+    const SensorView view = See(structure, truth);
+    EXPECT_TRUE(Contains(Find(view, structure), truth));
+    EXPECT_TRUE(Choose(view, structure).ambiguous);
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,192 @@
+// Which poses of a rig's sensors are chosen together, among candidates that are made by hand.
+
+#include "infer/initial/rig_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "infer/initial/aliases.h"
+#include "infer/initial/same_pose.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+/// What speaks for a pose and for the same upside down.
+struct Evidence {
+  double floor, labels;
+  double floor_over, labels_over;
+};
+
+/// Sensors round the structure, and nothing else, so that their clouds share nothing beside it.
+struct Candidates {
+  Structure structure = PaperStructure();
+  std::vector<SensorView> views;
+  std::vector<Pose> right, over;
+  std::vector<std::vector<PoseCandidate>> poses;
+
+  /// `roll_deg`: of each sensor; 90 of those past its end.
+  explicit Candidates(const std::vector<Evidence>& evidence,
+                      const std::vector<double>& roll_deg = {}) {
+    const Pose motion = FindAliases(structure).front().motion;
+    for (std::size_t i = 0; i < evidence.size(); ++i) {
+      const double roll = i < roll_deg.size() ? roll_deg[i] : 90;
+      right.push_back(RingPose(10 + 50 * static_cast<double>(i), 2, 0.4, roll));
+      over.push_back(motion * right.back());
+      views.push_back(MakeSensorView(
+          testing_infer::Render(structure, testing_infer::Kinect(), right.back(), {false, 0}).depth,
+          testing_infer::Kinect()));
+      PoseCandidate a, b;
+      a.structure_from_sensor = right.back();
+      a.floor = evidence[i].floor;
+      a.network_score = evidence[i].labels;
+      b.structure_from_sensor = over.back();
+      b.floor = evidence[i].floor_over;
+      b.network_score = evidence[i].labels_over;
+      poses.push_back({a, b});
+    }
+  }
+  /// `turns`: of the right pose and of the other, where they are known.
+  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}) const {
+    std::vector<SensorCandidates> sensors;
+    for (std::size_t i = 0; i < views.size(); ++i) sensors.push_back({&views[i], poses[i], turns});
+    return ChooseTogether(sensors, structure, {});
+  }
+  bool IsRight(const PoseChoice& choice, std::size_t i) const {
+    return choice.found && SamePose(structure, choice.best.structure_from_sensor, right[i]);
+  }
+};
+
+TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
+  const Evidence good{0, 0.8, 0, 0.3}, misled{0, 0.2, 0, 0.9};
+  const Candidates rig({good, misled, good, good, misled});
+  const std::vector<PoseChoice> choices = rig.Choose();
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+    EXPECT_TRUE(choices[i].ambiguous) << i;
+    EXPECT_TRUE(SamePose(rig.structure, choices[i].rival.structure_from_sensor, rig.over[i])) << i;
+  }
+  // Where most are misled, all are: still one answer.
+  const Candidates wrong({misled, good, misled, misled});
+  const std::vector<PoseChoice> all = wrong.Choose();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_FALSE(wrong.IsRight(all[i], i)) << i;
+    EXPECT_TRUE(all[i].ambiguous) << i;
+  }
+}
+
+// Half of the pictures stand upright and half lie on their side: none of either contradicts the
+// others that are mounted so.
+TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
+  const Evidence good{0, 0.8, 0, 0.3}, misled{0, 0.2, 0, 0.9};
+  for (std::size_t wrong = 0; wrong < 6; ++wrong) {
+    std::vector<Evidence> evidence(6, good);
+    evidence[wrong] = misled;
+    const Candidates rig(evidence, {0, 90, 0, 90, 0, 90});
+    const std::vector<PoseChoice> choices = rig.Choose();
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i << ", misled " << wrong;
+      EXPECT_TRUE(choices[i].ambiguous) << i;
+    }
+  }
+}
+
+// Of two kinds of mounting with nothing that joins them, one is the network's: the others' up is
+// unknown, unless there is a floor.
+TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
+  const Evidence open{0, 0.8, 0, 0.75};
+  const std::vector<double> roll = {0, 90, 0, 90, 0, 90};
+  for (const bool floor : {false, true}) {
+    std::vector<Evidence> evidence(6, open);
+    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {0.2, 0.8, -0.2, 0.8};
+    const Candidates rig(evidence, roll);
+    std::vector<SensorCandidates> sensors;
+    for (std::size_t i = 0; i < rig.views.size(); ++i) {
+      sensors.push_back({&rig.views[i], rig.poses[i],
+                         roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
+    }
+    const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure, {});
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+      EXPECT_EQ(choices[i].ambiguous, !floor) << i;
+      EXPECT_EQ(choices[i].up_unknown, !floor && roll[i] == 0) << i;
+    }
+  }
+}
+
+TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
+  const Evidence floor{0.2, 0.8, -0.2, 0.8}, misled{0, 0.2, 0, 0.9};
+  for (const std::size_t count : {1u, 2u}) {
+    std::vector<Evidence> evidence(count, floor);
+    evidence.push_back(misled);
+    const Candidates rig(evidence);
+    const std::vector<PoseChoice> choices = rig.Choose();
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_EQ(choices[i].ambiguous, i == count && count == 1) << i << " of " << count;
+      if (count == 2) {
+        EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+      }
+    }
+  }
+}
+
+TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
+  const Evidence floor{0.2, 0.8, -0.2, 0.8};
+  const Candidates rig({floor, floor, floor, floor}, {90, 90, 90, -90});
+  const std::vector<PoseChoice> choices = rig.Choose();
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
+    EXPECT_FALSE(choices[i].ambiguous) << i;
+  }
+}
+
+// Nothing tells up from down: sensors are then taken to be mounted as the network's were.
+TEST(ChooseTogether, TheNetworksOrientationIsTakenWhereNothingElseTells) {
+  const Evidence open{0, 0.8, 0, 0.8};
+  const Candidates rig({open, open, open});
+  for (const bool right : {true, false}) {
+    const std::vector<PoseChoice> choices =
+        rig.Choose(right ? std::vector<int>{0, 2} : std::vector<int>{2, 0});
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_EQ(rig.IsRight(choices[i], i), right) << i;
+      EXPECT_TRUE(choices[i].ambiguous) << i;
+    }
+  }
+}
+
+TEST(ChooseTogether, ASensorWithoutPosesTakesNoPart) {
+  const Evidence good{0, 0.8, 0, 0.3};
+  Candidates rig({good, good, good});
+  rig.poses[1].clear();
+  const std::vector<PoseChoice> choices = rig.Choose();
+  EXPECT_FALSE(choices[1].found);
+  EXPECT_TRUE(rig.IsRight(choices[0], 0));
+  EXPECT_TRUE(rig.IsRight(choices[2], 2));
+}
+
+// A wall on one side only, which two sensors see: where both are upright, in one place.
+TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
+  const Evidence open{0, 0.5, 0, 0.5};
+  Candidates rig({open, open});
+  rig.poses[0].resize(1);  // known
+  for (std::size_t i = 0; i < 2; ++i) {
+    rig.right[i] = RingPose(80 + 20 * static_cast<double>(i), 2, 0.4);
+    rig.over[i] = FindAliases(rig.structure).front().motion * rig.right[i];
+    rig.poses[i][0].structure_from_sensor = rig.right[i];
+    if (i > 0) rig.poses[i][1].structure_from_sensor = rig.over[i];
+    rig.views[i] = MakeSensorView(
+        testing_infer::Render(rig.structure, testing_infer::Kinect(), rig.right[i], {true, 3.5})
+            .depth,
+        testing_infer::Kinect());
+  }
+  const std::vector<PoseChoice> choices = rig.Choose();
+  EXPECT_TRUE(rig.IsRight(choices[1], 1));
+  EXPECT_FALSE(choices[1].ambiguous);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,306 @@
+#include "infer/initial/view_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+
+#include "core/geometry/lens.h"
+#include "core/geometry/visibility.h"
+#include "tests/infer/initial/geometry_frames.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RandomStack;
+using testing_infer::RingPose;
+using testing_infer::See;
+using testing_infer::Standing;
+
+constexpr double kLeastOpen = 0.75;
+
+ViewFit Measure(const SensorView& view, const Structure& structure, const Pose& pose) {
+  const ViewFit shape = MeasureShape(PrepareSurface(view, structure), structure, pose);
+  EXPECT_LE(shape.found_planes, shape.open_planes);
+  EXPECT_LE(shape.open_planes, shape.shown_planes);
+  EXPECT_LE(shape.planes_share(kLeastOpen), 1);
+  return shape;
+}
+
+// The paper's stack has 12 planes with labels. From most sides 14 are seen: it overhangs, and an
+// edge tells of a bottom too.
+TEST(ViewFit, AtTheTruePoseThePlanesThatItShowsAreFound) {
+  for (int i = 0; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    const Pose truth = RingPose(45.0 * i + 10, 2.0 + 0.2 * i, 0.3 + 0.05 * (i % 3));
+    const ViewFit shape = Measure(See(PaperStructure(), truth), PaperStructure(), truth);
+    EXPECT_GE(shape.found_planes, 12);
+    EXPECT_EQ(shape.planes_share(kLeastOpen), 1);
+  }
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    const Structure structure = RandomStack(seed);
+    const Pose truth = RingPose(20, 2.2, 1.2, 90, {0, structure.Height() / 2, 0});
+    EXPECT_GE(Measure(See(structure, truth), structure, truth).planes_share(kLeastOpen), 0.9);
+  }
+}
+
+TEST(ViewFit, WhatSomethingHidesNeedNotBeFoundButForALeastShare) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(55, 2.2, 0.35);
+  const SensorView whole = See(structure, truth);
+  const int shown = Measure(whole, structure, truth).shown_planes;
+  int hidden = 0;
+  for (const int columns : {130, 150, 170, 190}) {
+    SCOPED_TRACE(columns);
+    SensorView view = whole;
+    for (int v = 0; v < view.height(); ++v) {
+      for (int u = 0; u < columns; ++u) view.depth(u, v) = 0.7f;
+    }
+    const ViewFit shape = Measure(view, structure, truth);
+    EXPECT_EQ(shape.shown_planes, shown);
+    EXPECT_GE(shape.found_planes, shape.open_planes - 1);
+    hidden = std::max(hidden, shape.shown_planes - shape.open_planes);
+    EXPECT_EQ(shape.planes_share(kLeastOpen),
+              shape.found_planes / std::max<double>(shape.open_planes, kLeastOpen * shown));
+  }
+  EXPECT_GT(hidden, shown / 4);
+}
+
+// Planes beyond the picture's border cannot be found; a single box is no part of the stack.
+TEST(ViewFit, AtThePicturesBorderThePlanesWithinItCount) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(180, 1.7, 0.3, 90, {0, 0, 0.6});
+  EXPECT_TRUE(
+      HasShape(Measure(See(structure, truth), structure, truth), structure, GeometryOptions()));
+  const Structure box = Structure::FromBoxes(
+      "box", {Standing("box", structure.boxes()[0].size, {0, structure.FloorHeight(), 0})});
+  EXPECT_TRUE(testing_infer::Find(See(box, truth), structure).empty());
+}
+
+/// A box 40 cm wide, 30 cm high and 20 cm deep, its front square to the axis of a sensor 2 m before
+/// it that stands at its middle's height.
+constexpr double kWidth = 0.4, kHeight = 0.3;
+Structure Crate() {
+  return Structure::FromBoxes("crate", {Box::FromMinMax("c", {0, 1, -0.2}, {0.2, 1.3, 0.2})});
+}
+Pose Before() {
+  Pose pose = Pose::Identity();
+  pose.linear() << 0, 0, -1, 0, -1, 0, -1, 0, 0;  // looks along -x; image x is -z, y is -y
+  pose.translation() = Eigen::Vector3d(2.2, 1.15, 0);
+  return pose;
+}
+
+Intrinsics Camera() {
+  Intrinsics intrinsics;
+  intrinsics.width = 200;
+  intrinsics.height = 160;
+  intrinsics.fx = intrinsics.fy = 400;  // 5 mm a pixel at 2 m
+  intrinsics.cx = 99.5;
+  intrinsics.cy = 79.5;
+  return intrinsics;
+}
+
+/// Where a ray of this direction meets the plane of the front.
+struct Hit {
+  double across, up;  // from the front's middle, m
+};
+Hit HitOf(int u, int v) { return {2 * (u - 99.5) / 400, -2 * (v - 79.5) / 400}; }
+bool OnFront(int u, int v) {
+  const Hit hit = HitOf(u, v);
+  return std::abs(hit.across) < kWidth / 2 && std::abs(hit.up) < kHeight / 2;
+}
+
+/// The front alone is seen; `wall`: what is behind, 0 for nothing. Normals as they truly are.
+SensorSurface Front(float wall = 0) {
+  SensorSurface surface;
+  surface.view = MakeSensorView(DepthImage(200, 160, wall), Camera());
+  surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f(0, 0, -1));
+  surface.room = Image<std::uint8_t>(200, 160, 0);
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v)) surface.view.depth(u, v) = 2;
+    }
+  }
+  return surface;
+}
+
+/// Sets the depth of the part of the front where `part` says so.
+template <class Part>
+void SetDepth(float depth, const Part& part, SensorSurface* surface) {
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v) && part(HitOf(u, v))) surface->view.depth(u, v) = depth;
+    }
+  }
+}
+
+constexpr double kFront = kWidth * kHeight;
+
+TEST(MeasureShape, AreasAreThoseOfTheSurface) {
+  for (const float wall : {0.0f, 4.0f}) {
+    const ViewFit fit = MeasureShape(Front(wall), Crate(), Before());
+    EXPECT_NEAR(fit.explained, kFront, 0.02 * kFront);
+    for (const double none : {fit.turned, fit.larger, fit.behind, fit.occluded, fit.goes_on})
+      EXPECT_EQ(none, 0);
+    EXPECT_EQ(fit.explained_share(), 1);
+    EXPECT_EQ(fit.visible_share(), 1);
+    // A band from 2 to 7 cm beyond the border, its corners included, but for what is nearer to the
+    // foot than 5 cm.
+    const double band =
+        (kWidth + 0.14) * (kHeight + 0.02) - (kWidth + 0.04) * (kHeight + 0.02 - 0.05);
+    EXPECT_NEAR(fit.ends, band, 0.03 * band) << wall;
+    // The front, and the three faces at whose edges it ends.
+    EXPECT_EQ(fit.found_planes, 4);
+  }
+}
+
+TEST(MeasureShape, LikeAnyOtherSensor) {
+  // The same through half as many pixels, and moved together with the structure.
+  const Pose elsewhere = testing_infer::RingPose(50);
+  Structure moved = Structure::FromBoxes(
+      "crate",
+      {Box{"c", Crate().boxes()[0].size, elsewhere * Crate().boxes()[0].structure_from_box}});
+  const ViewFit a = MeasureShape(Front(), Crate(), Before());
+  EXPECT_NEAR(MeasureShape(Decimate(Front(), 2), Crate(), Before()).explained, a.explained,
+              0.02 * a.explained);
+  EXPECT_NEAR(MeasureShape(Front(), moved, elsewhere * Before()).explained, a.explained, 1e-6);
+}
+
+// Three faces of the crate, from its corner and above it, wherever in the picture they are and
+// through whatever lens: all of their area.
+TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
+  const Structure crate = Crate();
+  const double faces = 0.4 * 0.3 + 0.2 * 0.3 + 0.2 * 0.4;
+  for (const Intrinsics& lens : {testing_infer::Kinect(), testing_infer::KinectWithLens()}) {
+    for (const double aside_deg : {0.0, 18.0}) {
+      SCOPED_TRACE(testing::Message() << lens.distortion.size() << " " << aside_deg);
+      Pose pose = RingPose(35, 1.2, 1.9, 90, {0.1, 1.15, 0});
+      pose.linear() *=
+          Eigen::AngleAxisd(aside_deg * M_PI / 180, Eigen::Vector3d(1, 1, 0).normalized())
+              .toRotationMatrix();
+      SensorSurface surface;
+      surface.view = MakeSensorView(DepthImage(lens.width, lens.height), lens);
+      surface.view.depth = CastView(crate, surface.view.rays, pose).depth;
+      surface.normals = Image<Eigen::Vector3f>(lens.width, lens.height, Eigen::Vector3f::Zero());
+      surface.room = Image<std::uint8_t>(lens.width, lens.height, 0);
+      const ViewFit fit = MeasureShape(surface, crate, pose);
+      EXPECT_NEAR(fit.explained, faces, 0.03 * faces);
+      EXPECT_EQ(fit.explained_share(), 1);
+    }
+  }
+}
+
+TEST(MeasureShape, SomethingBeforeItHidesIt) {
+  SensorSurface surface = Front();
+  SetDepth(
+      1, [](const Hit& hit) { return hit.across < -0.1; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  EXPECT_NEAR(fit.occluded, kFront / 4, 0.03 * kFront);
+  EXPECT_NEAR(fit.explained, kFront * 3 / 4, 0.03 * kFront);
+  EXPECT_NEAR(fit.visible_share(), 0.75, 0.02);
+  EXPECT_EQ(fit.explained_share(), 1) << "which contradicts nothing";
+}
+
+TEST(MeasureShape, SomethingBehindItContradicts) {
+  SensorSurface surface = Front();
+  SetDepth(
+      3, [](const Hit& hit) { return hit.across < 0; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  // Without a border of 3 cm, where a pose that is not quite right sees behind as well.
+  const double inner = (kWidth / 2 - 0.03) * (kHeight - 0.06);
+  EXPECT_NEAR(fit.behind, inner, 0.03 * inner);
+  EXPECT_NEAR(fit.explained, kFront / 2, 0.03 * kFront);
+  EXPECT_NEAR(fit.explained_share(), fit.explained / (fit.explained + fit.behind), 1e-12);
+  // A hole says nothing.
+  SetDepth(
+      0, [](const Hit& hit) { return hit.across < 0; }, &surface);
+  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).behind, 0);
+}
+
+// At 2 m what is 4.2 cm before or behind is on the surface: 3 cm and 3 mm by the square of z.
+TEST(MeasureShape, HasATolerance) {
+  for (const float depth : {1.96f, 2.04f}) {
+    SensorSurface surface = Front();
+    SetDepth(
+        depth, [](const Hit&) { return true; }, &surface);
+    EXPECT_NEAR(MeasureShape(surface, Crate(), Before()).explained, kFront, 0.02 * kFront) << depth;
+  }
+  SensorSurface before = Front(), behind = Front();
+  SetDepth(
+      1.95f, [](const Hit&) { return true; }, &before);
+  SetDepth(
+      2.25f, [](const Hit&) { return true; }, &behind);
+  EXPECT_NEAR(MeasureShape(before, Crate(), Before()).occluded, kFront, 0.02 * kFront);
+  EXPECT_GT(MeasureShape(behind, Crate(), Before()).behind, 0.5 * kFront);
+}
+
+TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
+  SensorSurface surface = Front();
+  const auto facing = [&](double deg) {
+    const double angle = deg * M_PI / 180;
+    surface.normals = Image<Eigen::Vector3f>(
+        200, 160, Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>());
+    return MeasureShape(surface, Crate(), Before());
+  };
+  EXPECT_EQ(facing(40).turned, 0);
+  const ViewFit turned = facing(50);
+  const double inner = (kWidth - 0.06) * (kHeight - 0.06);
+  EXPECT_NEAR(turned.turned, inner, 0.03 * inner);
+  EXPECT_NEAR(turned.explained_share(), turned.explained / (turned.explained + turned.turned / 2),
+              1e-12);
+  // Where no normal is known, none contradicts.
+  surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f::Zero());
+  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).turned, 0);
+}
+
+TEST(MeasureShape, APartOfAWallIsNoSide) {
+  // The wall that the front would be a part of.
+  const ViewFit part = MeasureShape(Front(2), Crate(), Before());
+  EXPECT_NEAR(part.larger, kFront, 0.02 * kFront);
+  EXPECT_EQ(part.explained, 0);
+  EXPECT_EQ(part.ends, 0);
+  EXPECT_EQ(part.found_planes, 0);
+  EXPECT_GT(part.goes_on_share(), 0.99);
+  // The same where MarkRoom has found a plane of the room.
+  SensorSurface room = Front();
+  room.room = Image<std::uint8_t>(200, 160, 1);
+  EXPECT_NEAR(MeasureShape(room, Crate(), Before()).larger, kFront, 0.02 * kFront);
+  // It goes on at one end alone: there it has no edge, and it is a side all the same.
+  SensorSurface longer = Front();
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 140; u < 200; ++u) {
+      if (std::abs(HitOf(u, v).up) < kHeight / 2) longer.view.depth(u, v) = 2;
+    }
+  }
+  const ViewFit three = MeasureShape(longer, Crate(), Before());
+  EXPECT_NEAR(three.explained, kFront, 0.02 * kFront);
+  EXPECT_NEAR(three.goes_on, 0.05 * (kHeight - 0.05), 0.03 * 0.05 * kHeight);
+  EXPECT_EQ(three.found_planes, 3);
+}
+
+// By hand.
+TEST(ViewFit, Shares) {
+  ViewFit fit;
+  EXPECT_EQ(fit.explained_share(), 0);
+  EXPECT_EQ(fit.shape_iou(1), 0);
+  fit.explained = 6;
+  fit.turned = 2;
+  fit.larger = 1;
+  fit.behind = 2;
+  fit.occluded = 4;
+  fit.goes_on = 1;
+  fit.ends = 3;
+  EXPECT_DOUBLE_EQ(fit.explained_share(), 0.6);
+  EXPECT_DOUBLE_EQ(fit.visible_share(), 0.6);
+  EXPECT_DOUBLE_EQ(fit.goes_on_share(), 0.25);
+  EXPECT_DOUBLE_EQ(fit.shape_iou(6), 6 / (6 + 2 + 1 + 1.5));
+  EXPECT_DOUBLE_EQ(fit.shape_iou(8), 6 / (6 + 2 + 2 + 1 + 1.5));
+  EXPECT_DOUBLE_EQ(fit.shape_iou(5), fit.shape_iou(6));
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,142 @@
+#include "infer/plan/plan_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "core/config/config.h"
+#include "infer/plan/plan_picture.h"
+#include "infer/plan/plan_report.h"
+#include "infer/plan/planned_frame.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
+
+/// Of the paper's stack: S1 sees it whole, S2 a part of it from near, S3 nothing.
+constexpr char kRig[] = R"(
+sensors:
+  - {name: S1, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 30, height_cm: 110}
+  - {name: S2, sensor: azure_kinect_nfov_binned, rho_cm: 90, phi_deg: 120, height_cm: 40, look_at_cm: [0, 60, 0]}
+  - {name: S3, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 210, height_cm: 110, look_at_cm: [-400, 0, -200]}
+)";
+
+TEST(PlanRig, SaysWhatEachSensorSees) {
+  const RigPlan plan = PlanRig(Parse(kRig), 1);
+  ASSERT_EQ(plan.sensors.size(), 3u);
+  const PlannedSensor &whole = plan.sensors[0], &part = plan.sensors[1], &away = plan.sensors[2];
+  EXPECT_EQ(whole.placed, 1);
+  EXPECT_DOUBLE_EQ(whole.in_view, 1);
+  EXPECT_GE(whole.sides.size(), 8u);
+  EXPECT_TRUE(whole.sides_fix_pose);
+  EXPECT_LT(part.in_view, 0.7);
+  EXPECT_GT(part.in_view, 0);
+  EXPECT_EQ(away.placed, 0);
+  EXPECT_EQ(away.status, SensorStatus::kFailed);
+  EXPECT_TRUE(away.sides.empty());
+  EXPECT_EQ(away.in_view, 0);
+  // The pixels of a side, counted by the tests' own view.
+  const testing_infer::SyntheticView view =
+      testing_infer::Render(plan.structure, whole.intrinsics, whole.structure_from_sensor);
+  const int label = testing_infer::LabelOf(plan.structure, whole.sides[0].first);
+  const auto pixels = std::count(view.labels.begin(), view.labels.end(), label);
+  EXPECT_NEAR(whole.sides[0].second, static_cast<double>(pixels), 0.15 * pixels);
+
+  const std::string text = FormatPlan(plan);
+  EXPECT_NE(text.find("S3: it sees no side of the stack"), std::string::npos) << text;
+  EXPECT_NE(text.find("S2: only "), std::string::npos) << text;
+  RigPlan named = plan;
+  named.structure = Structure::FromBoxes("s", {Box::FromMinMax("a<b", {-1, -1, -1}, {1, 1, 1})});
+  EXPECT_NE(PlanPicture(named).find("<title>a&lt;b</title>"), std::string::npos);
+  const std::string picture = PlanPicture(plan);
+  for (const char* name : {">S1<", ">S2<", ">S3<", ">not placed<", "1 m"})
+    EXPECT_NE(picture.find(name), std::string::npos) << name;
+}
+
+TEST(PlanRig, ExpectsErrorsAsLargeAsThoseItMakes) {
+  Rig rig = Parse(R"(
+sensors:
+  - {name: S1, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 20, height_cm: 110}
+  - {name: S2, sensor: realsense_d415, rho_cm: 200, phi_deg: 110, height_cm: 110}
+  - {name: S3, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 200, height_cm: 90}
+  - {name: S4, sensor: realsense_d415, rho_cm: 200, phi_deg: 290, height_cm: 90}
+)");
+  const RigPlan plan = PlanRig(rig, 2);
+  for (const PlannedSensor& sensor : plan.sensors) {
+    EXPECT_EQ(sensor.placed, 2);
+    EXPECT_GT(sensor.expected_m, 0.002) << sensor.name;
+    EXPECT_LT(sensor.expected_m, 0.02) << sensor.name;
+    EXPECT_GT(sensor.expected_deg, 0.03);
+    EXPECT_LE(sensor.weakest_m, sensor.expected_m);
+    EXPECT_GE(sensor.weakest_m, sensor.expected_m / std::sqrt(3.0) - 1e-12);
+  }
+  // A stereo camera's errors grow with the square of the distance.
+  for (RigSensor& sensor : rig.sensors) sensor.rho_cm = 330;
+  const RigPlan far = PlanRig(rig, 1);
+  EXPECT_GT(far.sensors[1].expected_m, 1.3 * plan.sensors[1].expected_m);
+}
+
+TEST(PlannedFrame, ErrorsHaveTheStatedSize) {
+  SensorFrame frame;
+  frame.sensor = "realsense_d415";
+  frame.intrinsics = testing_infer::Kinect();
+  frame.ground_truth = testing_infer::RingPose(40);
+  const Structure structure = testing_infer::PaperStructure();
+  const testing_infer::SyntheticView view =
+      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
+  double square = 0;
+  int count = 0;
+  for (std::uint64_t seed = 0; seed < 8; ++seed) {
+    const PlannedFrame planned = MeasurePlanned(frame, structure, seed, 0);
+    for (std::size_t i = 0; i < view.depth.size(); ++i) {
+      if (!(planned.labels[i] > 0)) continue;
+      EXPECT_EQ(planned.labels[i], view.labels[i]);
+      const double z = view.depth[i];
+      square += std::pow((planned.frame.depth[i] - z) / (z * z), 2);
+      ++count;
+    }
+  }
+  ASSERT_GT(count, 10000);
+  EXPECT_NEAR(std::sqrt(square / count), std::hypot(0.055, 0.14) / 51.9, 0.0007);
+}
+
+// What lies behind an edge is lost beside it, not the stack; and nothing is measured of the sky.
+TEST(PlannedFrame, GapsAreBehindTheStack) {
+  SensorFrame frame;
+  frame.sensor = "azure_kinect_nfov_binned";
+  frame.intrinsics = testing_infer::Kinect();
+  frame.ground_truth = testing_infer::RingPose(40, 2, 0.3, 0);
+  const Structure structure = testing_infer::PaperStructure();
+  const testing_infer::SyntheticView view =
+      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
+  const PlannedFrame planned = MeasurePlanned(frame, structure, 1, 0);
+  const auto labelled = [](const LabelImage& labels) {
+    return std::count_if(labels.begin(), labels.end(),
+                         [](std::uint8_t label) { return label > 0; });
+  };
+  EXPECT_GT(labelled(planned.labels), 0.97 * static_cast<double>(labelled(view.labels)));
+  int sky = 0, lost = 0;
+  for (int v = 0; v < view.depth.height(); ++v) {
+    for (int u = 0; u < view.depth.width(); ++u) {
+      const Eigen::Vector3d ray((u - frame.intrinsics.cx) / frame.intrinsics.fx,
+                                (v - frame.intrinsics.cy) / frame.intrinsics.fy, 1);
+      if (view.labels(u, v) > 0) continue;
+      if ((frame.ground_truth->linear() * ray).y() > 0) {
+        if (view.depth(u, v) > 0) continue;  // the underside of a box
+        ++sky;
+        EXPECT_EQ(planned.frame.depth(u, v), 0) << u << " " << v;
+      } else {
+        lost += planned.frame.depth(u, v) == 0;
+      }
+    }
+  }
+  EXPECT_GT(sky, 1000);
+  EXPECT_GT(lost, 300);
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,87 @@
+#include "infer/plan/target_report.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace volalign {
+namespace {
+
+Structure OneBox() {
+  return Structure::FromBoxes("crate", {Box::FromMinMax("box", {-0.2, -0.3, -0.2}, {0.2, 0, 0.2})});
+}
+
+/// Four views from 1 m: one that is good, one that fixes no pose, and two like those of aliases, of
+/// which the floor tells the second.
+TargetQuality Mixed() {
+  TargetQuality quality;
+  quality.options.directions = 4;
+  quality.options.heights_m = {1};
+  quality.aliases = {{"turned by 180 deg", 2, true, false}, {"upside down", 1, false, true}};
+  for (int i = 0; i < 4; ++i) {
+    TargetView view;
+    view.phi_deg = 90 * i;
+    view.height_m = 1;
+    view.sides = 3 + i;
+    view.sides_fix_pose = i != 1;
+    view.weakest_m = i == 0 ? 0.002 : i == 3 ? 0.005 : 0.004;
+    if (i >= 2) view.look_alike = {i - 2};
+    quality.views.push_back(view);
+  }
+  return quality;
+}
+
+TargetQuality Good() {
+  TargetQuality quality = Mixed();
+  quality.aliases.clear();
+  for (TargetView& view : quality.views) {
+    view.sides_fix_pose = true;
+    view.look_alike.clear();
+  }
+  return quality;
+}
+
+int Count(const std::string& text, const std::string& part) {
+  int count = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+    ++count;
+  return count;
+}
+
+TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
+  const std::string text = FormatTarget(OneBox(), Mixed());
+  for (const char* part :
+       {"crate: 1 boxes, 300 mm high; the origin is 300 mm above the floor",
+        "turned by 180 deg, all of crate's boxes lie where boxes lay: 25 % of the views are as "
+        "before\n",
+        "upside down, 1 of crate's boxes lie where boxes lay: 25 % of the views are as before, but "
+        "for the floor\n",
+        // Height; poses that are fixed, unique with the floor, and without it; sides; sigmas in mm.
+        " 1.00      75 %      75 %      50 %    3 to 6         4.0       5.0\n",
+        "poor: from 25 % of the places another pose looks the same, floor or not",
+        "poor: 25 % of the views fix no pose", "without it, 50 % of the views are like"}) {
+    EXPECT_NE(text.find(part), std::string::npos) << part << "\nis not in\n" << text;
+  }
+  EXPECT_EQ(text.find("good:"), std::string::npos);
+}
+
+TEST(FormatTarget, SaysThatAStackIsGood) {
+  const std::string text = FormatTarget(OneBox(), Good());
+  EXPECT_NE(text.find("no motion of the stack looks as if it had not been moved"),
+            std::string::npos);
+  EXPECT_NE(text.find("good: every view has one pose"), std::string::npos) << text;
+  EXPECT_EQ(text.find("poor:"), std::string::npos) << text;
+}
+
+TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
+  const std::string mixed = TargetPicture(OneBox(), Mixed()),
+                    good = TargetPicture(OneBox(), Good());
+  EXPECT_EQ(Count(mixed, ">×</text>"), 1);
+  EXPECT_EQ(Count(mixed, ">?</text>"), 1);  // the floor tells the other one
+  EXPECT_EQ(Count(good, ">×</text>") + Count(good, ">?</text>"), 0);
+  for (int i = 0; i < 4; ++i)
+    EXPECT_EQ(Count(good, "phi " + std::to_string(90 * i) + " deg, 1.00 m high"), 1) << i;
+}
+
+}  // namespace
+}  // namespace volalign

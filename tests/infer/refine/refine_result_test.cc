@@ -1,0 +1,272 @@
+#include "infer/refine/refine_result.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "tests/infer/refine/points_and_observations.h"
+
+namespace volalign::refine_internal {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+/// Two sensors that see the stack in two places, of it the same picture, with a posterior in which
+/// everything is correlated with everything.
+struct TwoStills {
+  testing_infer::Neighbours neighbours;
+  std::vector<FrameInput> frames;
+  RefineOptions options;
+  std::vector<SensorLens> lenses{1};
+  std::vector<Pose> placements{Pose::Identity(), Pose(Eigen::Translation3d(0.4, 0, -0.3))};
+  std::optional<JointProblem> problem;
+  Acceptance accepted;
+  Agreed agreed;
+  Posterior posterior;
+  std::vector<char> unsolved = std::vector<char>(4, 0);
+
+  TwoStills() {
+    placements[1].linear() = RotationExp({0, 0.6, 0});
+    lenses[0].sensor = "kind";
+    lenses[0].prior_sigmas = Eigen::Vector3d::Constant(0.01);
+    for (int i = 0; i < 4; ++i) {
+      FrameInput frame = neighbours.frames[static_cast<std::size_t>(i % 2)];
+      frame.sensor = i % 2;
+      frame.still = i / 2;
+      frame.lens = i % 2 == 0 ? 0 : -1;
+      frame.fallback = Eigen::Translation3d(0.01 * i, 0, 0) * frame.start;
+      frames.push_back(frame);
+    }
+    problem.emplace(neighbours.rig.structure, frames, options, lenses, 2);
+    std::vector<Pose> poses;
+    for (const FrameInput& frame : frames) poses.push_back(frame.start);
+    Solution& solution = accepted.solution;
+    solution.state = NominalState(neighbours.rig.structure, poses, problem->lenses,
+                                  problem->frame_of, placements);
+    solution.free = AskedFor(ParseEstimate("boxes,size,depth_gain,depth_offset,lens"),
+                             problem->priors, 4, 8, problem->lenses);
+    std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
+    solution.free.lens[0] = 1;
+    solution.observed.resize(4);
+    solution.held.assign(4, 0);
+    accepted.refused.assign(4, Vector6d::Zero());
+    agreed.of.resize(4);
+    agreed.measured.resize(4);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const double number = 1 + static_cast<double>(i);
+      solution.state.offsets[i] = 0.001 * number;
+      agreed.measured[i] = {0.1 * number, 0.002 * number, 0.001 * number,
+                            1e-6 * number * Matrix6d::Identity()};
+    }
+    solution.state.gains = {0.002, -0.001};
+    solution.state.lenses[0] = LensChange(0.001, 0.002, 0.003);
+    solution.state.size = 0.004;
+    const Eigen::Index n = problem->layout.size();
+    RandomStream random(11, 0, "posterior");
+    Eigen::MatrixXd root(n, n);
+    for (Eigen::Index k = 0; k < root.size(); ++k) root.data()[k] = 1e-5 * random.Normal();
+    posterior.covariance = root * root.transpose();
+  }
+
+  RefineResult Result() const {
+    return MakeResult(*problem, accepted, unsolved, posterior, agreed, lenses.size());
+  }
+};
+
+TEST(MakeResult, FramesAreTheStatesOrStayAtTheirFallbacks) {
+  TwoStills two;
+  two.accepted.solution.held[2] = 1;
+  const State& state = two.accepted.solution.state;
+  const RefineResult result = two.Result();
+  ASSERT_EQ(result.frames.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const RefinedFrame& frame = result.frames[i];
+    EXPECT_EQ(frame.accepted, i != 2);
+    EXPECT_TRUE(frame.structure_from_sensor.isApprox(
+        i == 2 ? two.frames[i].fallback : state.poses[i].ToPose(), 1e-12));
+    EXPECT_TRUE(frame.first_from_sensor.isApprox(
+        two.placements[i / 2] * frame.structure_from_sensor, 1e-12));
+    // Of a frame that stays, depth is as it was measured.
+    EXPECT_NEAR(frame.depth_offset, i == 2 ? 0 : 0.001 * (static_cast<double>(i) + 1), 1e-12);
+    EXPECT_NEAR(frame.depth_gain, i == 2 ? 1 : (i % 2 == 0 ? 1.002 : 0.999), 1e-12);
+    EXPECT_EQ(frame.disagreement, two.agreed.measured[i].cost);
+    EXPECT_EQ(frame.rms_together, two.agreed.measured[i].rms_together);
+    EXPECT_EQ(frame.rms_alone, two.agreed.measured[i].rms_alone);
+    EXPECT_FALSE(frame.refused_fit.has_value());
+    EXPECT_EQ(frame.problem, "");
+  }
+}
+
+TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
+  TwoStills two;
+  FreeSet& free = two.accepted.solution.free;
+  free.offset.assign(4, 0);
+  free.gain.assign(4, 0);
+  free.size = false;
+  const RefineResult result = two.Result();
+  for (const RefinedFrame& frame : result.frames) {
+    EXPECT_EQ(frame.depth_offset, 0);
+    EXPECT_EQ(frame.depth_gain, 1);
+    EXPECT_GT(frame.sigma_depth_offset, 0) << "how well it is known is said all the same";
+    EXPECT_GT(frame.sigma_depth_gain, 0);
+  }
+  EXPECT_FALSE(result.size_estimated);
+}
+
+TEST(MakeResult, NumbersThatFailedAreNamed) {
+  TwoStills two;
+  two.unsolved[1] = 1;
+  EXPECT_NE(two.Result().frames[1].problem.find("not finite"), std::string::npos);
+  EXPECT_EQ(two.Result().frames[0].problem, "");
+  two.posterior.exact = false;
+  EXPECT_NE(two.Result().frames[0].problem.find("uncertainty"), std::string::npos);
+}
+
+// Poses and placements are drawn from the posterior together; how the frames' poses in the first
+// still scatter is their covariance. 20,000 draws tell a variance to 1 %.
+TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
+  const TwoStills two;
+  const RefineResult result = two.Result();
+  const ParameterLayout& layout = two.problem->layout;
+  for (const std::size_t i : {0, 3}) {
+    const Pose& placement = two.placements[i / 2];
+    const RefinedFrame& frame = result.frames[i];
+    Eigen::Matrix<double, 12, 12> joint = Eigen::Matrix<double, 12, 12>::Zero();
+    const Eigen::Index pose = layout.Pose(i);
+    joint.topLeftCorner<6, 6>() = two.posterior.covariance.block<6, 6>(pose, pose);
+    if (i / 2 > 0) {
+      const Eigen::Index place = layout.Placement(i / 2);
+      joint.bottomRightCorner<6, 6>() = two.posterior.covariance.block<6, 6>(place, place);
+      joint.topRightCorner<6, 6>() = two.posterior.covariance.block<6, 6>(pose, place);
+      joint.bottomLeftCorner<6, 6>() = two.posterior.covariance.block<6, 6>(place, pose);
+    }
+    EXPECT_TRUE(frame.covariance.isApprox(joint.topLeftCorner<6, 6>(), 1e-9));
+    const Eigen::LDLT<Eigen::MatrixXd> ldlt(joint);
+    const Eigen::MatrixXd root = ldlt.transpositionsP().transpose() *
+                                 Eigen::MatrixXd(ldlt.matrixL()) *
+                                 ldlt.vectorD().cwiseMax(0).cwiseSqrt().asDiagonal();
+    RandomStream random(i, 0, "draws");
+    constexpr int kDraws = 20000;
+    Matrix6d sum = Matrix6d::Zero();
+    for (int k = 0; k < kDraws; ++k) {
+      Eigen::VectorXd normal(12);
+      for (Eigen::Index j = 0; j < 12; ++j) normal[j] = random.Normal();
+      const Eigen::VectorXd drawn = root * normal;
+      const Pose product = PerturbLeft(drawn.tail<6>(), placement) *
+                           PerturbLeft(drawn.head<6>(), frame.structure_from_sensor);
+      const Vector6d delta = LeftDifference(frame.first_from_sensor, product);
+      sum += delta * delta.transpose() / kDraws;
+    }
+    const Matrix6d& stated = frame.first_covariance;
+    for (int a = 0; a < 6; ++a) {
+      for (int b = 0; b < 6; ++b) {
+        EXPECT_NEAR(sum(a, b), stated(a, b), 0.04 * std::sqrt(stated(a, a) * stated(b, b)))
+            << i << ": " << a << ", " << b;
+      }
+    }
+    EXPECT_TRUE(stated.isApprox(stated.transpose(), 1e-12));
+  }
+}
+
+TEST(MakeResult, ARefusedPoseWidensTheCovariance) {
+  TwoStills two;
+  const Matrix6d before = two.Result().frames[1].covariance;
+  two.accepted.solution.held[1] = 1;
+  two.accepted.refused[1] << 0.01, 0, 0, 0, 0.002, 0;
+  const Matrix6d more = two.Result().frames[1].covariance - before;
+  EXPECT_NEAR(more(0, 0), 1e-4, 1e-9);
+  EXPECT_NEAR(more(4, 4), 4e-6, 1e-9);
+  EXPECT_NEAR(more(0, 4), 2e-5, 1e-9);
+  EXPECT_NEAR(more(1, 1), 0, 1e-12);
+}
+
+// What a frame that disagrees reports is its own, whatever the joint solution has.
+TEST(MakeResult, AFrameThatWasSetAsideKeepsItsOwn) {
+  TwoStills two;
+  two.accepted.solution.held[1] = 1;
+  SetAside aside;
+  aside.together = RingPose(77);
+  aside.contradicts = {3, 0};
+  aside.alone = two.accepted.solution.state;
+  aside.alone.poses[1] = PoseBlock(RingPose(88));
+  aside.alone.offsets[1] = 0.02;
+  aside.alone.gains[1] = 0.03;
+  two.agreed.of[1] = aside;
+  const RefinedFrame frame = two.Result().frames[1];
+  EXPECT_TRUE(frame.accepted);
+  EXPECT_TRUE(frame.structure_from_sensor.isApprox(RingPose(88), 1e-12));
+  EXPECT_TRUE(frame.covariance.isApprox(two.agreed.measured[1].covariance, 1e-12));
+  EXPECT_NEAR(frame.depth_offset, 0.02, 1e-12);
+  EXPECT_NEAR(frame.depth_gain, 1.03, 1e-12);
+  ASSERT_TRUE(frame.refused_fit.has_value());
+  EXPECT_TRUE(frame.refused_fit->structure_from_sensor.isApprox(RingPose(77), 1e-12));
+  EXPECT_EQ(frame.refused_fit->contradicts, (std::vector<int>{3, 0}));
+}
+
+TEST(MakeResult, PlacementsBoxesSizeAndLens) {
+  TwoStills two;
+  State& state = two.accepted.solution.state;
+  state.boxes[1][static_cast<std::size_t>(BuildModel::X(2))] = 0.005;
+  state.boxes[1][static_cast<std::size_t>(BuildModel::Z(2))] = -0.003;
+  state.boxes[1][static_cast<std::size_t>(BuildModel::Yaw(2))] = 0.02;
+  const RefineResult result = two.Result();
+  ASSERT_EQ(result.placements.size(), 2u);
+  EXPECT_TRUE(result.placements[0].covariance.isZero()) << "the first one is the frame itself";
+  const Eigen::Index place = two.problem->layout.Placement(1);
+  EXPECT_TRUE(result.placements[1].covariance.isApprox(
+      two.posterior.covariance.block<6, 6>(place, place), 1e-12));
+  EXPECT_TRUE(result.placements[1].first_from_placement.isApprox(two.placements[1], 1e-12));
+  const RefinedBox& box = result.placements[1].boxes[2];
+  EXPECT_EQ(box.x, 0.005);
+  EXPECT_EQ(box.z, -0.003);
+  EXPECT_EQ(box.yaw, 0.02);
+  EXPECT_EQ(result.placements[0].boxes[2].x, 0);
+  EXPECT_GT(box.sigma_x, 0);
+  // No evidence has a face: no box is seen, and none was estimated.
+  EXPECT_FALSE(box.estimated);
+  FaceObservation face;
+  face.label = testing_infer::LabelOf(two.neighbours.rig.structure,
+                                      two.neighbours.rig.structure.boxes()[2].name + "/front");
+  two.accepted.solution.observed[3].faces = {face};
+  EXPECT_TRUE(two.Result().placements[1].boxes[2].estimated);
+  EXPECT_FALSE(two.Result().placements[1].boxes[1].estimated);
+  EXPECT_FALSE(two.Result().placements[0].boxes[2].estimated) << "another still";
+
+  EXPECT_TRUE(result.size_estimated);
+  EXPECT_NEAR(result.size_scale, 1.004, 1e-12);
+  const auto sigma = [&](Eigen::Index column) {
+    return std::sqrt(two.posterior.covariance(column, column));
+  };
+  EXPECT_NEAR(result.sigma_size_scale, sigma(two.problem->layout.Size()), 1e-12);
+  ASSERT_EQ(result.lenses.size(), 1u) << "those that were given, not the known one";
+  EXPECT_TRUE(result.lenses[0].estimated);
+  EXPECT_EQ(result.lenses[0].change, LensChange(0.001, 0.002, 0.003));
+  EXPECT_NEAR(result.lenses[0].sigmas[1], sigma(two.problem->layout.Lens(0) + 1), 1e-12);
+}
+
+TEST(MakeResult, SizeIsEstimatedByFramesThatAreAccepted) {
+  TwoStills two;
+  two.accepted.solution.held.assign(4, 1);
+  EXPECT_FALSE(two.Result().size_estimated);
+}
+
+// Both stills show the same: each has the pair of its own frames, alike, and none across.
+TEST(MakeResult, PairsAreOfOneStill) {
+  TwoStills two;
+  two.accepted.solution.state.offsets.assign(4, 0);
+  two.accepted.solution.state.gains.assign(2, 0);
+  const std::vector<RefinedPair> pairs = two.Result().pairs;
+  ASSERT_EQ(pairs.size(), 2u);
+  EXPECT_EQ(std::make_pair(pairs[0].a, pairs[0].b), std::make_pair(0, 1));
+  EXPECT_EQ(std::make_pair(pairs[1].a, pairs[1].b), std::make_pair(2, 3));
+  EXPECT_NEAR(pairs[0].overlap, pairs[1].overlap, 1e-9);
+  EXPECT_LT(pairs[0].rms, 0.005) << "exact pictures at true poses";
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal

@@ -1,0 +1,706 @@
+#include "infer/report/export.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/formats/image_io.h"
+#include "core/plot/picture_text.h"
+#include "infer/calib/calibrate.h"
+#include "infer/report/extrinsics.h"
+#include "infer/report/ply.h"
+#include "infer/report/report.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/core/formats/read_png.h"
+#include "tests/core/geometry/quarter_turn_pose.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+using testing_infer::StoredSegmenter;
+
+/// Whether these words stand somewhere in the picture, in whatever colour.
+bool HasText(const RgbImage& picture, const std::string& text) {
+  RgbImage words(kTextWidth * CountCharacters(text), kTextHeight);
+  DrawText(&words, 0, 0, text, {1, 1, 1});
+  std::vector<std::pair<int, int>> ink, paper;
+  for (int v = 0; v < words.height(); ++v) {
+    for (int u = 0; u < words.width(); ++u) (words(u, v).r ? ink : paper).emplace_back(u, v);
+  }
+  for (int top = 0; top + words.height() <= picture.height(); ++top) {
+    for (int left = 0; left + words.width() <= picture.width(); ++left) {
+      const Rgb colour = picture(left + ink[0].first, top + ink[0].second);
+      const auto is = [&](const std::pair<int, int>& at) {
+        return picture(left + at.first, top + at.second) == colour;
+      };
+      if (std::all_of(ink.begin(), ink.end(), is) && std::none_of(paper.begin(), paper.end(), is))
+        return true;
+    }
+  }
+  return false;
+}
+
+/// What a report.html shows.
+nlohmann::ordered_json PayloadOf(const std::string& page) {
+  const std::string begin = "id=\"payload\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  return nlohmann::ordered_json::parse(page.substr(at, page.find("</script>", at) - at));
+}
+
+/// Two sensors that are placed and one that is not, calibrated and written once.
+class ExportTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    rig_ = new Rig{PaperStructure(), {}, {}};
+    rig_->Add("left", RingPose(30));
+    rig_->Add("right", RingPose(75));
+    rig_->Add("blind", RingPose(200));
+    std::fill(rig_->frames[2].depth.begin(), rig_->frames[2].depth.end(), 0.0f);
+    rig_->frames[0].depth_files = {"left.pgm"};
+    rig_->frames[1].depth_files = {"right_0.pgm", "right_1.pgm"};
+    rig_->frames[1].serial = "0815";
+    rig_->frames[1].ground_truth.reset();
+    StoredSegmenter segmenter = rig_->PerfectSegmenter();
+    result_ = new CalibrationResult(Calibrate(rig_->frames, rig_->structure, segmenter));
+    result_->sensors[1].together = RingPose(76);
+    folder_ = new TempFolder;
+    WriteCalibration(folder_->path(), *result_, {{"", rig_->frames}}, rig_->structure,
+                     {{"capture.json"}, "model.pt", std::string(64, 'a')},
+                     ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
+  }
+  static void TearDownTestSuite() {
+    delete folder_;
+    delete result_;
+    delete rig_;
+  }
+
+  static Rig* rig_;
+  static CalibrationResult* result_;
+  static TempFolder* folder_;
+};
+Rig* ExportTest::rig_ = nullptr;
+CalibrationResult* ExportTest::result_ = nullptr;
+TempFolder* ExportTest::folder_ = nullptr;
+
+TEST_F(ExportTest, ExtrinsicsReadBack) {
+  const Extrinsics read = ReadExtrinsics(*folder_ / "extrinsics.json");
+  EXPECT_EQ(read.verdict, SensorStatus::kFailed);
+  EXPECT_EQ(read.captures, std::vector<std::string>{"capture.json"});
+  ASSERT_TRUE(read.model.has_value());
+  EXPECT_EQ(read.model->file, "model.pt");
+  EXPECT_EQ(read.model->sha256, std::string(64, 'a'));
+  EXPECT_EQ(read.structure.name, rig_->structure.name());
+  EXPECT_EQ(read.structure.sha256, rig_->structure.Hash());
+  EXPECT_NE(read.tool.find("volalign"), std::string::npos);
+  ASSERT_EQ(read.sensors.size(), 3u);
+  for (const Extrinsics::Sensor& sensor : read.sensors) {
+    const auto& from = *std::find_if(result_->sensors.begin(), result_->sensors.end(),
+                                     [&](const FrameResult& s) { return s.name == sensor.name; });
+    const auto& frame = rig_->frames[static_cast<std::size_t>(&from - result_->sensors.data())];
+    EXPECT_EQ(sensor.status, from.status);
+    EXPECT_EQ(sensor.code, from.code);
+    EXPECT_EQ(sensor.intrinsics, frame.intrinsics);
+    EXPECT_EQ(sensor.depth_files, frame.depth_files);
+    EXPECT_EQ(sensor.depth_scale, frame.depth_scale);
+    EXPECT_EQ(sensor.quarter_turns, from.quarter_turns);
+    EXPECT_EQ(sensor.reason, from.reason);
+    EXPECT_EQ(sensor.hint, from.hint);
+    EXPECT_EQ(sensor.serial, frame.serial);
+    ASSERT_EQ(sensor.structure_from_sensor.has_value(), from.structure_from_sensor.has_value());
+    EXPECT_EQ(sensor.error.has_value(), sensor.name == "left");
+    if (!sensor.structure_from_sensor) continue;
+    EXPECT_TRUE(sensor.structure_from_sensor->isApprox(*from.structure_from_sensor, 1e-12));
+    EXPECT_TRUE(sensor.initial.isApprox(from.initial, 1e-12));
+    ASSERT_EQ(sensor.together.has_value(), sensor.name == "right");
+    if (sensor.together) {
+      EXPECT_TRUE(sensor.together->isApprox(RingPose(76), 1e-12));
+    }
+    EXPECT_TRUE(sensor.covariance.isApprox(from.covariance, 1e-12));
+    EXPECT_EQ(sensor.sides, from.sides);
+    EXPECT_DOUBLE_EQ(sensor.rms_to_structure_m, from.rms_to_structure_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_offset_m, from.depth_offset_m);
+    EXPECT_DOUBLE_EQ(sensor.depth_gain, from.depth_gain);
+    EXPECT_DOUBLE_EQ(sensor.sigma_depth_gain, from.sigma_depth_gain);
+    EXPECT_EQ(sensor.refinement_accepted, from.refinement_accepted);
+    EXPECT_EQ(sensor.points, from.points);
+  }
+  ASSERT_EQ(read.placements.size(), 1u);
+  EXPECT_EQ(read.placements[0].capture, "capture.json");
+  EXPECT_TRUE(read.placements[0].first_from_placement.isApprox(Pose::Identity()));
+  EXPECT_EQ(read.placements[0].sensors, (std::vector<std::string>{"left", "right"}));
+  ASSERT_EQ(read.pairs.size(), 1u);
+  EXPECT_DOUBLE_EQ(read.pairs[0].rms_m, result_->pairs[0].rms_m);
+  EXPECT_DOUBLE_EQ(read.metrics->d2, result_->metrics->d2);
+  EXPECT_EQ(read.timings_s.size(), result_->timings_s.size());
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kNone);
+  EXPECT_DOUBLE_EQ(read.assembly->shape_iou, result_->assembly->shape_iou);
+}
+
+TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
+  CalibrationResult result = *result_;
+  FrameResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const FrameResult& sensor) { return sensor.name == "left"; });
+  left.depth_gain = 1.004;
+  left.depth_offset_m = -0.003;
+  left.covariance(2, 2) = 0.25 * 0.25;
+  for (RefinedBox& box : result.boxes) box = {};
+  result.boxes[1] = {true, 0.004, -0.002, 0.01, 1e-3, 2e-3, 3e-3};
+  Pose moved = Pose::Identity();
+  moved.translation() = Eigen::Vector3d(0.004, 0, -0.002);
+  std::vector<Pose> offsets(result.boxes.size(), Pose::Identity());
+  offsets[1] = moved;
+  result.built = rig_->structure.Displaced(offsets);
+  result.size_estimated = true;
+  result.size_scale = 0.99;
+  result.sigma_size_scale = 0.002;
+  WriteExtrinsics(*folder_ / "built.json",
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "built.json");
+  ASSERT_EQ(read.boxes.size(), rig_->structure.boxes().size());
+  EXPECT_TRUE(read.boxes[1].estimated);
+  EXPECT_EQ(read.boxes[1].name, rig_->structure.boxes()[1].name);
+  EXPECT_TRUE(read.boxes[1].translation_m.isApprox(moved.translation(), 1e-9));
+  EXPECT_DOUBLE_EQ(read.boxes[1].yaw_deg, 0.01 * 180 / M_PI);
+  EXPECT_DOUBLE_EQ(read.boxes[1].sigma_z_m, 2e-3);
+  EXPECT_FALSE(read.boxes[0].estimated);
+  EXPECT_TRUE(read.size.estimated);
+  EXPECT_DOUBLE_EQ(read.size.scale, 0.99);
+  const Extrinsics::Sensor& back =
+      *std::find_if(read.sensors.begin(), read.sensors.end(),
+                    [](const Extrinsics::Sensor& sensor) { return sensor.name == "left"; });
+  EXPECT_DOUBLE_EQ(back.depth_gain, 1.004);
+  EXPECT_DOUBLE_EQ(back.depth_offset_m, -0.003);
+  EXPECT_EQ(
+      nlohmann::json::parse(ReadFile(*folder_ / "built.json"))["sensors"]["left"]["unconstrained"],
+      nlohmann::json({"along structure z (0.25 m)"}));
+  const std::string report = FormatReport(result);
+  EXPECT_NE(report.find("box mid_bottom stands +4.0 mm along x, -2.0 mm along z"),
+            std::string::npos);
+  EXPECT_NE(report.find("boxes are 99.00 % of their nominal size"), std::string::npos);
+  EXPECT_NE(report.find("left is hardly constrained along structure z (0.25 m)"),
+            std::string::npos);
+}
+
+// A turn about the vertical through the structure's origin, known to 10 mrad, moves a sensor across
+// its distance from that axis.
+TEST_F(ExportTest, SigmaIsOfTheSensorsPosition) {
+  CalibrationResult result = *result_;
+  FrameResult& left =
+      *std::find_if(result.sensors.begin(), result.sensors.end(),
+                    [](const FrameResult& sensor) { return sensor.name == "left"; });
+  left.covariance.setZero();
+  left.covariance(4, 4) = 1e-4;
+  WriteExtrinsics(*folder_ / "sigma.json",
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
+  auto json = nlohmann::json::parse(ReadFile(*folder_ / "sigma.json"));
+  const Eigen::Vector3d p = left.structure_from_sensor->translation();
+  nlohmann::json& sensor = json["sensors"]["left"];
+  const std::vector<double> sigma = sensor["sigma_position_m"];
+  EXPECT_NEAR(sigma[0], 0.01 * std::abs(p.z()), 1e-9);
+  EXPECT_NEAR(sigma[1], 0, 1e-9);
+  EXPECT_NEAR(sigma[2], 0.01 * std::abs(p.x()), 1e-9);
+  EXPECT_NE(FormatReport(result).find(
+                fmt::format("{:.2f}", 10 * std::max(std::abs(p.x()), std::abs(p.z())))),
+            std::string::npos);
+  // Earlier files have another key.
+  sensor.erase("sigma_position_m");
+  sensor["sigma_translation_m"] = {0.0, 0.0, 0.0};
+  WriteFileAtomically(*folder_ / "sigma.json", json.dump());
+  EXPECT_EQ(ReadExtrinsics(*folder_ / "sigma.json").sensors.size(), result.sensors.size());
+}
+
+TEST_F(ExportTest, FilesFromBeforeEstimatesAreRead) {
+  auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
+  json.erase("boxes");
+  json.erase("size");
+  for (auto& sensor : json["sensors"]) {
+    for (const char* key : {"depth_gain", "sigma_depth_offset_m", "sigma_depth_gain"})
+      sensor.erase(key);
+  }
+  WriteFileAtomically(*folder_ / "old.json", json.dump());
+  const Extrinsics read = ReadExtrinsics(*folder_ / "old.json");
+  EXPECT_TRUE(read.boxes.empty());
+  EXPECT_EQ(read.size.scale, 1);
+  EXPECT_EQ(read.sensors[0].depth_gain, 1);
+}
+
+TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
+  CalibrationResult result = *result_;
+  Arrangement& found = result.assembly->arrangement;
+  found.code = SensorCode::kAssemblyTurned;
+  found.sentence = "box top is turned by 90 deg";
+  found.box = "top";
+  found.turn_deg = 90;
+  result.assembly->shape_iou = 0.98;
+  result.assembly->described_shape_iou = 0.8;
+  WriteExtrinsics(*folder_ / "altered.json",
+                  MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
+  const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
+  ASSERT_TRUE(read.assembly.has_value());
+  EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kAssemblyTurned);
+  EXPECT_EQ(read.assembly->arrangement.box, "top");
+  EXPECT_EQ(read.assembly->arrangement.other_box, "");
+  EXPECT_EQ(read.assembly->arrangement.turn_deg, 90);
+  EXPECT_DOUBLE_EQ(read.assembly->shape_iou, 0.98);
+  EXPECT_DOUBLE_EQ(read.assembly->described_shape_iou, 0.8);
+  EXPECT_NE(FormatReport(result).find("verdict: failed: box top is turned by 90 deg"),
+            std::string::npos);
+}
+
+TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
+  // Two placed sensors: left's row has the overlap in right's column, right's row the RMS in
+  // left's.
+  const std::string report = FormatReport(*result_);
+  const PairResult& pair = result_->pairs.at(0);
+  const std::string overlap = fmt::format("left       .  {:>5.0f}\n", 100 * pair.overlap);
+  const std::string rms = fmt::format("right  {:>5.1f}      .\n", 1000 * pair.rms_m);
+  EXPECT_NE(report.find(overlap + rms), std::string::npos) << report;
+}
+
+TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
+  // Read with a JSON library alone: row-major, structure from sensor, as docs/formats.md words it.
+  const auto json = nlohmann::json::parse(ReadFile(*folder_ / "extrinsics.json"));
+  EXPECT_EQ(json["format"], "volalign.extrinsics/1");
+  EXPECT_EQ(json["convention"],
+            "structure_from_sensor, metres, row-major, sensor: x right y down z forward, "
+            "structure: y up");
+  const auto& rows = json["sensors"]["left"]["structure_from_sensor"];
+  const Pose truth = RingPose(30);
+  for (std::size_t i = 0; i < 3; ++i) {
+    // The sensor's own position is the last column.
+    EXPECT_NEAR(rows[i][3].get<double>(), truth.translation()[static_cast<Eigen::Index>(i)], 2e-3);
+    for (std::size_t j = 0; j < 3; ++j) {
+      EXPECT_NEAR(rows[i][j].get<double>(),
+                  truth(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), 2e-3);
+    }
+  }
+  EXPECT_EQ(rows[3], nlohmann::json({0.0, 0.0, 0.0, 1.0}));
+  const SolveReport& solve = result_->solve;
+  EXPECT_GT(solve.rounds, 0);
+  EXPECT_EQ(json["solution"]["rounds"], solve.rounds);
+  EXPECT_EQ(json["solution"]["settled"], solve.settled);
+  EXPECT_EQ(json["solution"]["moved_m"], solve.moved_m);
+  EXPECT_NE(FormatReport(*result_).find(fmt::format("settled after {} rounds", solve.rounds)),
+            std::string::npos);
+  const auto& blind = json["sensors"]["blind"];
+  EXPECT_EQ(blind["code"], "no_depth");
+  EXPECT_FALSE(blind.contains("structure_from_sensor"));
+  EXPECT_EQ(json.dump().find("null"), std::string::npos);
+  EXPECT_TRUE(json["sensors"]["left"]["depth"].is_string());
+  EXPECT_TRUE(json["sensors"]["right"]["depth"].is_array());
+}
+
+TEST_F(ExportTest, ReadingIsStrict) {
+  const std::string text = ReadFile(*folder_ / "extrinsics.json");
+  const auto change = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    const std::size_t at = changed.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+    WriteFileAtomically(*folder_ / "changed.json", changed);
+    ExpectError<DataError>([&] { ReadExtrinsics(*folder_ / "changed.json"); }, {"changed.json"});
+  };
+  change("volalign.extrinsics/1", "volalign.extrinsics/2");
+  change("\"verdict\"", "\"verdikt\"");
+  change("row-major", "column-major");
+  change("\"status\": \"failed\"", "\"status\": \"ok\"");
+}
+
+// Numbers that no solver should leave: the others' poses are written all the same.
+TEST_F(ExportTest, ANumberThatIsNotFiniteTakesNoPoseWithIt) {
+  CalibrationResult result = *result_;
+  FrameResult& left = result.sensors[0];
+  ASSERT_EQ(left.name, "left");
+  left.status = SensorStatus::kOk;
+  left.code = SensorCode::kNone;
+  left.covariance.setConstant(std::nan(""));
+  left.rms_to_structure_m = std::numeric_limits<double>::infinity();
+  result.pairs[0].rms_m = std::nan("");
+  result.metrics->d2 = std::nan("");
+  result.sigma_size_scale = std::nan("");
+  const auto write = [&] {
+    WriteExtrinsics(*folder_ / "nan.json",
+                    MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
+    std::map<std::string, Extrinsics::Sensor> sensors;
+    for (const Extrinsics::Sensor& sensor : ReadExtrinsics(*folder_ / "nan.json").sensors) {
+      sensors[sensor.name] = sensor;
+    }
+    return sensors;
+  };
+  auto sensors = write();
+  EXPECT_TRUE(sensors["right"].structure_from_sensor->isApprox(
+      *result.sensors[1].structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["right"].status, result.sensors[1].status);
+  EXPECT_TRUE(sensors["left"].structure_from_sensor->isApprox(*left.structure_from_sensor, 1e-12));
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kWeak);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_EQ(sensors["left"].reason,
+            "not finite, and left out: rms_to_structure_m, covariance, sigma_position_m, "
+            "sigma_rotation_deg");
+  EXPECT_TRUE(std::isnan(sensors["left"].rms_to_structure_m));
+  EXPECT_TRUE(sensors["left"].covariance.array().isNaN().all());
+  EXPECT_EQ(sensors["left"].inlier_share, left.inlier_share);
+  const auto json = nlohmann::json::parse(ReadFile(*folder_ / "nan.json"));
+  EXPECT_FALSE(json["sensors"]["left"].contains("covariance"));
+  EXPECT_FALSE(json["pairs"][0].contains("rms_m"));
+  EXPECT_FALSE(json["size"].contains("sigma"));
+  EXPECT_EQ(json["metrics"].size(), 1u);
+  // A cause that is known already stays the code.
+  left.status = SensorStatus::kWeak;
+  left.code = SensorCode::kDuplicateDepth;
+  left.reason = "right has the same depth map";
+  sensors = write();
+  EXPECT_EQ(sensors["left"].code, SensorCode::kDuplicateDepth);
+  EXPECT_EQ(sensors["left"].reason.rfind("right has the same depth map; not finite", 0), 0u);
+  // Without a pose there is nothing to report.
+  left.structure_from_sensor->translation().x() = std::nan("");
+  sensors = write();
+  EXPECT_EQ(sensors["left"].status, SensorStatus::kFailed);
+  EXPECT_EQ(sensors["left"].code, SensorCode::kNotFinite);
+  EXPECT_FALSE(sensors["left"].structure_from_sensor.has_value());
+  EXPECT_TRUE(sensors["right"].structure_from_sensor.has_value());
+}
+
+TEST_F(ExportTest, ImagesHoldLabelsAndConfidences) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const FrameResult& sensor = result_->sensors[i];
+    EXPECT_EQ(ReadPng8(folder_->path() / "labels" / (sensor.name + ".png")),
+              sensor.segmentation.labels);
+    const LabelImage confidence = ReadPng8(folder_->path() / "confidence" / (sensor.name + ".png"));
+    ASSERT_EQ(confidence.size(), sensor.segmentation.confidence.size());
+    for (std::size_t p = 0; p < confidence.size(); p += 97) {
+      EXPECT_NEAR(confidence[p] / 255.0, sensor.segmentation.confidence[p], 0.5 / 255 + 1e-6);
+    }
+    // Four panels, or two without a pose, of the portrait image, and lines of text around them.
+    const RgbImage picture =
+        DecodePngRgb(ReadFile(folder_->path() / "pictures" / (sensor.name + ".png")));
+    EXPECT_GE(picture.width(), (sensor.structure_from_sensor ? 4 : 2) * 288);
+    EXPECT_GE(picture.height(), 320 + 4 * kTextHeight);
+    EXPECT_TRUE(HasText(picture, sensor.name + ": " + ToString(sensor.status)));
+    EXPECT_TRUE(HasText(picture, "measured depth, m"));
+    EXPECT_EQ(HasText(picture, "residual, mm"), sensor.structure_from_sensor.has_value());
+    // Its legend has the sides that it shows, and no others.
+    for (int label = 1; label < rig_->structure.num_classes(); ++label) {
+      const bool shown = std::count(sensor.segmentation.labels.begin(),
+                                    sensor.segmentation.labels.end(), label) > 0;
+      const bool named = HasText(picture, rig_->structure.SideOfLabel(label).name);
+      if (shown) {
+        EXPECT_TRUE(named) << label;
+      }
+      if (!sensor.structure_from_sensor && !shown) {
+        EXPECT_FALSE(named) << label;
+      }
+    }
+  }
+  EXPECT_GT(DecodePngRgb(ReadFile(folder_->path() / "pictures" / "overview.png")).height(),
+            3 * 320);
+}
+
+TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
+  using nlohmann::ordered_json;
+  const ordered_json report = PayloadOf(ReadFile(*folder_ / "report.html"));
+  EXPECT_EQ(report["extrinsics"], ordered_json::parse(ReadFile(*folder_ / "extrinsics.json")));
+  EXPECT_EQ(report["command"], "volalign calibrate --capture capture.json");
+  EXPECT_EQ(report["options"], "threads: 2\n");
+  // The sentence on the sensor with two poses is the printed report's.
+  ASSERT_EQ(report["notes"].size(), 1u);
+  EXPECT_NE(FormatReport(*result_).find(report["notes"][0].get<std::string>()), std::string::npos);
+  const auto& frames = report["stills"][0]["frames"];
+  ASSERT_EQ(frames.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(frames[i]["sensor"], result_->sensors[i].name);
+    const bool placed = result_->sensors[i].structure_from_sensor.has_value();
+    EXPECT_EQ(frames[i]["pictures"].size(), placed ? 4u : 2u);
+    EXPECT_EQ(frames[i].contains("cloud"), placed);
+    if (placed) {
+      EXPECT_EQ(frames[i]["cloud"]["count"], 12000);
+    }
+  }
+  EXPECT_EQ(ReadFile(*folder_ / "rig.glb").substr(0, 4), "glTF");
+}
+
+TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
+  const std::string bytes = ReadFile(folder_->path() / "clouds" / "left.ply");
+  const std::string end = "end_header\n";
+  const std::size_t start = bytes.find(end) + end.size();
+  std::istringstream header(bytes.substr(0, start));
+  std::string line, properties;
+  std::size_t count = 0;
+  while (std::getline(header, line)) {
+    if (line.rfind("element vertex ", 0) == 0) count = std::stoul(line.substr(15));
+    if (line.rfind("property ", 0) == 0) properties += line.substr(9) + ";";
+  }
+  EXPECT_EQ(properties,
+            "float x;float y;float z;uchar red;uchar green;uchar blue;uchar label;float "
+            "confidence;float residual;");
+  ASSERT_EQ(bytes.size(), start + 24 * count);
+  ASSERT_GT(count, 20000u);
+  const double floor = rig_->structure.FloorHeight();
+  int labelled = 0, on_floor = 0;
+  for (std::size_t i = 0; i < count; i += 13) {
+    const char* p = bytes.data() + start + 24 * i;
+    float xyz[3], confidence, residual;
+    std::memcpy(xyz, p, 12);
+    std::memcpy(&confidence, p + 16, 4);
+    std::memcpy(&residual, p + 20, 4);
+    const auto label = static_cast<std::uint8_t>(p[15]);
+    const Eigen::Vector3d point(xyz[0], xyz[1], xyz[2]);
+    EXPECT_LE(std::hypot(point.x(), point.z()), 3.001);
+    EXPECT_EQ(confidence, 1.0f);
+    if (label) {
+      const Side& side = rig_->structure.SideOfLabel(label);
+      EXPECT_LT(std::abs(side.normal.dot(point - side.centre)), 3e-3);
+      EXPECT_LT(residual, 4e-3);
+      ++labelled;
+    } else if (std::abs(point.y() - floor) < 5e-3) {
+      ++on_floor;
+    }
+  }
+  EXPECT_GT(labelled, 500);
+  EXPECT_GT(on_floor, 500);
+  const std::size_t merged = std::filesystem::file_size(folder_->path() / "clouds" / "merged.ply");
+  EXPECT_GT(
+      merged,
+      bytes.size() + std::filesystem::file_size(folder_->path() / "clouds" / "right.ply") - 1000);
+  EXPECT_FALSE(std::filesystem::exists(folder_->path() / "clouds" / "blind.ply"));
+}
+
+TEST_F(ExportTest, ResidualsAreDistancesToTheSideThatALabelNames) {
+  // A network that takes everything for one side.
+  FrameResult left = result_->sensors[0];
+  ASSERT_EQ(left.name, "left");
+  const auto label =
+      static_cast<std::uint8_t>(testing_infer::LabelOf(rig_->structure, "top/front"));
+  for (std::uint8_t& of : left.segmentation.labels) of = label;
+  const std::vector<AlignedPoint> points = AlignedPoints(left, rig_->structure, 2);
+  ASSERT_GT(points.size(), 20000u);
+  const Side& side = rig_->structure.SideOfLabel(label);
+  for (std::size_t i = 0; i < points.size(); i += 101) {
+    const Eigen::Vector3d d = points[i].p.cast<double>() - side.centre;
+    const double beyond_u = std::max(0.0, std::abs(side.axis_u.dot(d)) - side.half_u);
+    const double beyond_v = std::max(0.0, std::abs(side.axis_v.dot(d)) - side.half_v);
+    const double off = Eigen::Vector3d(beyond_u, beyond_v, side.normal.dot(d)).norm();
+    EXPECT_NEAR(points[i].residual, off, 1e-5);
+  }
+}
+
+std::set<std::string> Files(const std::filesystem::path& folder) {
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (!entry.is_directory()) files.insert(std::filesystem::relative(entry, folder).string());
+  }
+  return files;
+}
+
+TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
+  const TempFolder folder;
+  const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
+    WriteCalibration(folder.path(), result, {{"", frames}}, rig_->structure, {});
+  };
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {}, ReportRun());
+  EXPECT_EQ(Files(folder.path()).count("report.html") + Files(folder.path()).count("rig.glb"), 2u);
+  // What others put there stays: files, and what is named like a file of a sensor but is none.
+  WriteFileAtomically(folder / "clouds/mine.ply", "x");
+  WriteFileAtomically(folder / "notes.txt", "x");
+  // left fails now, right is no longer in the capture.
+  CalibrationResult result = *result_;
+  std::vector<SensorFrame> frames = rig_->frames;
+  result.sensors.erase(result.sensors.begin() + 1);
+  frames.erase(frames.begin() + 1);
+  result.sensors[0].structure_from_sensor.reset();
+  result.sensors[0].status = SensorStatus::kFailed;
+  write(result, frames);
+  EXPECT_EQ(
+      Files(folder.path()),
+      (std::set<std::string>{"extrinsics.json", "notes.txt", "labels/left.png", "labels/blind.png",
+                             "confidence/left.png", "confidence/blind.png", "pictures/left.png",
+                             "pictures/blind.png", "pictures/overview.png", "clouds/merged.ply",
+                             "clouds/mine.ply"}));
+}
+
+std::vector<Eigen::Vector3d> CloudPoints(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path), end = "end_header\n";
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t at = bytes.find(end) + end.size(); at + 24 <= bytes.size(); at += 24) {
+    float xyz[3];
+    std::memcpy(xyz, bytes.data() + at, 12);
+    points.emplace_back(xyz[0], xyz[1], xyz[2]);
+  }
+  return points;
+}
+
+/// A second still, for which the stack was moved by a metre; blind sees nothing in either.
+CalibrationResult WithSecondStill(const CalibrationResult& result, const Pose& placement) {
+  CalibrationResult both = result;
+  for (const char* name : {"before", "after"}) {
+    StillResult still;
+    still.name = name;
+    still.sensors = result.sensors;
+    still.built = result.built;
+    still.boxes = result.boxes;
+    both.stills.push_back(std::move(still));
+  }
+  StillResult& after = both.stills[1];
+  after.first_from_placement = placement;
+  after.covariance = 1e-6 * Matrix6d::Identity();
+  for (FrameResult& sensor : after.sensors) {
+    if (sensor.structure_from_sensor)
+      *sensor.structure_from_sensor = placement.inverse() * *sensor.structure_from_sensor;
+  }
+  after.sensors[1].structure_from_sensor.reset();
+  after.sensors[1].status = SensorStatus::kFailed;
+  after.sensors[1].code = SensorCode::kDegenerateSides;
+  return both;
+}
+
+TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
+  Pose placement = Pose::Identity();
+  placement.linear() = RotationExp(Eigen::Vector3d(0, 0.5, 0));
+  placement.translation().x() = 1;
+  const CalibrationResult both = WithSecondStill(*result_, placement);
+  const TempFolder folder;
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
+  WriteCalibration(folder.path(), both, {{"before", rig_->frames}, {"after", rig_->frames}},
+                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""}, ReportRun());
+  const auto stills = PayloadOf(ReadFile(folder / "report.html"))["stills"];
+  ASSERT_EQ(stills.size(), 2u);
+  EXPECT_EQ(stills[1]["name"], "after");
+  EXPECT_FALSE(stills[1]["frames"][1].contains("cloud"));  // right, which is not placed there
+  std::set<std::string> expected = {
+      "extrinsics.json",         "report.html",          "rig.glb", "clouds/before/left.ply",
+      "clouds/before/right.ply", "clouds/after/left.ply"};
+  for (const std::string still : {"before/", "after/"}) {
+    for (const char* name : {"left", "right", "blind"}) {
+      for (const std::string kind : {"labels/", "confidence/", "pictures/"})
+        expected.insert(kind + still + name + ".png");
+    }
+    expected.insert("pictures/" + still + "overview.png");
+    expected.insert("clouds/" + still + "merged.ply");
+  }
+  EXPECT_EQ(Files(folder.path()), expected) << "and none of the run before";
+  // The sensor stands in one place: what is near the stack in both is in the same place.
+  const auto near_both = [&](const char* file) {
+    std::vector<Eigen::Vector3d> points;
+    for (const Eigen::Vector3d& p : CloudPoints(folder / file)) {
+      const Eigen::Vector3d moved = placement.inverse() * p;
+      if (std::max(std::hypot(p.x(), p.z()), std::hypot(moved.x(), moved.z())) < 2.9)
+        points.push_back(p);
+    }
+    return points;
+  };
+  const std::vector<Eigen::Vector3d> before = near_both("clouds/before/left.ply"),
+                                     after = near_both("clouds/after/left.ply");
+  ASSERT_GT(before.size(), 10000u);
+  ASSERT_EQ(before.size(), after.size());
+  for (std::size_t i = 0; i < before.size(); i += 97)
+    EXPECT_LT((before[i] - after[i]).norm(), 1e-5) << i;
+
+  const Extrinsics read = ReadExtrinsics(folder / "extrinsics.json");
+  EXPECT_EQ(read.captures, (std::vector<std::string>{"a/before.json", "b/after.json"}));
+  ASSERT_EQ(read.placements.size(), 2u);
+  EXPECT_EQ(read.placements[1].name, "after");
+  EXPECT_EQ(read.placements[1].capture, "b/after.json");
+  EXPECT_EQ(read.placements[1].sensors, std::vector<std::string>{"left"});
+  EXPECT_TRUE(read.placements[1].first_from_placement.isApprox(placement, 1e-12));
+  EXPECT_NEAR(read.placements[1].sigma_translation_m.x(), 1e-3, 1e-9);
+  EXPECT_NEAR(read.placements[1].covariance(0, 0), 1e-6, 1e-12);
+  const std::string report = FormatReport(both);
+  EXPECT_NE(report.find("in after: the stack stood +1.000 m along x"), std::string::npos) << report;
+  EXPECT_NE(report.find("by left; right failed (degenerate_sides)"), std::string::npos) << report;
+
+  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
+  EXPECT_EQ(Files(folder.path()).count("labels/after/left.png"), 0u);
+}
+
+// Nothing that volalign did not write may go, whatever an extrinsics.json says.
+TEST_F(ExportTest, NothingOfOthersIsRemoved) {
+  const std::string good = ReadFile(*folder_ / "extrinsics.json");
+  auto leads_elsewhere = nlohmann::json::parse(good);
+  leads_elsewhere["sensors"]["../../mine"] = leads_elsewhere["sensors"]["left"];
+  auto of_others = nlohmann::json::parse(good);
+  of_others["format"] = "another/1";
+  of_others["sensors"]["mine"] = of_others["sensors"]["left"];
+  for (const std::string& text : {leads_elsewhere.dump(), of_others.dump(), std::string("[1]")}) {
+    const TempFolder folder;
+    WriteFileAtomically(folder / "out/extrinsics.json", text);
+    WriteFileAtomically(folder / "mine.ply", "x");
+    WriteFileAtomically(folder / "mine.png", "x");
+    WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
+    WriteCalibration(folder / "out", *result_, {{"", rig_->frames}}, rig_->structure, {});
+    for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"}) {
+      EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
+    }
+    EXPECT_EQ(ReadExtrinsics(folder / "out/extrinsics.json").sensors.size(), 3u);
+  }
+}
+
+TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
+  const TempFolder folder;
+  PrepareFolder(folder / "a/b");
+  EXPECT_TRUE(std::filesystem::is_directory(folder / "a/b"));
+  WriteFileAtomically(folder / "file", "x");
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file"); }, {"file", "choose another"});
+  ExpectError<IoError>([&] { PrepareFolder(folder / "file/inner"); }, {"inner", "choose another"});
+}
+
+TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
+  const std::string report = FormatReport(*result_);
+  for (const std::string part : {"left", "right", "blind", "no_depth", "refined: no where",
+                                 "2 of 3 sensors placed", "verdict: failed", "d1"}) {
+    EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
+  }
+}
+
+TEST_F(ExportTest, WhatIsSaidOfSeveralSensorsIsSaidOnce) {
+  CalibrationResult result = *result_;
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    FrameResult& sensor = result.sensors[i];
+    sensor.status = SensorStatus::kWeak;
+    sensor.code = SensorCode::kLargeResidual;
+    sensor.reason = "the same reason";
+    sensor.hint = "a hint";
+  }
+  result.sensors[1].status = SensorStatus::kWeak;
+  result.sensors[1].code = SensorCode::kLargeResidual;
+  result.sensors[1].reason = "another reason";
+  result.sensors[1].hint = "a hint";
+  const std::string report = FormatReport(result);
+  const std::string together =
+      "left, blind are weak (large_residual): the same reason; a hint\n"
+      "right is weak (large_residual): another reason; a hint\n";
+  EXPECT_NE(report.find(together), std::string::npos) << report;
+  EXPECT_EQ(report.find("the same reason"), report.rfind("the same reason"));
+}
+
+TEST(UprightTurns, BringsTheStructureToItsFeet) {
+  // The turned image's upward direction must be the structure's: p_sensor = QuarterTurnPose(k) *
+  // p_turned.
+  for (const double roll : {0.0, 90.0, 180.0, 270.0, 95.0, -4.0}) {
+    const Pose pose = RingPose(40, 2, 0.4, roll);
+    const Pose turned = pose * QuarterTurnPose(UprightTurns(pose));
+    EXPECT_LT((turned.linear() * Eigen::Vector3d::UnitY()).y(), -0.9) << roll;
+  }
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,378 @@
+// Poses as other programs have them: through every format and back, and against what their own
+// conventions say, written out here.
+
+#include "infer/report/pose_format.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <sstream>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/random.h"
+#include "core/geometry/lens.h"
+#include "infer/formats/kinect_calibration.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+class PosesTest : public ::testing::Test {
+ protected:
+  PosesTest()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("volalign_poses_" + std::to_string(::getpid()))) {
+    std::filesystem::create_directories(folder_);
+    RandomStream random(3, 0, "poses");
+    const std::vector<std::vector<double>> lenses = {{},
+                                                     {0.1, -0.05, 1e-3, 2e-3},
+                                                     {0.1, -0.05, 1e-3, 2e-3, 0.01},
+                                                     {5, 3, 1e-4, -2e-4, .1, 5.4, 4.5, .8}};
+    for (std::size_t i = 0; i < lenses.size(); ++i) {
+      SensorPose pose;
+      pose.name = "S" + std::to_string(i + 1);
+      pose.structure_from_sensor =
+          testing_infer::RingPose(random.Uniform(0, 360), random.Uniform(1.5, 3),
+                                  random.Uniform(-0.5, 1), random.Uniform(-180, 180));
+      pose.intrinsics = Intrinsics{320, 288, 252.5, 251.25, 163.1, 170.2, lenses[i]};
+      poses_.push_back(pose);
+      options_.colour_from_depth[pose.name] = ColourFromDepth();
+    }
+  }
+
+  /// Of a device, as users print it (github.com/microsoft/Azure-Kinect-Sensor-SDK/issues/1617 has
+  /// another): 32 mm to the side, tilted by 5 degrees.
+  static Pose ColourFromDepth() {
+    Pose pose = Pose::Identity();
+    pose.linear() << 0.99999922513961792, 0.0011817576596513391, -0.00044814043212682009,
+        -0.0011387512786313891, 0.99628061056137085, 0.0861603245139122, 0.0005482942215166986,
+        -0.086159750819206238, 0.9962812066078186;
+    pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
+    pose.translation() << -0.0320834, -0.0022054, 0.0038837;
+    return pose;
+  }
+
+  static std::string RawCalibration(const char* colour_rt) {
+    return std::string(R"({"CalibrationInformation": {"Cameras": [
+      {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Rt": )") +
+           colour_rt + R"(},
+      {"Purpose": "CALIBRATION_CameraPurposeDepth",
+       "Rt": {"Rotation": [0, -1, 0, 1, 0, 0, 0, 0, 1], "Translation": [0.01, 0.02, 0.03]}}]}})";
+  }
+  ~PosesTest() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path Path(const std::string& name) const { return folder_ / name; }
+
+  /// The poses, written by the format; returns the file.
+  std::filesystem::path Written(PoseFormat format) {
+    const std::filesystem::path path = Path("poses");
+    std::filesystem::remove_all(path);
+    WritePoses(path, format, poses_, options_);
+    return path;
+  }
+
+  std::filesystem::path folder_;
+  std::vector<SensorPose> poses_;
+  PoseFormatOptions options_;
+};
+
+void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
+  EXPECT_LT((a.matrix() - b.matrix()).cwiseAbs().maxCoeff(), 1e-9) << what;
+}
+
+TEST_F(PosesTest, ComeBackFromEveryFormat) {
+  for (const auto& [word, format] : kPoseFormatWords) {
+    if (format == PoseFormat::kVolalign) continue;
+    const std::vector<SensorPose> back = ReadPoses(Written(format), format, options_);
+    ASSERT_EQ(back.size(), poses_.size()) << word;
+    const bool with_intrinsics = format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
+                                 format != PoseFormat::kVolumetricCapture &&
+                                 format != PoseFormat::kLivescanKinectV2 &&
+                                 format != PoseFormat::kLivescanAzure && format != PoseFormat::kTum;
+    for (std::size_t i = 0; i < back.size(); ++i) {
+      EXPECT_EQ(back[i].name, poses_[i].name) << word;
+      ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, word);
+      ASSERT_EQ(back[i].intrinsics.has_value(), with_intrinsics) << word;
+      if (!with_intrinsics) continue;
+      Intrinsics expected = *poses_[i].intrinsics;
+      if (format == PoseFormat::kOpen3d) expected.distortion.clear();
+      // COLMAP's full model has eight coefficients.
+      if (format == PoseFormat::kColmap && expected.distortion.size() == 5)
+        expected.distortion.resize(8);
+      EXPECT_EQ(back[i].intrinsics->distortion, expected.distortion) << word;
+      EXPECT_DOUBLE_EQ(back[i].intrinsics->fx, expected.fx) << word;
+      EXPECT_NEAR(back[i].intrinsics->cx, expected.cx, 1e-12) << word;
+      EXPECT_EQ(back[i].intrinsics->width, expected.width) << word;
+    }
+  }
+}
+
+TEST_F(PosesTest, SayWhatAFormatHasNoPlaceFor) {
+  EXPECT_EQ(WritePoses(Path("a"), PoseFormat::kTum, poses_).size(), 1u);
+  EXPECT_EQ(WritePoses(Path("a"), PoseFormat::kOpen3d, poses_).size(), 1u);
+  EXPECT_TRUE(WritePoses(Path("a"), PoseFormat::kOpencv, poses_).empty());
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kVolalign, poses_), ConfigError);
+  poses_[1].intrinsics.reset();
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kOpen3d, poses_), ConfigError);
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kColmap, poses_), ConfigError);
+  poses_[1].name = "../S2";
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kVolumetricCapture, poses_), ConfigError);
+  EXPECT_THROW(WritePoses(Path("a"), PoseFormat::kLivescanKinectV2, poses_), ConfigError);
+  EXPECT_THROW(ParsePoseFormat("kinect"), ConfigError);
+}
+
+// A file that VolumetricCapture's users show (github.com/VCL3D/VolumetricCapture/issues/20): rows
+// of the rotation, then the position in mm, z up. The sensor looks at the stack and lies on its
+// side: +x of its picture points to the floor.
+TEST_F(PosesTest, VolumetricCapturesOwnFile) {
+  std::filesystem::create_directories(Path("volcap"));
+  std::ofstream(Path("volcap") / "d4150.extrinsics") << "0.0124787 -0.999791 0.016157\n"
+                                                        "-0.23122 0.0128353 0.972817\n"
+                                                        "-0.972821 -0.0158753 -0.231011\n"
+                                                        "-71.0407 -1803.81 494.83\n";
+  const std::vector<SensorPose> poses = ReadPoses(Path("volcap"), PoseFormat::kVolumetricCapture);
+  ASSERT_EQ(poses.size(), 1u);
+  EXPECT_EQ(poses[0].name, "d4150");
+  const Pose& pose = poses[0].structure_from_sensor;
+  EXPECT_LT((pose.translation() - Eigen::Vector3d(-0.0710407, 0.49483, 1.80381)).norm(), 1e-6);
+  const Eigen::Vector3d to_stack = -pose.translation().normalized();
+  EXPECT_GT(pose.linear().col(2).dot(to_stack), 0.99);
+  EXPECT_LT(pose.linear()(1, 0), -0.95);
+}
+
+/// LiveScan3D's LoadCalibration and what its StoreFrame makes of a point of the camera.
+Eigen::Vector3d LivescanPoint(const std::filesystem::path& file, const Eigen::Vector3d& camera) {
+  std::ifstream stream(file);
+  float t[3], r[3][3];
+  for (float& number : t) stream >> number;
+  for (auto& row : r) {
+    for (float& number : row) stream >> number;
+  }
+  int marker = -1;
+  bool calibrated = false;
+  stream >> marker >> calibrated;
+  EXPECT_TRUE(stream && calibrated) << file;
+  const Eigen::Vector3d p = camera + Eigen::Vector3d(t[0], t[1], t[2]);
+  return {r[0][0] * p.x() + r[0][1] * p.y() + r[0][2] * p.z(),
+          r[1][0] * p.x() + r[1][1] * p.y() + r[1][2] * p.z(),
+          r[2][0] * p.x() + r[2][1] * p.y() + r[2][2] * p.z()};
+}
+
+// The clouds of all sensors lie upon each other in LiveScan3D, in the structure frame: a Kinect
+// v2's, whose camera space has x to the left and y up, and an Azure Kinect's, whose points its SDK
+// gives in the frame of the colour camera.
+TEST_F(PosesTest, LivescanOverlaysTheClouds) {
+  const Eigen::Vector3d world(0.2, 0.7, -0.1);
+  for (const SensorPose& pose : poses_) {
+    const Eigen::Vector3d p = pose.structure_from_sensor.inverse() * world;
+    const std::string file = "calibration_" + pose.name + ".txt";
+    const Eigen::Vector3d kinect = LivescanPoint(Written(PoseFormat::kLivescanKinectV2) / file,
+                                                 Eigen::Vector3d(-p.x(), -p.y(), p.z()));
+    EXPECT_LT((kinect - world).norm(), 1e-5) << pose.name;
+    const Eigen::Vector3d azure =
+        LivescanPoint(Written(PoseFormat::kLivescanAzure) / file, ColourFromDepth() * p);
+    EXPECT_LT((azure - world).norm(), 1e-5) << pose.name;
+  }
+}
+
+// As LiveScan3D's SaveCalibration writes it: no blanks within the matrix.
+TEST_F(PosesTest, LivescansOwnFile) {
+  std::filesystem::create_directories(Path("livescan"));
+  const auto write = [&](const std::string& text) {
+    std::ofstream(Path("livescan") / "calibration_0001") << text;
+  };
+  write("0.1 -0.2 -1.5 \n0.8-0.6-0\n0.60.80\n001\n3\n1\n");
+  const auto read = [&] {
+    return ReadPoses(Path("livescan"), PoseFormat::kLivescanKinectV2).at(0);
+  };
+  EXPECT_THROW(read(), DataError);  // "001" ends one number too early, for LiveScan3D as well
+  write(
+      "0.1 -0.2 -1.5 "
+      "\n0.9999970.002-0.001\n-0.0019990.9999980.000998\n0.001002-0.0009960.999999\n3\n1\n");
+  const SensorPose pose = read();
+  EXPECT_EQ(pose.name, "0001");
+  // The point at -T is the origin.
+  EXPECT_LT((pose.structure_from_sensor * Eigen::Vector3d(0.1, -0.2, 1.5)).norm(), 1e-5);
+  EXPECT_NEAR(pose.structure_from_sensor.linear()(0, 0), -0.999997, 1e-5);
+  write("0.1 -0.2 -1.5\n1 0 0\n0 1 0\n0 0 1\n3\n0\n");
+  EXPECT_THROW(read(), DataError);  // not calibrated
+  std::string later;
+  for (int i = 0; i < 34; ++i) later += i % 5 == 0 ? "1 " : "0 ";
+  write(later);
+  EXPECT_THROW(read(), DataError);
+}
+
+// Where the colour camera is comes from the raw calibration, whose Rt map one frame of the device
+// into each camera.
+TEST_F(PosesTest, LivescanNeedsTheColourCamera) {
+  try {
+    WritePoses(Path("x"), PoseFormat::kLivescanAzure, poses_);
+    ADD_FAILURE();
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string(e.what()).find("--colour-camera S1="), std::string::npos) << e.what();
+  }
+  std::ofstream(Path("raw.json")) << RawCalibration(
+      R"({"Rotation": [1, 0, 0, 0, 0.8, 0.6, 0, -0.6, 0.8], "Translation": [-0.03, 0, 0.004]})");
+  const Pose colour_from_depth = ReadColourFromDepth(Path("raw.json"));
+  // A point of the device's frame, seen by both cameras.
+  const Eigen::Vector3d device(0.1, 0.2, 1.0);
+  const Eigen::Vector3d depth(-0.2 + 0.01, 0.1 + 0.02, 1.03);
+  const Eigen::Vector3d colour(0.1 - 0.03, 0.8 * 0.2 + 0.6, -0.6 * 0.2 + 0.8 + 0.004);
+  EXPECT_LT((colour_from_depth * depth - colour).norm(), 1e-9);
+  std::ofstream(Path("raw.json")) << RawCalibration("{}");
+  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
+  std::ofstream(Path("raw.json")) << "{}";
+  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
+}
+
+// Read by OpenCV itself; a point is projected as its documentation says.
+TEST_F(PosesTest, OpencvReadsAndProjects) {
+  cv::FileStorage file(Written(PoseFormat::kOpencv).string(),
+                       cv::FileStorage::READ | cv::FileStorage::FORMAT_YAML);
+  ASSERT_TRUE(file.isOpened());
+  std::size_t i = 0;
+  for (const cv::FileNode& node : file["sensors"]) {
+    EXPECT_EQ(static_cast<std::string>(node["name"]), poses_[i].name);
+    cv::Mat r, t, k;
+    node["R"] >> r;
+    node["t"] >> t;
+    node["camera_matrix"] >> k;
+    ASSERT_EQ(r.type(), CV_64F);
+    const Eigen::Vector3d world(0.1, 0.2, -0.1);
+    const Eigen::Vector3d ours = poses_[i].structure_from_sensor.inverse() * world;
+    const cv::Mat theirs = r * (cv::Mat_<double>(3, 1) << world.x(), world.y(), world.z()) + t;
+    for (int a = 0; a < 3; ++a) EXPECT_NEAR(theirs.at<double>(a), ours[a], 1e-12);
+    EXPECT_EQ(k.at<double>(0, 2), poses_[i].intrinsics->cx);
+    if (!poses_[i].intrinsics->distortion.empty()) {
+      cv::Mat lens;
+      node["distortion_coefficients"] >> lens;
+      EXPECT_EQ(lens.total(), poses_[i].intrinsics->distortion.size());
+      EXPECT_EQ(lens.at<double>(1), poses_[i].intrinsics->distortion[1]);
+    }
+    ++i;
+  }
+  EXPECT_EQ(i, poses_.size());
+}
+
+/// q v q*, as the algebra has it, whatever the handedness of the axes.
+Eigen::Vector3d Rotate(const nlohmann::json& q, const Eigen::Vector3d& v) {
+  const Eigen::Vector3d u(q["x"], q["y"], q["z"]);
+  const double w = q["w"];
+  return 2 * u.dot(v) * u + (w * w - u.dot(u)) * v + 2 * w * u.cross(v);
+}
+
+// What a sensor sees ahead, at the top of its picture and on its right is there in Unity, too, for
+// a transform that looks along +z with +y up and +x right.
+TEST_F(PosesTest, UnityLooksAtTheSameThings) {
+  const nlohmann::json file = nlohmann::json::parse(ReadFile(Written(PoseFormat::kUnity)));
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    const nlohmann::json& sensor = file["sensors"][i];
+    const Eigen::Vector3d position(sensor["position"]["x"], sensor["position"]["y"],
+                                   sensor["position"]["z"]);
+    const auto in_unity = [](const Eigen::Vector3d& p) {
+      return Eigen::Vector3d(-p.x(), p.y(), p.z());
+    };
+    const std::pair<Eigen::Vector3d, Eigen::Vector3d> points[] = {
+        {{0, 0, 2}, {0, 0, 2}}, {{0, -1, 0}, {0, 1, 0}}, {{1, 0, 0}, {1, 0, 0}}};
+    for (const auto& [sensor_point, unity_point] : points) {
+      const Eigen::Vector3d expected = in_unity(poses_[i].structure_from_sensor * sensor_point);
+      EXPECT_LT((position + Rotate(sensor["rotation"], unity_point) - expected).norm(), 1e-9);
+    }
+  }
+}
+
+// The full model's image point, by COLMAP's formula with pixel centres at .5, is ours plus .5.
+TEST_F(PosesTest, ColmapsPixelsAreHalfAPixelOn) {
+  std::istringstream cameras(ReadFile(Written(PoseFormat::kColmap) / "cameras.txt"));
+  std::string line;
+  std::size_t i = 0;
+  while (std::getline(cameras, line)) {
+    if (line[0] == '#') continue;
+    std::istringstream words(line);
+    std::string id, model;
+    double w = 0, h = 0, fx = 0, fy = 0, cx = 0, cy = 0;
+    words >> id >> model >> w >> h >> fx >> fy >> cx >> cy;
+    double k[8] = {};
+    for (double& coefficient : k) words >> coefficient;
+    EXPECT_EQ(model, i == 0 ? "PINHOLE" : i == 1 ? "OPENCV" : "FULL_OPENCV");
+    const double x = 0.2, y = -0.15, r2 = x * x + y * y;
+    const double radial =
+        (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
+    const double u = fx * (x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)) + cx;
+    const double v = fy * (y * radial + 2 * k[3] * x * y + k[2] * (r2 + 2 * y * y)) + cy;
+    const Eigen::Vector2d ours = ProjectRay(*poses_[i].intrinsics, {x, y});
+    EXPECT_NEAR(u, ours.x() + 0.5, 1e-9);
+    EXPECT_NEAR(v, ours.y() + 0.5, 1e-9);
+    ++i;
+  }
+  EXPECT_EQ(i, poses_.size());
+}
+
+// z is up, and what is in front of the sensor is in front of the optical frame.
+TEST_F(PosesTest, RosHasZUp) {
+  const std::vector<SensorPose> back = ReadPoses(Written(PoseFormat::kRos), PoseFormat::kRos);
+  const std::string text = ReadFile(Path("poses"));
+  const double y = poses_[0].structure_from_sensor.translation().y();
+  const std::size_t z = text.find("z: ", text.find("translation"));
+  EXPECT_NEAR(std::stod(text.substr(z + 3)), y, 1e-12);
+  EXPECT_NE(text.find("\"S1_depth_optical_frame\""), std::string::npos);
+}
+
+TEST_F(PosesTest, PicturesHaveAWholeNumberOfPixels) {
+  for (const std::string width : {"640.5", "1e300", "-1e300", "0"}) {
+    const std::filesystem::path colmap = Written(PoseFormat::kColmap);
+    std::string cameras = ReadFile(colmap / "cameras.txt");
+    const std::string size = fmt::format(" {} ", poses_[0].intrinsics->width);
+    cameras.replace(cameras.find(size, cameras.find('\n')), size.size(), " " + width + " ");
+    std::ofstream(colmap / "cameras.txt") << cameras;
+    ExpectError<DataError>([&] { ReadPoses(colmap, PoseFormat::kColmap); },
+                           {"camera 1", "is no number of pixels"});
+    std::string csv = ReadFile(Written(PoseFormat::kCsv));
+    const std::string field = fmt::format(",{},", poses_[0].intrinsics->width);
+    csv.replace(csv.find(field, csv.find('\n')), field.size(), "," + width + ",");
+    std::ofstream(Path("sized.csv")) << csv;
+    ExpectError<DataError>([&] { ReadPoses(Path("sized.csv"), PoseFormat::kCsv); },
+                           {"line", "is no number of pixels"});
+  }
+}
+
+TEST_F(PosesTest, BrokenFilesAreNamed) {
+  const std::pair<PoseFormat, const char*> broken[] = {
+      {PoseFormat::kTum, "0 1 2 3 0 0 0\n"},
+      {PoseFormat::kTum, "0 1 2 3 0 0 0 2\n"},
+      {PoseFormat::kTum, "0 1 2 nan 0 0 0 1\n"},
+      {PoseFormat::kTum, ""},
+      {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"},
+      {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n"},
+      {PoseFormat::kOpen3d, "{\"class_name\": \"PinholeCameraParameters\"}"},
+      {PoseFormat::kCsv, "a,b\n"},
+      {PoseFormat::kOpencv, "sensors: []\n"},
+      {PoseFormat::kOpencv, "%YAML:1.0\n---\nsensors:\n  - {name: a, R: 3}\n"},
+      {PoseFormat::kRos, "- {child_frame_id: a, header: {frame_id: map}}\n"},
+      {PoseFormat::kRos, "- {child_frame_id: a\n"},
+      {PoseFormat::kUnity, "{\"sensors\": [{\"name\": \"a\"}]}"},
+      {PoseFormat::kPoses, "{\"format\": \"x\"}"}};
+  for (const auto& [format, text] : broken) {
+    std::ofstream(Path("broken")) << text;
+    try {
+      ReadPoses(Path("broken"), format);
+      ADD_FAILURE() << text;
+    } catch (const DataError& e) {
+      EXPECT_NE(std::string(e.what()).find("broken"), std::string::npos) << e.what();
+      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << e.what();
+    }
+  }
+  EXPECT_THROW(ReadPoses(Path("none"), PoseFormat::kColmap), IoError);
+  EXPECT_THROW(ReadPoses(Path("none"), PoseFormat::kTum), IoError);
+}
+
+}  // namespace
+}  // namespace volalign

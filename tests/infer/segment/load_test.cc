@@ -1,0 +1,154 @@
+#include "infer/segment/load.h"
+
+#include <ATen/Parallel.h>
+#include <ATen/ops/from_blob.h>
+#include <ATen/ops/rand.h>
+#include <c10/core/GradMode.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "core/nn/checkpoint.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign {
+namespace {
+
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+
+class NetworkSegmenterTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    StructureNetOptions options;
+    options.base_channels = 4;
+    net_ = StructureNet(options);
+    net_->eval();
+    meta_.network = options;
+    meta_.structure = PaperStructure();
+    meta_.focal_px = {117, 127};
+    meta_.image_sizes = {{160, 144}};
+    SaveCheckpoint(folder_ / "model.pt", net_, meta_, false);
+  }
+
+  static DepthImage RandomDepth(int width, int height) {
+    RandomStream random(1, 0, "segmenter_test");
+    DepthImage depth(width, height);
+    for (float& z : depth) z = static_cast<float>(random.Uniform(1, 4));
+    return depth;
+  }
+
+  /// The network's answer for an image as it stands.
+  SegmentationResult Direct(const DepthImage& depth) {
+    const c10::NoGradGuard no_grad;
+    const at::Tensor input = at::from_blob(const_cast<float*>(depth.data()),
+                                           {1, 1, depth.height(), depth.width()}, at::kFloat);
+    const at::Tensor p = net_->forward(EncodeDepth(input, meta_.network.input)).exp();
+    SegmentationResult result{LabelImage(depth.width(), depth.height()),
+                              Image<float>(depth.width(), depth.height())};
+    const auto values = p.accessor<float, 4>();
+    for (int v = 0; v < depth.height(); ++v) {
+      for (int u = 0; u < depth.width(); ++u) {
+        for (int k = 0; k < meta_.network.num_classes; ++k) {
+          if (values[0][k][v][u] > result.confidence(u, v)) {
+            result.confidence(u, v) = values[0][k][v][u];
+            result.labels(u, v) = static_cast<std::uint8_t>(k);
+          }
+        }
+      }
+    }
+    return result;
+  }
+
+  static double LargestDifference(const Image<float>& a, const Image<float>& b) {
+    double largest = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+      largest = std::max<double>(largest, std::abs(a[i] - b[i]));
+    return largest;
+  }
+
+  static int DifferentLabels(const LabelImage& a, const LabelImage& b) {
+    int different = a.width() == b.width() && a.height() == b.height() ? 0 : 1000000;
+    for (std::size_t i = 0; different < 1000000 && i < a.size(); ++i) different += a[i] != b[i];
+    return different;
+  }
+
+  /// Pixels whose label may differ, where two classes are as likely under float rounding.
+  static constexpr int kTies = 20;
+
+  TempFolder folder_;
+  StructureNet net_{nullptr};
+  CheckpointMeta meta_;
+};
+
+TEST_F(NetworkSegmenterTest, IsTheNetworkOnFramesItKnows) {
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  Intrinsics k = Kinect().Resized(160, 144);
+  const DepthImage depth = RandomDepth(160, 144);
+  const SegmentationResult result = segmenter->Segment(depth, k, 0);
+  const SegmentationResult direct = Direct(depth);
+  EXPECT_LT(LargestDifference(result.confidence, direct.confidence), 1e-4);
+  EXPECT_LE(DifferentLabels(result.labels, direct.labels), kTies);
+  EXPECT_EQ(segmenter->structure().Hash(), PaperStructure().Hash());
+  EXPECT_EQ(segmenter->sha256().size(), 64u);
+}
+
+TEST_F(NetworkSegmenterTest, TurnsForthAndBack) {
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  const Intrinsics k = Kinect().Resized(160, 144);
+  const DepthImage depth = RandomDepth(160, 144);
+  for (int turns = 0; turns < 4; ++turns) {
+    const SegmentationResult result = segmenter->Segment(depth, k, turns);
+    const SegmentationResult direct = Direct(Turn(depth, turns));
+    EXPECT_LT(LargestDifference(result.confidence, Turn(direct.confidence, -turns)), 1e-4) << turns;
+    EXPECT_LE(DifferentLabels(result.labels, Turn(direct.labels, -turns)), kTies) << turns;
+    // An image of these labels that is not turned back, or the other way, would differ.
+    EXPECT_GT(DifferentLabels(Turn(result.labels, 2), Turn(direct.labels, -turns)), 100 * kTies);
+  }
+}
+
+TEST_F(NetworkSegmenterTest, BatchesFramesOfMixedSizes) {
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  const Intrinsics full = Kinect();
+  Intrinsics wide = full;
+  wide.width = 320;
+  wide.height = 180;
+  const DepthImage a = RandomDepth(320, 288), b = RandomDepth(320, 180);
+  const std::vector<SegmentationResult> together =
+      segmenter->Segment({{&a, &full, 0}, {&b, &wide, 0}, {&a, &full, 1}, {&b, &wide, 2}});
+  ASSERT_EQ(together.size(), 4u);
+  const SegmentationResult alone[] = {
+      segmenter->Segment(a, full, 0), segmenter->Segment(b, wide, 0),
+      segmenter->Segment(a, full, 1), segmenter->Segment(b, wide, 2)};
+  for (std::size_t i = 0; i < 4; ++i) {
+    ASSERT_EQ(together[i].labels.width(), i % 2 ? wide.width : full.width);
+    ASSERT_EQ(together[i].labels.height(), i % 2 ? wide.height : full.height);
+    EXPECT_LT(LargestDifference(together[i].confidence, alone[i].confidence), 1e-4) << i;
+    EXPECT_LE(DifferentLabels(together[i].labels, alone[i].labels), kTies) << i;
+  }
+}
+
+// The number of threads is the program's to set, and holds for all of its networks.
+TEST_F(NetworkSegmenterTest, LeavesLibTorchsThreadsAlone) {
+  const int before = at::get_num_threads();
+  for (const int threads : {1, 3}) {
+    at::set_num_threads(threads);
+    LoadNetworkSegmenter(folder_ / "model.pt")
+        ->Segment(RandomDepth(160, 144), Kinect().Resized(160, 144), 0);
+    EXPECT_EQ(at::get_num_threads(), threads);
+  }
+  at::set_num_threads(before);
+}
+
+TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
+  const Structure one = Structure::FromBoxes(
+      "one", {Box::FromMinMax("box", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});
+  ExpectError<DataError>([&] { LoadNetworkSegmenter(folder_ / "model.pt", &one); });
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,165 @@
+#!/usr/bin/env python3
+"""Can a C++ program use what is installed, without LibTorch?
+
+    tests/install/libraries.py CMAKE BUILD_FOLDER SOURCE_FOLDER CXX
+
+Installs what the build folder has to a new prefix, and builds examples/calibrate_in_memory against it where CMake finds no LibTorch. The
+examples that train, own_loss and own_noise, are built against it and run with their recipes.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CMAKE, BUILD, SOURCE, CXX = sys.argv[1:5] if len(sys.argv) > 4 else ("", "", "", "")
+del sys.argv[1:5]
+
+WITHOUT_TORCH = ["-DCMAKE_DISABLE_FIND_PACKAGE_Torch=ON", "-DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF"]
+
+
+def files_below(folder, extensions):
+    found = [os.path.join(where, name) for where, _, names in os.walk(folder) for name in names]
+    return sorted(path for path in found if path.endswith(extensions))
+
+
+def text_of(path):
+    with open(path, encoding="utf-8") as file:
+        return file.read()
+
+
+class Libraries(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="volalign_libraries_")
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        cls.prefix = os.path.join(cls.folder, "prefix")
+        subprocess.run([CMAKE, "--install", BUILD, "--prefix", cls.prefix], stdout=subprocess.DEVNULL, check=True)
+        cls.headers = os.path.join(cls.prefix, "include", "volalign")
+
+    def configure(self, source, *options, status=0, without=WITHOUT_TORCH):
+        """A build folder of the project in the folder `source`, and what CMake said."""
+        build = tempfile.mkdtemp(dir=self.folder)
+        command = [CMAKE, "-S", source, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-DCMAKE_CXX_COMPILER={CXX}", *without, *options]
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        self.assertEqual(done.returncode, status, done.stdout)
+        return build, done.stdout
+
+    def project(self, name, lists, sources):
+        folder = os.path.join(self.folder, name)
+        os.makedirs(folder)
+        for path, text in {"CMakeLists.txt": f"cmake_minimum_required(VERSION 3.25)\nproject({name} CXX)\n{lists}", **sources}.items():
+            with open(os.path.join(folder, path), "w", encoding="utf-8") as file:
+                file.write(text)
+        return folder
+
+    def build(self, folder):
+        done = subprocess.run([CMAKE, "--build", folder, "-v"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        return done.stdout
+
+    def test_the_example_calibrates_without_libtorch(self):
+        source = shutil.copytree(os.path.join(SOURCE, "examples", "calibrate_in_memory"), os.path.join(self.folder, "example"))
+        folder, _ = self.configure(source, "-DCMAKE_BUILD_TYPE=Release")
+        said = self.build(folder)
+        self.assertNotIn("torch", said)
+        program = os.path.join(folder, "calibrate_in_memory")
+        done = subprocess.run([program], cwd=self.folder, stdout=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(re.findall(r"^(sensor\d): (\w+)", done.stdout, re.MULTILINE), [(f"sensor{i}", "ok") for i in range(3)], done.stdout)
+        self.assertNotIn("torch", subprocess.run(["ldd", program], stdout=subprocess.PIPE, text=True, check=True).stdout)
+
+    def test_a_capture_has_the_poses_that_the_program_gives_it(self):
+        program = os.path.join(self.prefix, "bin", "volalign")
+        if not os.path.exists(program):
+            self.skipTest("built without LibTorch")
+        capture = os.path.join(self.folder, "capture")
+        boxes = os.path.join("configs", "structure.yaml")
+        run = lambda *command: subprocess.run(command, cwd=SOURCE, stdout=subprocess.PIPE, text=True, check=False, env={**os.environ, "LP_NUM_THREADS": "0"})
+        self.assertEqual(run(program, "render", "--rig", os.path.join("configs", "rig_ring8.yaml"), "-o", capture).returncode, 0)
+        capture = os.path.join(capture, "capture.json")
+        result = os.path.join(self.folder, "result")
+        self.assertEqual(run(program, "calibrate", "--capture", capture, "--structure", boxes, "--no-report", "-o", result).returncode, 0)
+        with open(os.path.join(result, "extrinsics.json"), encoding="utf-8") as file:
+            expected = {name: sensor["structure_from_sensor"] for name, sensor in json.load(file)["sensors"].items()}
+        source = shutil.copytree(os.path.join(SOURCE, "examples", "calibrate_capture"), os.path.join(self.folder, "capture_example"))
+        folder, _ = self.configure(source, "-DCMAKE_BUILD_TYPE=Release")
+        self.build(folder)
+        example = os.path.join(folder, "calibrate_capture")
+        self.assertNotIn("torch", subprocess.run(["ldd", example], stdout=subprocess.PIPE, text=True, check=True).stdout)
+        lines = run(example, capture, boxes).stdout.splitlines()
+        found = {}
+        for number, line in enumerate(lines):
+            if re.match(r"^S\d: (ok|weak)", line):
+                found[line.split(":")[0]] = [[float(x) for x in row.split()] for row in lines[number + 1 : number + 5]]
+        self.assertEqual(sorted(found), sorted(expected))
+        self.assertEqual(len(found), 8)
+        for name, rows in found.items():
+            for row, other in zip(rows, expected[name]):
+                for a, b in zip(row, other):
+                    self.assertAlmostEqual(a, b, delta=1e-9, msg=name)
+
+    def test_programs_outside_the_tree_train_with_what_they_register(self):
+        if not os.path.exists(os.path.join(self.prefix, "include", "volalign", "train", "trainer.h")):
+            self.skipTest("built without LibTorch")
+        for name, word in (("own_loss", "kind: \"dilated\""), ("own_noise", "model: \"quadratic\"")):
+            source = shutil.copytree(os.path.join(SOURCE, "examples", name), os.path.join(self.folder, name))
+            folder, _ = self.configure(source, without=[])
+            self.build(folder)
+            run = os.path.join(self.folder, name + "_run")
+            command = [os.path.join(folder, name), os.path.join(source, "recipe.yaml"), run]
+            done = subprocess.run(command, cwd=SOURCE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+                                  env={**os.environ, "LP_NUM_THREADS": "0"})
+            self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertIn(word, text_of(os.path.join(run, "config.yaml")))
+            self.assertTrue(os.path.exists(os.path.join(run, "model.pt")), done.stdout)
+
+    def test_headers_need_no_flag_and_nothing_that_is_not_installed(self):
+        # LibTorch's own headers are not to be had here.
+        torch = re.compile(r"^(core/nn|infer/segment|train)/")
+        names = [os.path.relpath(path, self.headers) for path in files_below(self.headers, (".h",))]
+        names = [name for name in names if not torch.match(name)]
+        self.assertIn("infer/calib/calibrate.h", names)
+        source = self.project(
+            "headers",
+            "find_package(volalign REQUIRED COMPONENTS calibration files render)\nadd_library(headers OBJECT main.cc)\n"
+            "target_link_libraries(headers PRIVATE volalign::calibration volalign::files volalign::render_egl)\n",
+            {"main.cc": "".join(f'#include "{name}"\n' for name in names)},
+        )
+        folder, _ = self.configure(source)
+        command = self.build(folder)
+        self.assertIn("-DEIGEN_MAX_ALIGN_BYTES=16", command)
+        self.assertNotRegex(command, r" -march| -ffp-contract| -W[a-z]| -fsanitize|" + re.escape(SOURCE + "/") + "| -I *" + re.escape(SOURCE))
+
+    def test_nothing_names_this_machine(self):
+        found = files_below(self.prefix, (".cmake", ".h"))
+        self.assertGreater(len(found), 40)
+        for path in found:
+            for folder in (SOURCE, BUILD):
+                self.assertNotIn(folder, text_of(path), path)
+        packages = files_below(self.prefix, ("-targets.cmake",))
+        self.assertGreater(len(packages), 2)
+        for path in packages:
+            for name, value in re.findall(r'(INTERFACE_\w+) "([^"]*)"', text_of(path)):
+                self.assertNotRegex(value, "(^|;)[/-]", f"{name} in {path}")
+
+    def test_headers_include_installed_headers_alone(self):
+        for path in files_below(self.headers, (".h",)):
+            for include in re.findall(r'^\s*#\s*include\s+"([^"]+)"', text_of(path), re.MULTILINE):
+                self.assertTrue(os.path.exists(os.path.join(self.headers, include)), f"{path} includes {include}")
+
+    def test_says_what_is_missing(self):
+        source = self.project("missing", "find_package(volalign REQUIRED COMPONENTS nonsense)\n", {})
+        self.assertIn("without the component nonsense", self.configure(source, status=1)[1])
+        source = self.project("newer", "find_package(volalign 99 REQUIRED COMPONENTS calibration)\n", {})
+        self.assertIn('requested version "99"', self.configure(source, status=1)[1])
+
+
+if __name__ == "__main__":
+    if not SOURCE:
+        sys.exit(__doc__)
+    unittest.main()

@@ -1,0 +1,69 @@
+#include "train/distributed/launch.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/file_util.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+// One that ends badly gives its status, and a signal to the one who waits is passed on.
+TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
+  const TempFolder folder;
+  const std::string write =
+      "echo $RANK $LOCAL_RANK $WORLD_SIZE $MASTER_ADDR:$MASTER_PORT >" + folder.path().string();
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", write + "/$RANK"}), 0);
+  std::istringstream first(ReadFile(folder / "0")), second(ReadFile(folder / "1"));
+  std::string rank, local, size, address, other_address;
+  first >> rank >> local >> size >> address;
+  EXPECT_EQ(rank + local + size, "002");
+  second >> rank >> local >> size >> other_address;
+  EXPECT_EQ(rank + local + size, "112");
+  EXPECT_EQ(address, other_address);
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", "exit $((3 * RANK))"}), 3);
+  // Rank 1 is killed, and rank 0 gets the time of grace.
+  EXPECT_EQ(
+      LaunchProcesses(2, {"/bin/sh", "-c", "[ $RANK = 0 ] && exec sleep 60; kill -9 $$"}, 0.2),
+      128 + SIGKILL);
+  std::thread later([] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    ::kill(::getpid(), SIGTERM);
+  });
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sleep", "60"}), 128 + SIGTERM);
+  later.join();
+}
+
+TEST(LaunchProcesses, EndsWhereStatusesWouldBeLost) {
+  const auto before = ::signal(SIGCHLD, SIG_IGN);
+  EXPECT_EQ(LaunchProcesses(1, {"/bin/sh", "-c", "exit 0"}), 0);
+  EXPECT_EQ(LaunchProcesses(1, {"/bin/sh", "-c", "exit 3"}), 3);
+  ::signal(SIGCHLD, before);
+  // Another thread waits for the child first, as good as always: who does is left to the system.
+  std::thread other([] {
+    while (::waitpid(-1, nullptr, 0) < 0) std::this_thread::yield();
+  });
+  EXPECT_NE(LaunchProcesses(2, {"/bin/sh", "-c", "sleep 0.$((1 + 4 * RANK)); exit 5"}), 0);
+  other.join();
+}
+
+TEST(OwnCommandWithout, IsThisProgramsCommandLine) {
+  const std::string line = ReadFile("/proc/self/cmdline");  // words that end in a zero
+  std::vector<std::string> words;
+  std::istringstream text(line);
+  for (std::string word; std::getline(text, word, '\0');) words.push_back(word);
+  words.at(0) = "/proc/self/exe";
+  EXPECT_EQ(OwnCommandWithout("--no-such-option"), words);
+}
+
+}  // namespace
+}  // namespace volalign

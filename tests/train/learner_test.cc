@@ -1,0 +1,90 @@
+#include "train/learner.h"
+
+#include <ATen/TensorOperators.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "core/base/error.h"
+#include "core/nn/checkpoint.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign {
+namespace {
+
+TrainConfig SmallConfig(std::int64_t seed = 1) {
+  TrainConfig config;
+  config.model.base_channels = 1;
+  config.model.residual_blocks = 1;
+  config.optim.optimizer = OptimizerKind::kSgd;
+  config.optim.momentum = 0;
+  config.optim.ema_decay = 0.9;
+  config.run.seed = seed;
+  return config;
+}
+
+at::Tensor Average(Learner& learner) { return learner.average.net()->parameters()[0].flatten(); }
+
+TEST(Learner, IsDrawnWithTheRunsSeedAndAveragedFromThereOn) {
+  const Compute compute;
+  Learner a(SmallConfig(), 3, compute), b(SmallConfig(), 3, compute), c(SmallConfig(2), 3, compute);
+  EXPECT_TRUE(a.flat.parameters().equal(b.flat.parameters()));
+  EXPECT_FALSE(a.flat.parameters().equal(c.flat.parameters()));
+  EXPECT_TRUE(Average(a).equal(a.net->parameters()[0].detach().flatten()));
+}
+
+TEST(Learner, AnUpdateStepsTheWeightsAndTheirAverage) {
+  Learner learner(SmallConfig(), 3, Compute());
+  const at::Tensor before = learner.flat.parameters().clone();
+  const double average = Average(learner)[0].item<double>();
+  const double start = learner.net->parameters()[0].flatten()[0].item<double>();
+  learner.flat.gradients().fill_(1);
+  learner.Update(0.25, learner.optimizer.GradientNorm());
+  EXPECT_LT((learner.flat.parameters() - (before - 0.25)).abs().max().item<double>(), 1e-6);
+  EXPECT_EQ(learner.flat.gradients().abs().max().item<double>(), 0);
+  EXPECT_EQ(learner.optimizer.steps(), 1);
+  // The decay of the first step is 2 / 11 (train/averaging.cc).
+  EXPECT_EQ(average, start);
+  EXPECT_NEAR(Average(learner)[0].item<double>(), start - 0.25 * 9 / 11, 1e-6);
+}
+
+class StartFromTest : public testing::Test {
+ protected:
+  StartFromTest() {
+    Learner trained(SmallConfig(5), structure_.num_classes(), Compute());
+    CheckpointMeta meta;
+    meta.network = trained.net->options();
+    meta.structure = structure_;
+    meta.samples = 1234;
+    SaveCheckpoint(path_, trained.net, meta, false);
+    weights_ = trained.flat.parameters().clone();
+  }
+
+  Structure structure_ = ReadStructureYaml("configs/structure.yaml");
+  TempFolder folder_;
+  std::string path_ = (folder_ / "model.pt").string();
+  at::Tensor weights_;
+};
+
+TEST_F(StartFromTest, TakesOverTheWeightsInTrainingAndInTheAverage) {
+  Learner learner(SmallConfig(), structure_.num_classes(), Compute());
+  EXPECT_EQ(StartFrom(path_, structure_, &learner), 1234);
+  EXPECT_TRUE(learner.flat.parameters().equal(weights_));
+  EXPECT_TRUE(Average(learner).equal(learner.net->parameters()[0].detach().flatten()));
+}
+
+TEST_F(StartFromTest, RefusesAnotherNetworkAndOtherLabels) {
+  TrainConfig wider = SmallConfig();
+  wider.model.base_channels = 2;
+  Learner other(wider, structure_.num_classes(), Compute());
+  EXPECT_THROW(StartFrom(path_, structure_, &other), ConfigError);
+  Learner learner(SmallConfig(), structure_.num_classes(), Compute());
+  const at::Tensor before = learner.flat.parameters().clone();
+  const Structure one =
+      Structure::FromBoxes("one", {Box::FromMinMax("box", {-0.2, -0.4, -0.2}, {0.2, 0, 0.2})});
+  EXPECT_THROW(StartFrom(path_, one, &learner), DataError);
+  EXPECT_TRUE(learner.flat.parameters().equal(before));
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,116 @@
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "train/log/run_log.h"
+#include "train/log/run_plot.h"
+#include "train/log/run_table.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+
+/// A run folder with a validation at 10 and one at 20 samples, as a killed run leaves it.
+void WriteRun(const std::filesystem::path& dir, int seed, double lr, double miou) {
+  WriteFileAtomically(dir / "config.yaml",
+                      fmt::format("optim: {{lr: {}}}\nrun: {{seed: {}, samples: 40, best_metric: "
+                                  "miou}}\n",
+                                  lr, seed));
+  std::string rows;
+  for (const int samples : {10, 20}) {
+    rows += json{{"type", "train"},
+                 {"step", samples / 5},
+                 {"samples", samples},
+                 {"loss", 30.0 / samples},
+                 {"loss_seg", seed * 10.0 / samples},
+                 {"samples_per_s", 4.0},
+                 {"step_s", {{"data", 0.1}}}}
+                .dump() +
+            "\n";
+    json validation = {
+        {"type", "validation"}, {"samples", samples}, {"miou", miou + 1.0 / samples}};
+    if (samples == 10) validation["keypoint_rmse_m"] = 0.1;  // later no sample has a pose
+    rows += validation.dump() + "\n";
+  }
+  WriteFileAtomically(dir / "metrics.jsonl", rows + "{\"type\":\"tr");
+}
+
+TEST(Runs, AreListedComparedAndPlotted) {
+  const TempFolder folder;
+  WriteRun(folder / "a1", 1, 0.001, 0.5);
+  WriteRun(folder / "a2", 2, 0.001, 0.7);
+  WriteRun(folder / "b1", 1, 0.002, 0.6);
+  const std::vector<LoggedRun> runs = ReadRuns({folder.path().string()});
+  ASSERT_EQ(runs.size(), 3u);
+  EXPECT_EQ(runs[1].name, (folder / "a2").string());
+  EXPECT_EQ(runs[1].samples, 20);
+
+  const json list = json::parse(FormatTable(ListRuns(runs), TableFormat::kJson));
+  ASSERT_EQ(list.size(), 3u);
+  EXPECT_EQ(list[0].at("samples"), 20);
+  EXPECT_EQ(list[0].at("of"), 40);
+  EXPECT_EQ(list[0].at("loss"), 1.5);
+  EXPECT_DOUBLE_EQ(list[0].at("miou"), 0.55);
+  EXPECT_DOUBLE_EQ(list[0].at("best"), 0.6);
+  EXPECT_EQ(list[0].at("samples_per_s"), 4);
+  EXPECT_FALSE(list[0].contains("loss_seg"));  // of a validation, which these rows lack
+  EXPECT_FALSE(list[0].contains("keypoint_rmse_m"));
+
+  const std::vector<RunGroup> groups = GroupRuns(runs);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[0].runs.size(), 2u);
+  EXPECT_EQ(groups[1].Label(), "optim.lr=0.002");
+  const Table table = CompareRuns(groups);
+  const json compared = json::parse(FormatTable(table, TableFormat::kJson));
+  EXPECT_EQ(compared[0].at("optim.lr"), "0.001");
+  EXPECT_EQ(compared[0].at("runs"), 2);
+  EXPECT_NEAR(compared[0].at("miou").get<double>(), 0.65, 1e-12);
+  EXPECT_NEAR(compared[0].at("miou std").get<double>(), 0.2 / std::sqrt(2.0), 1e-12);
+  EXPECT_FALSE(compared[1].contains("miou std"));
+  const std::string csv = FormatTable(table, TableFormat::kCsv);
+  EXPECT_EQ(csv.substr(0, 29), "optim.lr,runs,samples,miou,mi") << csv;
+  EXPECT_NE(csv.find("\r\n0.001,2,20,0.65,0.141421356"), std::string::npos) << csv;
+
+  const std::string svg = PlotRuns(groups, {"train/loss_seg", "validation/miou"});
+  const auto count = [&](const std::string& part) {
+    int n = 0;
+    for (std::size_t at = svg.find(part); at != std::string::npos; at = svg.find(part, at + 1)) ++n;
+    return n;
+  };
+  EXPECT_EQ(count("<polyline"), 4);
+  EXPECT_EQ(count("<polygon"), 2);  // the band of the two seeds, in each panel
+  // Panel 1: x 10..20 over 70..700, y 0.5..2 over 260..34; the mean of seeds 1 and 2 is 1.5, 0.75.
+  EXPECT_NE(svg.find("<polyline points=\"70.0,109.3 700.0,222.3 \""), std::string::npos) << svg;
+  std::vector<RunGroup> named = groups;
+  named[1].runs[0].name = "a<b";
+  EXPECT_NE(PlotRuns(named, {"train/loss"}).find("a&lt;b"), std::string::npos);
+  ExpectError<ConfigError>([&] { PlotRuns(groups, {"train/lss"}); }, {"train/lss", "train/loss"});
+}
+
+TEST(Runs, SayWhatIsNoRun) {
+  const TempFolder folder;
+  ExpectError<IoError>([&] { ReadRuns({folder.path().string()}); }, {"metrics.jsonl"});
+  WriteRun(folder / "run", 1, 0.1, 0.5);
+  WriteFileAtomically(folder / "run" / "metrics.jsonl", "nonsense\n{}\n");
+  ExpectError<DataError>([&] { ReadRuns({folder.path().string()}); }, {"metrics.jsonl:1"});
+}
+
+TEST(FormatTable, QuotesCsvAndAlignsText) {
+  Table table;
+  table.columns = {"name", "x"};
+  table.rows = {{std::string("a,\"b\""), 0.1}, {std::string("c"), Table::Cell()}};
+  EXPECT_EQ(FormatTable(table, TableFormat::kCsv), "name,x\r\n\"a,\"\"b\"\"\",0.1\r\nc,\r\n");
+  EXPECT_EQ(FormatTable(table, TableFormat::kText), "name   x\na,\"b\"  0.1\nc\n");
+}
+
+}  // namespace
+}  // namespace volalign

@@ -1,0 +1,279 @@
+#include "train/distributed/process_group.h"
+
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/empty.h>
+#include <ATen/ops/zeros.h>
+#include <fmt/format.h>
+#include <torch/version.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <future>
+#include <thread>
+#include <utility>
+
+#include "train/distributed/rendezvous.h"
+#ifdef VOLALIGN_HAS_GLOO
+#include <torch/csrc/distributed/c10d/PrefixStore.hpp>
+#include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
+#include <torch/csrc/distributed/c10d/TCPStore.hpp>
+#endif
+#ifdef VOLALIGN_HAS_NCCL
+#include <torch/csrc/distributed/c10d/ProcessGroupNCCL.hpp>
+#endif
+
+namespace volalign {
+
+#ifdef VOLALIGN_HAS_GLOO
+
+namespace {
+
+using std::chrono::milliseconds;
+using Store = c10::intrusive_ptr<c10d::Store>;
+// What ProcessGroupGloo and ProcessGroupNCCL are has changed its name.
+#if TORCH_VERSION_MAJOR >= 2
+using Backend = c10d::Backend;
+#else
+using Backend = c10d::ProcessGroup;
+#endif
+
+/// So long, or the time limit where that is shorter, the others have to say that they are there,
+/// after one was lost.
+constexpr milliseconds kRollCall(10000);
+
+std::string OwnName() {
+  std::array<char, 256> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  return fmt::format("{}, process {}", host.data(), ::getpid());
+}
+
+Store OpenStore(const World& world, milliseconds timeout) {
+  c10d::TCPStoreOptions options;
+  options.port = static_cast<std::uint16_t>(world.port);
+  options.isServer = world.rank == 0;
+  options.numWorkers = static_cast<std::size_t>(world.size);
+  options.waitWorkers = false;  // Gloo's own meeting waits, with a message of its own
+  options.timeout = timeout;
+  try {
+    return c10::make_intrusive<c10d::TCPStore>(world.address, options);
+  } catch (const std::exception& e) {
+    throw IoError(fmt::format("rank {} {} {}:{}: {} ({})", world.rank,
+                              world.rank == 0 ? "cannot listen on" : "does not reach rank 0 at",
+                              world.address, world.port,
+                              world.rank == 0
+                                  ? "is another program there? VOLALIGN_PORT names another port"
+                                  : "has it started, and is the port open?",
+                              e.what()));
+  }
+}
+
+std::shared_ptr<::gloo::transport::Device> OpenDevice(const World& world) {
+  if (const char* interface = std::getenv("GLOO_SOCKET_IFNAME")) {
+    return c10d::ProcessGroupGloo::createDeviceForInterface(interface);
+  }
+  return c10d::ProcessGroupGloo::createDeviceForHostname(AddressTowards(world));
+}
+
+c10::intrusive_ptr<Backend> OpenGloo(const World& world, const Store& store, milliseconds timeout) {
+  auto options = c10d::ProcessGroupGloo::Options::create(timeout);
+  try {
+    options->devices.push_back(OpenDevice(world));
+    return c10::make_intrusive<c10d::ProcessGroupGloo>(
+        c10::make_intrusive<c10d::PrefixStore>("gloo", store), world.rank, world.size, options);
+  } catch (const std::exception& e) {
+    throw IoError(fmt::format(
+        "rank {} of {} has not met all others within {} s: have they started, with this build and "
+        "the same WORLD_SIZE, and do they reach each other? ({})",
+        world.rank, world.size, timeout.count() / 1000, e.what()));
+  }
+}
+
+std::string HereKey(int rank) { return fmt::format("here/{}", rank); }
+
+std::vector<std::uint8_t> Bytes(const std::string& text) { return {text.begin(), text.end()}; }
+
+/// Ranks but the own one that do not answer in time.
+std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds time) {
+  std::vector<int> missing;
+  for (int r = 0; r < size; ++r) {
+    if (r != rank) missing.push_back(r);
+  }
+  try {
+    store->set(HereKey(rank), Bytes("1"));
+    const auto until = std::chrono::steady_clock::now() + time;
+    while (!missing.empty() && std::chrono::steady_clock::now() < until) {
+      missing.erase(std::remove_if(missing.begin(), missing.end(),
+                                   [&](int r) { return store->check({HereKey(r)}); }),
+                    missing.end());
+      std::this_thread::sleep_for(milliseconds(100));
+    }
+  } catch (const std::exception&) {
+    return {0};  // which keeps the store
+  }
+  return missing;
+}
+
+}  // namespace
+
+struct ProcessGroup::Connection {
+  Store store;
+  c10::intrusive_ptr<Backend> host;    ///< for tensors in memory
+  c10::intrusive_ptr<Backend> device;  ///< for those on the run's device
+  std::vector<std::string> names;      ///< of the processes, by rank
+  int rank = 0;
+  milliseconds timeout{0};
+
+  Backend& Of(const at::Tensor& tensor) { return tensor.is_cuda() ? *device : *host; }
+
+  template <class Function>
+  auto Call(const Function& function) {
+    try {
+      return function();
+    } catch (const std::exception& e) {
+      const std::string what = e.what();
+      throw LostProcess(fmt::format("{} ({})", Missing(),
+                                    what.substr(0, std::min<std::size_t>(what.find('\n'), 200))));
+    }
+  }
+
+  /// Who is lost. The store may be so, too: its functions might not return.
+  std::string Missing() {
+    auto answer = std::make_shared<std::promise<std::vector<int>>>();
+    std::future<std::vector<int>> future = answer->get_future();
+    const int size = static_cast<int>(names.size());
+    const milliseconds time = std::min(kRollCall, timeout);
+    std::thread([answer, store = store, rank = rank, size, time] {
+      answer->set_value(RollCall(store, rank, size, time));
+    }).detach();
+    std::vector<int> missing = {0};
+    if (future.wait_for(time + std::chrono::seconds(5)) == std::future_status::ready) {
+      missing = future.get();
+    }
+    if (missing.empty()) return "the connection between the processes broke";
+    std::string who;
+    for (const int r : missing) {
+      who += fmt::format("{}rank {} ({})", who.empty() ? "" : ", ", r,
+                         names[static_cast<std::size_t>(r)]);
+    }
+    return "lost " + who;
+  }
+};
+
+bool ProcessGroup::IsBuilt() { return true; }
+
+void ProcessGroup::Connect(const World& world, const at::Device& device, double timeout_s) {
+  rank_ = world.rank;
+  size_ = world.size;
+  connection_ = std::make_unique<Connection>();
+  const milliseconds timeout(static_cast<std::int64_t>(1000 * timeout_s));
+  Connection& c = *connection_;
+  c.rank = rank_;
+  c.timeout = timeout;
+  c.store = OpenStore(world, timeout);
+  c.host = OpenGloo(world, c.store, timeout);
+  c.device = c.host;
+#ifdef VOLALIGN_HAS_NCCL
+  if (device.is_cuda()) {
+    auto options = c10d::ProcessGroupNCCL::Options::create();
+    options->timeout = timeout;
+    c.device = c10::make_intrusive<c10d::ProcessGroupNCCL>(
+        c10::make_intrusive<c10d::PrefixStore>("nccl", c.store), rank_, size_, options);
+  }
+#else
+  (void)device;
+#endif
+  c.names.resize(static_cast<std::size_t>(size_));
+  c.names = Gather(OwnName());
+}
+
+void ProcessGroup::Sum(const at::Tensor& tensor) { BeginSum(tensor)(); }
+
+std::function<void()> ProcessGroup::BeginSum(const at::Tensor& tensor) {
+  if (size_ == 1) return [] {};
+  return connection_->Call([&]() -> std::function<void()> {
+    std::vector<at::Tensor> tensors = {tensor};
+    auto work = connection_->Of(tensor).allreduce(tensors);
+    return [work, this] { connection_->Call([&] { work->wait(); }); };
+  });
+}
+
+void ProcessGroup::Broadcast(const at::Tensor& tensor) {
+  if (size_ == 1) return;
+  connection_->Call([&] {
+    std::vector<at::Tensor> tensors = {tensor};
+    connection_->Of(tensor).broadcast(tensors)->wait();
+  });
+}
+
+std::vector<std::string> ProcessGroup::Gather(const std::string& own) {
+  if (size_ == 1) return {own};
+  const auto gather = [&](at::Tensor tensor) {
+    std::vector<std::vector<at::Tensor>> all(1);
+    for (int r = 0; r < size_; ++r) all[0].push_back(at::zeros_like(tensor));
+    std::vector<at::Tensor> input = {std::move(tensor)};
+    connection_->Call([&] { connection_->host->allgather(all, input)->wait(); });
+    return all[0];
+  };
+  at::Tensor length = at::zeros({1}, at::kLong);
+  length.data_ptr<std::int64_t>()[0] = static_cast<std::int64_t>(own.size());
+  const std::vector<at::Tensor> lengths = gather(length);
+  std::int64_t longest = 1;
+  for (const at::Tensor& l : lengths) longest = std::max(longest, l.item<std::int64_t>());
+  at::Tensor bytes = at::zeros({longest}, at::kByte);
+  std::memcpy(bytes.data_ptr(), own.data(), own.size());
+  const std::vector<at::Tensor> texts = gather(bytes);
+  std::vector<std::string> result;
+  for (std::size_t r = 0; r < texts.size(); ++r) {
+    result.emplace_back(static_cast<const char*>(texts[r].data_ptr()),
+                        static_cast<std::size_t>(lengths[r].item<std::int64_t>()));
+  }
+  return result;
+}
+
+#else  // without c10d
+
+struct ProcessGroup::Connection {};
+
+bool ProcessGroup::IsBuilt() { return false; }
+
+void ProcessGroup::Connect(const World&, const at::Device&, double) {
+  throw ConfigError(
+      "this build trains in one process only: its LibTorch has no Gloo, or Gloo's headers (Debian "
+      "package libgloo-dev) were missing when it was built");
+}
+
+void ProcessGroup::Sum(const at::Tensor&) {}
+std::function<void()> ProcessGroup::BeginSum(const at::Tensor&) {
+  return [] {};
+}
+void ProcessGroup::Broadcast(const at::Tensor&) {}
+std::vector<std::string> ProcessGroup::Gather(const std::string& own) { return {own}; }
+
+#endif
+
+ProcessGroup::ProcessGroup() = default;
+ProcessGroup::~ProcessGroup() = default;
+
+std::string ProcessGroup::FromLead(const std::function<std::string()>& make) {
+  if (size_ == 1) return make();
+  if (!leads()) {
+    const std::string said = Gather("").at(0);
+    if (said.at(0) == '!') throw Error("rank 0: " + said.substr(1));
+    return said.substr(1);
+  }
+  std::string made;
+  try {
+    made = make();
+  } catch (const std::exception& e) {
+    Gather(std::string("!") + e.what());
+    throw;
+  }
+  Gather("=" + made);
+  return made;
+}
+
+}  // namespace volalign

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/image.h"
+
+namespace volalign {
+
+/// Wall-clock time of the parts of a step, s.
+struct StepTimes {
+  double data = 0, forward = 0, loss = 0, backward = 0, optim = 0;
+};
+
+/// What a step measured.
+struct StepReport {
+  double loss = 0, loss_seg = 0, loss_3d = 0;
+  std::int64_t degenerate = 0;  ///< samples that added nothing to loss_3d
+  double gradient_norm = 0;     ///< before clipping
+  StepTimes times;
+};
+
+/// One validation sample.
+struct SampleScore {
+  std::string sensor;  ///< pool name
+  double rho_m = 0;    ///< horizontal distance of the sensor from the structure's origin
+  double loss_seg = 0;
+  double miou = 0, miou_authors = 0;
+  bool posed = false;  ///< the predicted keypoints fix a pose; what follows is of posed samples
+  double keypoint_rmse_m = 0, translation_error_m = 0, rotation_error_deg = 0;
+};
+
+/// What the network made of a sample, to be looked at.
+struct LabelExample {
+  DepthImage depth;
+  LabelImage labels, predicted;
+};
+
+/// Means over the validation samples unless said otherwise.
+struct ValidationResult {
+  int samples = 0;
+  double loss_seg = 0;
+  double loss_3d = 0;
+  double miou = 0;          ///< over the classes present in an image (core/geometry/metrics.h)
+  double miou_authors = 0;  ///< over all classes
+  int posed = 0;  ///< samples whose predicted keypoints fix a pose (core/geometry/procrustes.h);
+                  ///< without one, the errors below mean nothing and are left out of files
+  double keypoint_rmse_m = 0;             ///< 3D RMSE of aligned keypoints, over posed samples
+  double median_translation_error_m = 0;  ///< over posed samples
+  double median_rotation_error_deg = 0;   ///< over posed samples
+  std::vector<SampleScore> scores;        ///< of each sample, in order
+  std::vector<LabelExample> examples;     ///< the first samples
+};
+
+/// The medians over posed samples for a line of text: "12.3 cm, 0.45 deg", or "-" where there are
+/// none.
+std::string MedianPoseError(const ValidationResult& result);
+
+/// Metric of a validation by which runs and their checkpoints are compared.
+enum class BestMetric {
+  kLossSeg,
+  kMiou,
+  kMiouAuthors,
+  kKeypointRmse,
+  kTranslationError,
+  kRotationError
+};
+inline constexpr std::array<std::pair<const char*, BestMetric>, 6> kBestMetrics{
+    {{"loss_seg", BestMetric::kLossSeg},
+     {"miou", BestMetric::kMiou},
+     {"miou_authors", BestMetric::kMiouAuthors},
+     {"keypoint_rmse_m", BestMetric::kKeypointRmse},
+     {"median_translation_error_m", BestMetric::kTranslationError},
+     {"median_rotation_error_deg", BestMetric::kRotationError}}};
+
+bool LargerIsBetter(BestMetric metric);
+
+/// The means by the names that files give them; those of poses where a sample has one.
+std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result);
+
+/// The best of the validations so far.
+struct BestValidation {
+  std::int64_t samples = -1;  ///< after which it was; -1: there is none
+  double value = 0;
+  int since = 0;  ///< validations that came after it
+
+  /// Takes a validation into account; true: it is the best. The earlier of equal ones stays.
+  bool Note(BestMetric metric, const ValidationResult& result, std::int64_t at_samples);
+};
+
+/// A row of the training's log: means over the steps since the row before.
+struct TrainRow {
+  std::int64_t step = 0, samples = 0;  ///< so far
+  double lr = 0;                       ///< of the last step
+  double samples_per_s = 0;            ///< over the steps alone, validation and saving left out
+  StepReport mean;                     ///< but `degenerate`, which is a sum
+};
+
+struct ValidationRow {
+  std::int64_t step = 0, samples = 0;
+  ValidationResult result;
+};
+
+/// Sums over the steps since the last TrainRow.
+struct StepMeans {
+  std::int64_t steps = 0, samples = 0;
+  StepReport sum;
+
+  void Add(const StepReport& step, std::int64_t step_samples);
+  /// The means; begins anew.
+  TrainRow Take(std::int64_t step, std::int64_t samples_so_far, double lr);
+};
+
+}  // namespace volalign

@@ -1,0 +1,112 @@
+#include "train/log/run_folder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <functional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "core/base/error.h"
+
+namespace volalign {
+namespace {
+
+constexpr char kStateSuffix[] = ".state";
+/// A killed process keeps its lock until its memory is freed, which takes seconds on a busy
+/// machine.
+constexpr int kLockTries = 100;
+constexpr std::chrono::milliseconds kLockPause(100);
+
+/// The number that a state's name is, or -1.
+std::int64_t SamplesOf(const std::filesystem::path& path) {
+  const std::string stem = path.stem().string();
+  std::int64_t samples = -1;
+  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), samples);
+  if (error != std::errc() || end != stem.data() + stem.size()) return -1;
+  return path.extension() == kStateSuffix ? samples : -1;
+}
+
+std::vector<std::filesystem::path> FilesIn(const std::filesystem::path& dir) {
+  std::vector<std::filesystem::path> files;
+  std::error_code missing;
+  for (const auto& entry : std::filesystem::directory_iterator(dir, missing)) {
+    files.push_back(entry.path());
+  }
+  return files;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(std::filesystem::path dir) : dir_(std::move(dir)) {
+  std::error_code error;
+  std::filesystem::create_directories(dir_ / "states", error);
+  if (error) {
+    throw IoError(fmt::format("cannot create folder {}: {}", dir_.string(), error.message()));
+  }
+  lock_ = ::open(dir_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ < 0) return;
+  // A file system that has no locks for folders is no reason not to train.
+  for (int tries = 0; ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++tries) {
+    if (tries == kLockTries) {
+      ::close(lock_);
+      throw Error(fmt::format("another process trains in {}: wait for it, or use another folder",
+                              dir_.string()));
+    }
+    std::this_thread::sleep_for(kLockPause);
+  }
+}
+
+RunFolder::~RunFolder() {
+  if (lock_ >= 0) ::close(lock_);
+}
+
+std::filesystem::path RunFolder::State(std::int64_t samples) const {
+  return dir_ / "states" / fmt::format("{:012}{}", samples, kStateSuffix);
+}
+
+std::vector<std::int64_t> RunFolder::States() const {
+  std::vector<std::int64_t> states;
+  for (const std::filesystem::path& file : FilesIn(dir_ / "states")) {
+    const std::int64_t samples = SamplesOf(file);
+    if (samples >= 0) states.push_back(samples);
+  }
+  std::sort(states.begin(), states.end(), std::greater<>());
+  return states;
+}
+
+void RunFolder::KeepStates(int count) const {
+  const std::vector<std::int64_t> states = States();
+  for (std::size_t i = static_cast<std::size_t>(count); i < states.size(); ++i) {
+    std::error_code ignored;
+    std::filesystem::remove(State(states[i]), ignored);
+  }
+}
+
+void RunFolder::BeginAfter(std::int64_t samples) const {
+  std::error_code ignored;
+  for (const std::int64_t state : States()) {
+    if (state > samples) std::filesystem::remove(State(state), ignored);
+  }
+  // See WriteFileAtomically for these names. Nobody else writes here: the folder is locked.
+  std::vector<std::filesystem::path> files = FilesIn(dir_ / "states");
+  for (const std::filesystem::path& file : FilesIn(dir_)) {
+    for (const std::filesystem::path& own : {config(), metrics(), model(), best()}) {
+      if (file.string().rfind(own.string() + ".tmp-", 0) == 0) files.push_back(file);
+    }
+  }
+  for (const std::filesystem::path& file : files) {
+    if (file.filename().string().find(".tmp-") == std::string::npos) continue;
+    std::filesystem::remove(file, ignored);
+  }
+}
+
+}  // namespace volalign

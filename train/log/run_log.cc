@@ -1,0 +1,137 @@
+#include "train/log/run_log.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/statistics.h"
+
+namespace volalign {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+/// Keys in which the runs of a group may differ.
+const std::set<std::string>& KeysWithin() {
+  static const std::set<std::string> keys = {"run.seed"};
+  return keys;
+}
+
+bool IsRun(const fs::path& dir) {
+  return fs::exists(dir / "config.yaml") && fs::exists(dir / "metrics.jsonl");
+}
+
+void AddRow(const json& row, LoggedRun* run) {
+  const std::string prefix = row.at("type").get<std::string>() + "/";
+  const auto samples = row.at("samples").get<std::int64_t>();
+  run->samples = std::max(run->samples, samples);
+  run->last_rows[prefix] = samples;
+  for (const auto& [key, value] : row.items()) {
+    if (!value.is_number() || key == "samples") continue;
+    Curve& curve = run->curves[prefix + key];
+    curve.samples.push_back(samples);
+    curve.values.push_back(value.get<double>());
+  }
+}
+
+}  // namespace
+
+std::optional<double> LoggedRun::Last(const std::string& metric) const {
+  const auto curve = curves.find(metric);
+  if (curve == curves.end()) return std::nullopt;
+  const auto last = last_rows.find(metric.substr(0, metric.find('/') + 1));
+  if (last != last_rows.end() && last->second != curve->second.samples.back()) return std::nullopt;
+  return curve->second.values.back();
+}
+
+std::optional<double> LoggedRun::SamplesPerSecond() const {
+  const auto curve = curves.find("train/samples_per_s");
+  if (curve == curves.end()) return std::nullopt;
+  return Median(curve->second.values);
+}
+
+LoggedRun ReadRun(const fs::path& dir) {
+  LoggedRun run;
+  run.name = dir.string();
+  const ConfigSource source = ConfigSource::FromFile((dir / "config.yaml").string());
+  for (const auto& [key, leaf] : source.leaves()) {
+    run.config[key] = leaf.is_sequence ? fmt::format("[{}]", fmt::join(leaf.values, ", "))
+                                       : fmt::format("{}", fmt::join(leaf.values, ", "));
+  }
+  std::istringstream rows(ReadFile(dir / "metrics.jsonl"));
+  int number = 0;
+  for (std::string text; std::getline(rows, text);) {
+    ++number;
+    try {
+      AddRow(json::parse(text), &run);
+    } catch (const json::exception& e) {
+      if (rows.eof()) break;  // half a row of a run that was killed
+      throw DataError(fmt::format("{}:{}: not a row of a training log ({})",
+                                  (dir / "metrics.jsonl").string(), number, e.what()));
+    }
+  }
+  return run;
+}
+
+std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders) {
+  std::vector<LoggedRun> runs;
+  for (const std::string& folder : folders) {
+    std::vector<fs::path> found;
+    if (IsRun(folder)) found.emplace_back(folder);
+    std::error_code missing;
+    for (const auto& entry : fs::recursive_directory_iterator(folder, missing)) {
+      if (entry.is_directory() && IsRun(entry.path())) found.push_back(entry.path());
+    }
+    if (found.empty()) {
+      throw IoError(fmt::format(
+          "{}: no run here or below: a run folder has config.yaml and metrics.jsonl", folder));
+    }
+    std::sort(found.begin(), found.end());
+    for (const fs::path& dir : found) runs.push_back(ReadRun(dir));
+  }
+  return runs;
+}
+
+std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs) {
+  std::set<std::string> keys, differing;
+  for (const LoggedRun& run : runs) {
+    for (const auto& [key, unused] : run.config) keys.insert(key);
+  }
+  const auto value = [](const LoggedRun& run, const std::string& key) {
+    const auto found = run.config.find(key);
+    return found == run.config.end() ? std::string() : found->second;
+  };
+  for (const std::string& key : keys) {
+    if (KeysWithin().count(key) > 0) continue;
+    for (const LoggedRun& run : runs) {
+      if (value(run, key) != value(runs.front(), key)) differing.insert(key);
+    }
+  }
+  std::vector<RunGroup> groups;
+  for (const LoggedRun& run : runs) {
+    std::map<std::string, std::string> own;
+    for (const std::string& key : differing) own[key] = value(run, key);
+    auto group = std::find_if(groups.begin(), groups.end(),
+                              [&](const RunGroup& g) { return g.differences == own; });
+    if (group == groups.end()) group = groups.insert(groups.end(), RunGroup{own, {}});
+    group->runs.push_back(run);
+  }
+  return groups;
+}
+
+std::string RunGroup::Label() const {
+  if (differences.empty()) return "all";
+  std::string label;
+  for (const auto& [key, value] : differences) {
+    label += fmt::format("{}{}={}", label.empty() ? "" : ", ", key, value);
+  }
+  return label;
+}
+
+}  // namespace volalign

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/config/config.h"
+
+namespace volalign {
+
+/// A metric over the course of a run.
+struct Curve {
+  std::vector<std::int64_t> samples;  ///< rising
+  std::vector<double> values;
+};
+
+/// What a run folder tells of its run, finished or not.
+struct LoggedRun {
+  std::string name;                               ///< the folder, as it was given
+  std::map<std::string, std::string> config;      ///< every key of config.yaml, as text
+  std::int64_t samples = 0;                       ///< of the last row
+  std::map<std::string, Curve> curves;            ///< "train/loss", "validation/miou", ...
+  std::map<std::string, std::int64_t> last_rows;  ///< samples of the last row: "train/", ...
+  /// Of the last row of its kind; none where that row does not have it.
+  std::optional<double> Last(const std::string& metric) const;
+  std::optional<double> SamplesPerSecond() const;  ///< median over the rows
+};
+
+/// Throws IoError where config.yaml or metrics.jsonl is missing, DataError where a row other than
+/// the last is no JSON.
+LoggedRun ReadRun(const std::filesystem::path& dir);
+
+/// The runs in these folders and below them, in the order of the arguments, below by name. Throws
+/// IoError for a folder that holds none.
+std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders);
+
+/// Runs whose configurations differ in run.seed alone.
+struct RunGroup {
+  std::map<std::string, std::string> differences;  ///< keys that differ between groups
+  std::vector<LoggedRun> runs;
+  std::string Label() const;  ///< "optim.lr=0.001, run.batch_size=8", or "all" of a single group
+};
+
+/// In the order of each group's first run.
+std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs);
+
+}  // namespace volalign

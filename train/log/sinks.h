@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "train/log/metrics.h"
+
+namespace volalign {
+
+/// Where a run's numbers go while it trains.
+class MetricSink {
+ public:
+  virtual ~MetricSink() = default;
+  virtual void Train(const TrainRow& row) = 0;
+  virtual void Validation(const ValidationRow& row) = 0;
+};
+
+/// A JSON object a line (docs/formats.md).
+class JsonlSink : public MetricSink {
+ public:
+  /// Continues a file: keeps its rows up to `samples` and drops those that a killed run wrote after
+  /// its last state, which will come again. Throws IoError.
+  JsonlSink(const std::filesystem::path& path, std::int64_t samples);
+  void Train(const TrainRow& row) override;
+  void Validation(const ValidationRow& row) override;
+
+ private:
+  void Write(const std::string& row);
+
+  std::string path_;
+  std::ofstream file_;
+};
+
+/// On stderr: a bar that redraws itself on a terminal, plain lines elsewhere.
+class ProgressSink : public MetricSink {
+ public:
+  /// Of a run of `total` samples.
+  explicit ProgressSink(std::int64_t total);
+  void Train(const TrainRow& row) override;
+  void Validation(const ValidationRow& row) override;
+  void Line(const std::string& text);
+
+ private:
+  std::int64_t total_;
+  std::string miou_;  ///< of the last validation, ready to print
+  bool terminal_;
+};
+
+}  // namespace volalign
