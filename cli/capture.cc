@@ -14,13 +14,13 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct CaptureOptions {
   std::string folder, output, intrinsics, sensor;
   double depth_scale = 0;
   bool force = false;
 };
 
-int RunInit(const Options& options) {
+int RunInit(const CaptureOptions& options) {
   namespace fs = std::filesystem;
   const fs::path output =
       options.output.empty() ? fs::path(options.folder) / "capture.json" : fs::path(options.output);
@@ -45,7 +45,7 @@ int RunInit(const Options& options) {
 }  // namespace
 
 Command AddCaptureCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CaptureOptions>();
   CLI::App* app = program.add_subcommand("capture", "Make a capture.json from depth files");
   app->require_subcommand(1);
   CLI::App* init = app->add_subcommand(

@@ -17,14 +17,14 @@ namespace {
 
 constexpr int kMovedStatus = 3, kNotComparedStatus = 2;
 
-struct Options {
+struct CheckOptions {
   std::string last, update;
   double max_mm = 0, max_deg = 0;
   CalibrationRequest request;
   MovementOptions movement;
 };
 
-void AddOptions(CLI::App* app, Options* options) {
+void AddCheckOptions(CLI::App* app, CheckOptions* options) {
   app->add_option("--extrinsics", options->last, "extrinsics.json of the last calibration")
       ->required();
   app->add_option("--capture", options->request.captures,
@@ -52,7 +52,7 @@ void AddOptions(CLI::App* app, Options* options) {
                   "folder for check.json and for what `calibrate` writes of the new capture");
 }
 
-int RunCheck(const Options& options) {
+int RunCheck(const CheckOptions& options) {
   const Extrinsics last = ReadExtrinsics(options.last);
   const Calibration now = RunCalibration(options.request);
   const Extrinsics now_extrinsics =
@@ -75,10 +75,10 @@ int RunCheck(const Options& options) {
 }  // namespace
 
 Command AddCheckCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CheckOptions>();
   CLI::App* app = program.add_subcommand(
       "check", "Find out which sensors of a calibrated rig were moved since, by a new capture");
-  AddOptions(app, options.get());
+  AddCheckOptions(app, options.get());
   return {app, [options] { return RunCheck(*options); }};
 }
 

@@ -15,7 +15,7 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct ConvertOptions {
   std::string input, from = "volalign", to, output;
   std::vector<std::string> colour_cameras;
 };
@@ -41,7 +41,7 @@ PoseFormatOptions ReadColourCameras(const std::vector<std::string>& assignments)
   return options;
 }
 
-int RunConvert(const Options& options) {
+int RunConvert(const ConvertOptions& options) {
   const PoseFormat to = ParsePoseFormat(options.to);
   const PoseFormatOptions cameras = ReadColourCameras(options.colour_cameras);
   const auto poses = ReadPoses(options.input, ParsePoseFormat(options.from), cameras);
@@ -55,7 +55,7 @@ int RunConvert(const Options& options) {
 }  // namespace
 
 Command AddConvertCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ConvertOptions>();
   CLI::App* app = program.add_subcommand(
       "convert",
       "Write poses as other programs read them (docs/conversion.md has the conventions of each)");

@@ -29,7 +29,7 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct EvaluateOptions {
   std::string output, config, seeds, compare;
   std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
@@ -38,7 +38,7 @@ struct Options {
   int workers = 1, max_captures = 0;
 };
 
-void AddSuiteOptions(CLI::App* app, Options* options) {
+void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
   CLI::Option* suite =
       app->add_option("--suite", options->suite,
                       "run the experiments of one of the paper's tables (table2 ... table6) or all "
@@ -58,7 +58,7 @@ void AddSuiteOptions(CLI::App* app, Options* options) {
       ->capture_default_str();
 }
 
-void AddOptions(CLI::App* app, Options* options) {
+void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--model", options->models,
                   "checkpoints, e.g. models/m05-lite.pt; several are compared on the same frames");
   app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
@@ -104,7 +104,7 @@ void PrintProgress(const std::string& line) {
   std::fflush(stderr);
 }
 
-EvaluateRun RunOf(const Options& options) {
+EvaluateRun RunOf(const EvaluateOptions& options) {
   EvaluateRun run;
   run.output = std::filesystem::path(options.output) / "evaluation.json";
   run.program = Sha256(ReadFile("/proc/self/exe"));
@@ -120,7 +120,7 @@ void SaveOptions(const std::filesystem::path& output, const ConfigSource& source
     WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
 }
 
-int RunPaperSuite(const Options& options) {
+int RunPaperSuite(const EvaluateOptions& options) {
   const SuiteConfig suite = SelectTables(ReadSuite(options.suite_config), options.suite);
   for (const SuiteMethod& method : suite.methods) {
     if (!HasModel(method)) {
@@ -144,7 +144,7 @@ int RunPaperSuite(const Options& options) {
   return 0;
 }
 
-int RunEvaluate(const Options& options) {
+int RunEvaluate(const EvaluateOptions& options) {
   if (!options.suite.empty()) return RunPaperSuite(options);
   if (options.models.empty()) throw ConfigError("evaluate wants --model, or --suite");
   if (options.rigs.files.empty() && options.captures.empty()) {
@@ -191,10 +191,10 @@ int RunEvaluate(const Options& options) {
 }  // namespace
 
 Command AddEvaluateCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<EvaluateOptions>();
   CLI::App* app = program.add_subcommand(
       "evaluate", "Measure calibration on rendered rigs with known poses, or on captures");
-  AddOptions(app, options.get());
+  AddEvaluateOptions(app, options.get());
   return {app, [options] { return RunEvaluate(*options); }};
 }
 

@@ -18,14 +18,14 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct PlanOptions {
   std::string rig, picture;
   std::vector<std::string> assignments;
   int trials = 3;
   int threads = CalibrateOptions().threads;
 };
 
-int RunPlan(const Options& options) {
+int RunPlan(const PlanOptions& options) {
   const std::vector<Rig> turns = Turns(ReadRig(ReadSource(options.rig, options.assignments)));
   if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
   CalibrateOptions calibration;
@@ -46,7 +46,7 @@ int RunPlan(const Options& options) {
 }  // namespace
 
 Command AddPlanCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PlanOptions>();
   CLI::App* app = program.add_subcommand(
       "plan", "Predict what the sensors of a planned rig see and how well they will be placed");
   app->add_option("rig", options->rig, "rig.yaml, e.g. configs/rig_ring8.yaml")->required();

@@ -19,21 +19,21 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct RunsOptions {
   std::vector<std::string> folders;
   std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"};
   TableFormat format = TableFormat::kText;
   std::string output;
 };
 
-CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, Options* options) {
+CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, RunsOptions* options) {
   CLI::App* verb = app->add_subcommand(name, text);
   verb->add_option("folders", options->folders, "run folders, or folders that hold such")
       ->required();
   return verb;
 }
 
-void AddFormat(CLI::App* verb, Options* options) {
+void AddFormat(CLI::App* verb, RunsOptions* options) {
   static const std::map<std::string, TableFormat> kFormats = {
       {"text", TableFormat::kText}, {"csv", TableFormat::kCsv}, {"json", TableFormat::kJson}};
   verb->add_option("--format", options->format, "text, csv or json")
@@ -41,7 +41,7 @@ void AddFormat(CLI::App* verb, Options* options) {
       ->default_str("text");
 }
 
-void WritePlot(const Options& options) {
+void WritePlot(const RunsOptions& options) {
   if (std::filesystem::path(options.output).extension() != ".svg") {
     throw ConfigError(fmt::format(
         "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
@@ -55,7 +55,7 @@ void WritePlot(const Options& options) {
 }  // namespace
 
 Command AddRunsCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RunsOptions>();
   CLI::App* app = program.add_subcommand("runs", "List, compare and plot training runs");
   app->require_subcommand(1);
   CLI::App* list = AddVerb(

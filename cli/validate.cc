@@ -18,7 +18,7 @@ namespace volalign {
 
 namespace {
 
-struct Options {
+struct ValidateOptions {
   std::vector<std::string> models;
   std::string config, output;
   std::vector<std::string> assignments;
@@ -26,7 +26,7 @@ struct Options {
 };
 
 /// The recipe that the samples are of is added to `recipes`.
-ValidatedModel ValidateModel(const std::string& file, const Options& options,
+ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& options,
                              std::vector<std::pair<std::string, std::string>>* recipes) {
   LoadedModel model = LoadCheckpoint(file);
   ConfigSource source =
@@ -48,7 +48,7 @@ ValidatedModel ValidateModel(const std::string& file, const Options& options,
 }  // namespace
 
 Command AddValidateCommand(CLI::App& program) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ValidateOptions>();
   CLI::App* app =
       program.add_subcommand("validate", "Score checkpoints on rendered validation samples");
   app->add_option("--model", options->models, "checkpoints")->required();

@@ -24,8 +24,8 @@ if(UNIX AND NOT APPLE)
 endif()
 include(CheckLinkerFlag)
 check_linker_flag(CXX -fuse-ld=gold VOLALIGN_HAS_GOLD)
-if(VOLALIGN_HAS_GOLD)
-  # Links the program in 0.6 s of processor time, where the default linker takes 3.5 s; there are 200 tests.
+if(VOLALIGN_HAS_GOLD AND NOT VOLALIGN_ASAN)
+  # Links the program in 0.6 s of processor time, where the default linker takes 3.5 s. It warns of a hundred symbols of clang's address sanitizer.
   target_link_options(volalign_options INTERFACE -fuse-ld=gold)
 endif()
 foreach(folder ${VOLALIGN_TORCH_LIBRARY_FOLDERS})
@@ -72,29 +72,36 @@ function(volalign_needs_torch result)
   endforeach()
 endfunction()
 
-# volalign_test(PATH [SLOW] [SOURCES extra.cc] DEPENDS t ... [TIMEOUT s]): tests/PATH_test.cc as the test PATH.
-# Its label is `quick`, or `slow` with SLOW: several minutes under the sanitizers, or in need of more than its own folder and those below.
-# The target quick_tests_FOLDER builds the quick tests of a top-level folder.
-function(volalign_test name)
-  cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
-  string(REPLACE "/" "_" target "${name}_test")
-  add_executable(${target} "${PROJECT_SOURCE_DIR}/tests/${name}_test.cc" ${ARG_SOURCES})
+# volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ...): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as
+# the test ROOM/a, a process of its own.
+# Their label is `quick`, or `slow` with SLOW, which are the program ROOM_slow_tests: several minutes under the sanitizers, or in need of more than
+# their own folder and those below. The target quick_tests_FOLDER builds the quick tests of a top-level folder.
+function(volalign_tests room)
+  cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "DEPENDS;TESTS" ${ARGN})
+  set(label quick)
+  string(REPLACE "/" "_" target "${room}_tests")
+  if(ARG_SLOW)
+    set(label slow)
+    string(REPLACE "/" "_" target "${room}_slow_tests")
+  endif()
+  list(TRANSFORM ARG_TESTS REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/${room}/\\1_test.cc" OUTPUT_VARIABLE sources)
+  add_executable(${target} ${sources})
   volalign_needs_torch(needs_torch ${ARG_DEPENDS})
   target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} volalign_options
-    $<IF:$<BOOL:${needs_torch}>,volalign_torch_test_main,GTest::gtest_main>)
+    $<IF:$<BOOL:${needs_torch}>,volalign_torch_test_main,volalign_test_main>)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
   if(VOLALIGN_ASAN)
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
-  add_test(NAME ${name} COMMAND ${target} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-  # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS quick ENVIRONMENT "LP_NUM_THREADS=0")
-  if(ARG_SLOW)
-    set_tests_properties(${name} PROPERTIES LABELS slow)
-  else()
-    string(REGEX REPLACE "/.*" "" module "${name}")
+  foreach(test IN LISTS ARG_TESTS)
+    add_test(NAME ${room}/${test} COMMAND ${target} "tests/${room}/${test}_test.cc" WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+    # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
+    set_tests_properties(${room}/${test} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS ${label} ENVIRONMENT "LP_NUM_THREADS=0")
+  endforeach()
+  if(NOT ARG_SLOW)
+    string(REGEX REPLACE "/.*" "" module "${room}")
     if(NOT TARGET quick_tests_${module})
       add_custom_target(quick_tests_${module})
     endif()

@@ -18,8 +18,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kDepthScale = 0.001;  // m a step
-constexpr double kPictureNear = 0.5;   // m, contact sheets
+constexpr double kPictureNear = 0.5;  // m, contact sheets
 constexpr double kPictureFar = 6.0;
 
 }  // namespace

@@ -10,6 +10,9 @@
 
 namespace volalign {
 
+/// m, of one step of the depth images that are written.
+inline constexpr double kDepthScale = 0.001;
+
 /// Writes a capture folder (docs/formats.md): capture.json with ground truth (left out without a
 /// structure), structure.glb and, per sensor, NAME_Depth.png (16 bits, mm) and NAME_labels.png (8
 /// bits, what the noise left); contact_sheet.png shows clean depth, depth and labels of every

@@ -31,7 +31,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr char kFormat[] = "volalign.samples/2";
 constexpr char kRowsName[] = "samples.jsonl";
-constexpr double kDepthScale = 0.001;  // m a step
 constexpr std::uint64_t kSheetSamples = 24;
 constexpr std::chrono::seconds kCommitInterval{5};
 

@@ -25,7 +25,8 @@ constexpr std::size_t kLeastWindows = 60;  // of a cell of the table that says a
 // Depth edges.
 constexpr float kJump = 0.3F;    // m
 constexpr int kLongestGap = 60;  // px; beyond it the zeros are no gap of an edge
-constexpr float kMixedLow = 0.2F, kMixedHigh = 0.8F;  // depth of a flying pixel between two others
+constexpr float kFlyingLow = 0.2F,
+                kFlyingHigh = 0.8F;  // depth of a flying pixel between two others
 // Planes, for smooth errors: regions grow from the windows that are flattest.
 constexpr double kPlaneTolerance = 0.012;      // m from the plane
 constexpr double kPlaneDisparityNoise = 0.15;  // px, of stereo; 3.5 of it may be off
@@ -313,7 +314,7 @@ void DepthStatistics::AddEdges(const DepthImage& depth) {
         }
         if (gap == 0 && last > 0) {
           const float a = at(last - 1), share = (before - a) / (z - a);
-          if (a > 0 && std::abs(z - a) > kJump && share > kMixedLow && share < kMixedHigh) {
+          if (a > 0 && std::abs(z - a) > kJump && share > kFlyingLow && share < kFlyingHigh) {
             ++flying_;
             if (std::abs(z - before) <= kJump && std::abs(before - a) <= kJump) ++gaps_[0];
           }

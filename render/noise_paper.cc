@@ -9,7 +9,6 @@ namespace volalign {
 
 NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomStream& random) {
   constexpr float kDepthEdge = 0.05F;  // m, between boxes that overlap in the image
-  constexpr double kPi = 3.14159265358979323846;
   const RenderedView& view = input.view;
   const int width = view.depth.width(), height = view.depth.height();
   Image<std::uint8_t> keep(width, height, 1);
@@ -45,7 +44,7 @@ NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomS
     const double u = random.Uniform(0, width), v = random.Uniform(0, height);
     const double a = config.paper_hole_radius_px * random.Uniform(0.3, 1.7);
     const double b = config.paper_hole_radius_px * random.Uniform(0.3, 1.7);
-    const double angle = random.Uniform(0, kPi);
+    const double angle = random.Uniform(0, M_PI);
     if (a > 0 && b > 0) ClearEllipse(u, v, a, b, angle, &keep);
   }
   NoisyView out{view.depth, view.labels};

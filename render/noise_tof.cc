@@ -11,7 +11,7 @@ namespace {
 
 // The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
 // 320 px wide and scale with the width. A pair is the range that one number a frame is drawn from.
-constexpr double kReferenceWidth = 320, kReferenceHeight = 288;
+constexpr double kTofWidth = 320, kTofHeight = 288;
 // Depth error.
 constexpr double kBias[2] = {-0.011, 0.011};                         // m
 constexpr double kWhiteGain[2] = {0.75, 1.25};                       // of the white noise
@@ -53,7 +53,7 @@ double Draw(const double (&range)[2], RandomStream& random) {
 }
 
 /// Face data that every pixel needs.
-struct FaceInfo {
+struct TofFace {
   float height = 0;        // distance of the eye from the plane, m
   float reflectivity = 0;  // 0..1
   bool is_structure = false;
@@ -101,10 +101,10 @@ std::vector<SeamBox> SeamBoxes(const NoiseInput& input) {
   return boxes;
 }
 
-std::vector<FaceInfo> FaceInfos(const NoiseInput& input, const std::vector<SeamBox>& boxes) {
+std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox>& boxes) {
   const Eigen::Vector3d eye = input.structure_from_sensor.translation();
   const double floor = input.structure.FloorHeight();
-  std::vector<FaceInfo> infos(input.mesh.faces.size());
+  std::vector<TofFace> infos(input.mesh.faces.size());
   for (std::size_t i = 0; i < infos.size(); ++i) {
     const SceneFace& face = input.mesh.faces[i];
     const SceneObject& object = input.mesh.objects[static_cast<std::size_t>(face.object)];
@@ -141,7 +141,7 @@ float SeamDistance(const std::vector<SeamBox>& boxes, std::uint64_t seam_boxes,
 }
 
 void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
-  const double su = kReferenceWidth / width, sv = kReferenceHeight / height;
+  const double su = kTofWidth / width, sv = kTofHeight / height;
   for (int v = 0; v < height; ++v) {
     const double dv = (v + 0.5) * sv - 0.5 - kHexagonCentreV;
     const double half =
@@ -244,7 +244,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const RenderedView& view = input.view;
   const TofDevice& device = frame.device;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
-  const std::vector<FaceInfo> infos = FaceInfos(input, boxes);
+  const std::vector<TofFace> infos = TofFaces(input, boxes);
   const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
   const Eigen::Vector3f eye = input.structure_from_sensor.translation().cast<float>();
   const auto floor = static_cast<float>(input.structure.FloorHeight());
@@ -256,7 +256,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
         (*keep)[i] = 0;
         continue;
       }
-      const FaceInfo& face = infos[view.faces[i] - 1U];
+      const TofFace& face = infos[view.faces[i] - 1U];
       const float x = view.rays.rays[i].x(), y = view.rays.rays[i].y();
       const float ray = std::sqrt(x * x + y * y + 1);
       const float range = z * ray;
@@ -290,7 +290,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
 void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep) {
   const int width = keep->width(), height = keep->height();
   const int speckles = DrawPoisson(kSpeckles * Draw(kSpeckleGain, random) * width * height /
-                                       (kReferenceWidth * kReferenceHeight) / (scale * scale),
+                                       (kTofWidth * kTofHeight) / (scale * scale),
                                    random);
   for (int k = 0; k < speckles; ++k) {
     const double u = random.Uniform(0, width), v = random.Uniform(0, height);
@@ -305,7 +305,7 @@ void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
                    std::optional<TofDevice>* device) {
   const int width = input.view.depth.width(), height = input.view.depth.height();
-  const double scale = width / kReferenceWidth;
+  const double scale = width / kTofWidth;
   NoisyView out{DepthImage(width, height), input.view.labels};
   Image<std::uint8_t> keep(width, height, 1);
   FrameNoise frame = DrawFrameNoise(width, height, scale, random);

@@ -9,14 +9,12 @@ namespace volalign {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 double SampleAzimuth(const PoseConfig& config, RandomStream& random) {
-  if (config.phi_deg.empty()) return random.Uniform(0, 2 * kPi);
+  if (config.phi_deg.empty()) return random.Uniform(0, 2 * M_PI);
   const double placement =
       config
           .phi_deg[static_cast<std::size_t>(random.Below(static_cast<int>(config.phi_deg.size())))];
-  return (placement + random.Uniform(-config.phi_jitter_deg, config.phi_jitter_deg)) * kPi / 180;
+  return (placement + random.Uniform(-config.phi_jitter_deg, config.phi_jitter_deg)) * M_PI / 180;
 }
 
 }  // namespace
@@ -33,7 +31,7 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   const Eigen::Vector3d position(rho * place.cos, y, rho * place.sin);
 
   const double cos_polar = random.Uniform(-1, 1);
-  const double azimuth = random.Uniform(0, 2 * kPi);
+  const double azimuth = random.Uniform(0, 2 * M_PI);
   const double radius = 0.01 * config.look_at_radius_cm * PortableCbrt(random.Uniform());
   const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
   const SinCos aside = PortableSinCos(azimuth);
@@ -43,7 +41,7 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   const double roll = random.Uniform(-config.roll_deg, config.roll_deg);
   const double offset = config.roll_offsets_deg[static_cast<std::size_t>(
       random.Below(static_cast<int>(config.roll_offsets_deg.size())))];
-  return LookAt(position, target, (roll + offset) * kPi / 180);
+  return LookAt(position, target, (roll + offset) * M_PI / 180);
 }
 
 }  // namespace volalign

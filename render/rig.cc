@@ -27,7 +27,6 @@ constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 // Between the draws of one still and the next; larger than any number of sensors.
 constexpr std::uint64_t kStillStride = std::uint64_t{1} << 32;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
 
 Intrinsics DrawIntrinsics(const RigSensor& sensor, const std::vector<IntrinsicsPoolEntry>& pool,
@@ -262,7 +261,7 @@ std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radiu
     bool free = false;
     for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
       const double rho = 100 * radius_m * std::sqrt(random.Uniform());
-      const double phi = random.Uniform(0, 2 * kPi);
+      const double phi = random.Uniform(0, 2 * M_PI);
       placement.x_cm = rho * std::cos(phi);
       placement.z_cm = rho * std::sin(phi);
       placement.yaw_deg = random.Uniform(0, 360);

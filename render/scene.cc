@@ -10,7 +10,6 @@
 namespace volalign {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kSensorClearance = 0.45;   // m, half side of the square that stays free
 constexpr double kWallClearance = 0.45;     // m, from the structure elsewhere: beyond all fixtures
 constexpr double kCorridorHalfWidth = 0.5;  // m, of a sensor's free view of the structure
@@ -87,7 +86,7 @@ struct Room {
   bool has_ceiling = false;
 
   Eigen::Vector2d Direction(int wall) const {
-    const double angle = yaw + 0.5 * kPi * wall;
+    const double angle = yaw + 0.5 * M_PI * wall;
     return {std::cos(angle), std::sin(angle)};
   }
   bool Contains(const Footprint& f) const {
@@ -189,7 +188,7 @@ class SceneBuilder {
   Room DrawRoom(RandomStream& random) const {
     Room room;
     room.present = random.Chance(options_.room_probability);
-    room.yaw = random.Uniform(0, 0.5 * kPi);
+    room.yaw = random.Uniform(0, 0.5 * M_PI);
     for (int wall = 0; wall < 4; ++wall) {
       double& d = room.distance[static_cast<std::size_t>(wall)];
       d = random.Uniform(config_.wall_distance_m[0], config_.wall_distance_m[1]);
@@ -276,7 +275,7 @@ class SceneBuilder {
     const Eigen::Vector2d p =
         (room_.distance[static_cast<std::size_t>(wall)] - 0.5 * depth) * n + along * t;
     // A rotation of -angle about y takes x to (cos, sin) in (x, z).
-    const double yaw = -(room_.yaw + 0.5 * kPi * wall);
+    const double yaw = -(room_.yaw + 0.5 * M_PI * wall);
     mesh_.AppendBox(Upright(p.x(), floor_ + std::max(up, 0.5 * height), p.y(), yaw),
                     Eigen::Vector3d(depth, height, width));
   }
@@ -289,14 +288,14 @@ class SceneBuilder {
     const double reach = std::hypot(half_x, half_z);
     const bool at_wall = random.Chance(0.5);
     const int wall = random.Below(4);
-    const double free_yaw = random.Uniform(0, 2 * kPi);
+    const double free_yaw = random.Uniform(0, 2 * M_PI);
     const double s = random.Uniform(), t = random.Uniform();
     const Eigen::Vector2d n = room_.Direction(wall), along = room_.Direction(wall + 1);
     const double low = -inside((wall + 3) % 4, reach), high = inside((wall + 1) % 4, reach);
     const double side = low + (high - low) * s;
     if (at_wall) {
       const Eigen::Vector2d p = inside(wall, half_z + 0.03) * n + side * along;
-      return Upright(p.x(), floor_, p.y(), -(room_.yaw + 0.5 * kPi * wall) + 0.5 * kPi);
+      return Upright(p.x(), floor_, p.y(), -(room_.yaw + 0.5 * M_PI * wall) + 0.5 * M_PI);
     }
     const double back = -inside((wall + 2) % 4, reach), front = inside(wall, reach);
     const Eigen::Vector2d p = (back + (front - back) * t) * n + side * along;
@@ -536,8 +535,8 @@ class SceneBuilder {
       for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
         const double rho =
             random.Uniform(config_.tripod_distance_m[0], config_.tripod_distance_m[1]);
-        const double phi = random.Uniform(0, 2 * kPi);
-        const double roll = random.Chance(0.5) ? 0.5 * kPi : 0;
+        const double phi = random.Uniform(0, 2 * M_PI);
+        const double roll = random.Chance(0.5) ? 0.5 * M_PI : 0;
         const double look_x = random.Uniform(-0.2, 0.2), look_z = random.Uniform(-0.2, 0.2);
         const double height = random.Uniform(0.9, 1.5);
         place = LookAt({rho * std::cos(phi), floor_ + height, rho * std::sin(phi)},
@@ -569,9 +568,9 @@ class SceneBuilder {
         size *= random.Uniform(0.75, 1.25);
       }
       for (int attempt = 0; attempt < kAttempts; ++attempt) {
-        const double rho = random.Uniform(0.5, 1.7), phi = random.Uniform(0, 2 * kPi);
+        const double rho = random.Uniform(0.5, 1.7), phi = random.Uniform(0, 2 * M_PI);
         const Pose base =
-            Upright(rho * std::cos(phi), floor_, rho * std::sin(phi), random.Uniform(0, 2 * kPi));
+            Upright(rho * std::cos(phi), floor_, rho * std::sin(phi), random.Uniform(0, 2 * M_PI));
         const Footprint footprint = FootprintOf(base, 0.5 * sizes[0].x(), 0.5 * sizes[0].z());
         if (!Free(footprint, config_.clutter_clearance_m, !in_front)) continue;
         if (storeys == 2) {
@@ -588,7 +587,7 @@ class SceneBuilder {
           Pose turned = base;
           if (storey > 0) {
             turned.linear() *=
-                Eigen::AngleAxisd(random.Uniform(0, 2 * kPi), Eigen::Vector3d::UnitY())
+                Eigen::AngleAxisd(random.Uniform(0, 2 * M_PI), Eigen::Vector3d::UnitY())
                     .toRotationMatrix();
           }
           BoxAt(turned, {0, y + 0.5 * size.y(), 0}, size);
@@ -621,7 +620,7 @@ class SceneBuilder {
       const SceneObject material = Material(random);
       const Eigen::Vector2d p = (1 - t) * at + t * aim * across;
       const double half = kind == 1 ? 2.5 * half_width : half_width;
-      const Pose base = Upright(p.x(), floor_, p.y(), random.Uniform(0, 2 * kPi));
+      const Pose base = Upright(p.x(), floor_, p.y(), random.Uniform(0, 2 * M_PI));
       const Footprint footprint = FootprintOf(base, half, half);
       const bool near_sensor = t * at.norm() < 0.4;
       const bool clear = std::all_of(boxes_.begin(), boxes_.end(), [&](const Footprint& box) {
@@ -671,7 +670,7 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
     const Eigen::Vector3d centre = box.structure_from_box.translation();
     const double x = 1e-3 * config.position_mm * random.Normal();
     const double z = 1e-3 * config.position_mm * random.Normal();
-    const double yaw = config.yaw_deg * kPi / 180 * random.Normal();
+    const double yaw = config.yaw_deg * M_PI / 180 * random.Normal();
     const double y = (centre.y() - floor) * (out.size_scale - 1);
     Pose offset = Pose::Identity();
     offset.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -680,8 +679,8 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
   }
   out.structure = nominal.Displaced(out.box_offsets, out.size_scale);
   RandomStream tilt_random(seed, index, "floor");
-  const double about_x = config.floor_tilt_deg * kPi / 180 * tilt_random.Normal();
-  const double about_z = config.floor_tilt_deg * kPi / 180 * tilt_random.Normal();
+  const double about_x = config.floor_tilt_deg * M_PI / 180 * tilt_random.Normal();
+  const double about_z = config.floor_tilt_deg * M_PI / 180 * tilt_random.Normal();
   const Eigen::Vector3d pivot(0, floor, 0);
   out.structure_from_room.linear() = (Eigen::AngleAxisd(about_x, Eigen::Vector3d::UnitX()) *
                                       Eigen::AngleAxisd(about_z, Eigen::Vector3d::UnitZ()))
@@ -736,7 +735,7 @@ void AppendTripod(const Pose& structure_from_sensor, double floor_height, SceneM
   mesh->AppendCylinder(hub, Eigen::Vector3d(back.x(), at.y() - 0.03, back.z()), 0.018, 6);
   const double turn = std::atan2(at.z(), at.x());
   for (int leg = 0; leg < 3; ++leg) {
-    const double angle = turn + 2 * kPi * leg / 3;
+    const double angle = turn + 2 * M_PI * leg / 3;
     const Eigen::Vector3d foot(back.x() + 0.32 * height * std::cos(angle), floor_height,
                                back.z() + 0.32 * height * std::sin(angle));
     mesh->AppendCylinder(hub, foot, 0.014, 6);

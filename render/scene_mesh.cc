@@ -6,8 +6,6 @@
 namespace volalign {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 /// Two unit vectors that complete `axis` to a right-handed frame.
 void Complete(const Eigen::Vector3d& axis, Eigen::Vector3d* u, Eigen::Vector3d* v) {
   const Eigen::Vector3d helper =
@@ -24,12 +22,12 @@ void AppendRings(SceneMesh* mesh, const std::vector<Eigen::Vector3d>& centres,
   const Eigen::Vector3d axis = u.cross(v);
   for (std::size_t ring = 0; ring + 1 < centres.size(); ++ring) {
     for (int i = 0; i < segments; ++i) {
-      const double a = 2 * kPi * i / segments;
-      const double b = 2 * kPi * (i + 1) / segments;
+      const double a = 2 * M_PI * i / segments;
+      const double b = 2 * M_PI * (i + 1) / segments;
       const Eigen::Vector3d da = std::cos(a) * u + std::sin(a) * v;
       const Eigen::Vector3d db = std::cos(b) * u + std::sin(b) * v;
       const Eigen::Vector3d middle = (da + db).normalized();
-      const double flat = std::cos(kPi / segments);
+      const double flat = std::cos(M_PI / segments);
       const double rise = axis.dot(centres[ring + 1] - centres[ring]);
       const double growth = flat * (radii[ring + 1] - radii[ring]);
       const Eigen::Vector3d normal = (rise * middle - growth * axis).normalized();
@@ -84,7 +82,7 @@ void SceneMesh::AppendCylinder(const Eigen::Vector3d& from, const Eigen::Vector3
       std::array<Eigen::Vector3d, 4> corners;
       corners[0] = centre;
       for (int k = 0; k < 3; ++k) {
-        const double a = 2 * kPi * std::min(i + k, segments) / segments;
+        const double a = 2 * M_PI * std::min(i + k, segments) / segments;
         corners[static_cast<std::size_t>(k + 1)] =
             centre + radius * (std::cos(a) * u + std::sin(a) * v);
       }
@@ -103,12 +101,12 @@ void SceneMesh::AppendCapsule(const Eigen::Vector3d& from, const Eigen::Vector3d
   std::vector<double> radii;
   constexpr int kCapRings = 2;
   for (int i = 0; i <= kCapRings; ++i) {
-    const double a = 0.5 * kPi * (1.0 - static_cast<double>(i) / kCapRings);
+    const double a = 0.5 * M_PI * (1.0 - static_cast<double>(i) / kCapRings);
     centres.push_back(from - radius * std::sin(a) * axis);
     radii.push_back(radius * std::cos(a));
   }
   for (int i = 0; i <= kCapRings; ++i) {
-    const double a = 0.5 * kPi * i / kCapRings;
+    const double a = 0.5 * M_PI * i / kCapRings;
     if (i == 0 && (to - from).norm() < 1e-9) continue;
     centres.push_back(to + radius * std::sin(a) * axis);
     radii.push_back(radius * std::cos(a));

@@ -283,23 +283,23 @@ def test_files(root, path):
 
 
 def check_tests(root):
-    """A test includes what its DEPENDS reach, and names no room of which it includes nothing."""
+    """The tests of a program include what its DEPENDS reach, and DEPENDS names no room of which none includes anything."""
     violations = []
     rooms = rooms_of(root)
     folders = {"volalign::" + name.replace("/", "_"): name for name in rooms}
     for listing in files_of(root, ("CMakeLists.txt",), ("tests",)):
-        for words in cmake_calls(text_of(root, listing), "volalign_test"):
-            path = f"tests/{words[0]}_test.cc"
+        for words in cmake_calls(text_of(root, listing), "volalign_tests"):
             named = [folders.get(target, target) for target in section(words, "DEPENDS")]
-            files = test_files(root, path)
+            tests = [f"tests/{words[0]}/{test}_test.cc" for test in section(words, "TESTS")]
+            files = sorted({file for test in tests for file in test_files(root, test)})
             for file in files:
                 violations += includes_violations(root, rooms, file, reach(rooms, named) | {"CLI11::CLI11"}, None)
             included = {room_of(include, rooms) for file in files for include in own_includes(text_of(root, file))}
             for target in named:
                 if target in rooms and target not in included:
-                    violations.append(f"{path} names {target} in {listing}, of which it includes nothing")
+                    violations.append(f"{listing} names {target}, of which its tests include nothing")
                 elif target.startswith("volalign::"):
-                    violations.append(f"{path} names {target} in {listing}, which is no room")
+                    violations.append(f"{listing} names {target}, which is no room")
     return violations
 
 
@@ -339,8 +339,7 @@ def check_listed(root):
             words = set(re.split(r"[\s()]+", " ".join(lines)))
         names = {os.path.relpath(path, folder or ".")}
         if path.endswith("_test.cc"):
-            test = path[: -len("_test.cc")]
-            names |= {os.path.relpath(test, "tests"), os.path.relpath(test, folder or ".")}
+            names.add(os.path.relpath(path[: -len("_test.cc")], folder or "."))
         if not names & words:
             violations.append(f"{path} is not in {listing}")
     return violations
@@ -590,7 +589,7 @@ class Rules(unittest.TestCase):
         def files(depends, *includes):
             return {
                 **self.ROOMS,
-                "tests/infer/view/CMakeLists.txt": f"volalign_test(infer/view/a SLOW DEPENDS {depends} TIMEOUT 60)\n",
+                "tests/infer/view/CMakeLists.txt": f"volalign_tests(infer/view SLOW DEPENDS {depends} TIMEOUT 60 TESTS a)\n",
                 "tests/infer/view/a_test.cc": "".join(f"#include {include}\n" for include in includes),
                 "tests/infer/view/frames.h": '#include "infer/view/a.h"\n',
             }
@@ -606,8 +605,8 @@ class Rules(unittest.TestCase):
             (("volalign::core_base", '"core/base/a.h"', '"tests/infer/view/frames.h"'), "frames.h"),
             (("volalign::infer_refine", '"infer/refine/a.h"', "<ceres/ceres.h>"), "a_test.cc"),
             (("volalign::infer_segment", '"infer/segment/a.h"', '"core/nn/a.h"'), "a_test.cc"),
-            (("volalign::infer_refine", '"infer/view/a.h"'), "a_test.cc"),
-            (("volalign::infer_view volalign::core", '"infer/view/a.h"'), "a_test.cc"),
+            (("volalign::infer_refine", '"infer/view/a.h"'), "CMakeLists.txt"),
+            (("volalign::infer_view volalign::core", '"infer/view/a.h"'), "CMakeLists.txt"),
         ):
             self.expect(check_tests, files(*case), ["tests/infer/view/" + reported])
 
@@ -625,10 +624,11 @@ class Rules(unittest.TestCase):
             "core/a.cc": "",
             "infer/CMakeLists.txt": "volalign_library(infer SOURCES view/b.cc)\n",
             "infer/view/b.cc": "",
-            "tests/infer/CMakeLists.txt": "volalign_test(infer/view/b DEPENDS volalign::infer)\n",
+            "tests/infer/view/CMakeLists.txt": "volalign_tests(infer/view DEPENDS volalign::infer TESTS b)\n",
             "tests/infer/view/b_test.cc": "",
-            "tests/train/CMakeLists.txt": "foreach(name losses)\n  volalign_test(train/${name})\nendforeach()\n",
+            "tests/train/CMakeLists.txt": "set(NAMES losses log/c)\nvolalign_tests(train TESTS ${NAMES})\n",
             "tests/train/losses_test.cc": "",
+            "tests/train/log/c_test.cc": "",
         }
         self.expect(check_listed, files, [])
         for stray in ("core/c.cc", "infer/view/a.cc", "tests/infer/view/a_test.cc", "tests/train/a_test.cc"):

@@ -1,5 +1,6 @@
-#include <gtest/gtest.h>
 #include <torch/utils.h>
+
+#include "tests/run_tests.h"
 
 namespace {
 
@@ -11,8 +12,7 @@ class Reseed : public testing::EmptyTestEventListener {
 }  // namespace
 
 int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
   testing::UnitTest::GetInstance()->listeners().Append(new Reseed);
   torch::set_num_threads(2);
-  return RUN_ALL_TESTS();
+  return volalign::RunTests(argc, argv);
 }

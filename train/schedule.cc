@@ -8,11 +8,9 @@
 namespace volalign {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 /// From lr to min_lr as t goes from 0 to 1.
 double Cosine(const OptimConfig& config, double t) {
-  return config.min_lr + (config.lr - config.min_lr) * 0.5 * (1 + std::cos(kPi * t));
+  return config.min_lr + (config.lr - config.min_lr) * 0.5 * (1 + std::cos(M_PI * t));
 }
 
 }  // namespace

@@ -6,23 +6,18 @@
 
 namespace volalign {
 
-namespace {
-
-struct Points {
-  std::vector<Eigen::Vector3d> points;
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  double kdtree_get_pt(std::size_t i, std::size_t d) const {
-    return points[i][static_cast<Eigen::Index>(d)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-
-}  // namespace
-
 struct KdTree::Index {
+  struct Points {
+    std::vector<Eigen::Vector3d> points;
+    std::size_t kdtree_get_point_count() const { return points.size(); }
+    double kdtree_get_pt(std::size_t i, std::size_t d) const {
+      return points[i][static_cast<Eigen::Index>(d)];
+    }
+    template <class Box>
+    bool kdtree_get_bbox(Box&) const {
+      return false;
+    }
+  };
   using Tree =
       nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Points>, Points, 3>;
   explicit Index(std::vector<Eigen::Vector3d> from)

@@ -16,7 +16,6 @@
 namespace volalign {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint64_t kTurnStride = 1000000;  // between the seeds of one turn and the next
 
 /// Appends a group's sensors. Throws ConfigError.
@@ -103,7 +102,7 @@ std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
 }
 
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height) {
-  const double phi = sensor.phi_deg * kPi / 180;
+  const double phi = sensor.phi_deg * M_PI / 180;
   const Eigen::Vector3d position(0.01 * sensor.rho_cm * std::cos(phi),
                                  floor_height + 0.01 * sensor.height_cm,
                                  0.01 * sensor.rho_cm * std::sin(phi));
@@ -111,23 +110,24 @@ Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double flo
                                0.01 * sensor.look_at_cm[2]);
   const Eigen::Vector3d level_target(target.x(), position.y(), target.z());
   const Pose structure_from_rig(
-      Eigen::AngleAxisd(-structure_yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
+      Eigen::AngleAxisd(-structure_yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()));
   return structure_from_rig *
-         LookAt(position, sensor.level ? level_target : target, sensor.roll_deg * kPi / 180);
+         LookAt(position, sensor.level ? level_target : target, sensor.roll_deg * M_PI / 180);
 }
 
 Pose FirstFromMoved(const RigMovement& movement) {
   const auto& [x, y, z] = movement.translation_mm;
   const auto& [about_x, about_y, about_z] = movement.rotation_deg;
   Pose first_from_moved(Pose::Identity());
-  first_from_moved.linear() = RotationExp(Eigen::Vector3d(about_x, about_y, about_z) * (kPi / 180));
+  first_from_moved.linear() =
+      RotationExp(Eigen::Vector3d(about_x, about_y, about_z) * (M_PI / 180));
   first_from_moved.translation() = 0.001 * Eigen::Vector3d(x, y, z);
   return first_from_moved;
 }
 
 Pose FirstFromPlacement(const RigPlacement& placement) {
   Pose first_from_placement(
-      Eigen::AngleAxisd(placement.yaw_deg * kPi / 180, Eigen::Vector3d::UnitY()));
+      Eigen::AngleAxisd(placement.yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()));
   first_from_placement.translation() =
       Eigen::Vector3d(0.01 * placement.x_cm, 0, 0.01 * placement.z_cm);
   return first_from_placement;
@@ -135,7 +135,7 @@ Pose FirstFromPlacement(const RigPlacement& placement) {
 
 void TurnStructure(double deg, Rig* rig) {
   rig->structure_yaw_deg = std::fmod(rig->structure_yaw_deg + deg, 360.0);
-  const double cosine = std::cos(deg * kPi / 180), sine = std::sin(deg * kPi / 180);
+  const double cosine = std::cos(deg * M_PI / 180), sine = std::sin(deg * M_PI / 180);
   for (RigPlacement& placement : rig->placements) {
     const double x = placement.x_cm, z = placement.z_cm;
     placement.x_cm = cosine * x - sine * z;

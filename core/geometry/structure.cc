@@ -20,7 +20,6 @@ namespace volalign {
 
 namespace {
 
-constexpr double kTouching = 1e-3;     // m: boxes whose gap is below this cover each other
 constexpr double kTiltedStrip = 2e-3;  // m: strip width where a covering box stands askew
 constexpr int kMaxBoxes = 51;          // 5 labels a box, uint8
 

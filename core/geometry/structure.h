@@ -17,6 +17,9 @@ inline constexpr std::array<Face, 6> kFaces = {Face::kFront, Face::kBack,  Face:
 const char* FaceName(Face face);
 Eigen::Vector3d FaceNormal(Face face);
 
+/// Boxes whose gap is smaller, m, cover each other.
+inline constexpr double kTouching = 1e-3;
+
 /// A solid box: `size` along its own axes, centred at the origin of its frame, which stands at
 /// structure_from_box in the structure frame. Metres.
 struct Box {

@@ -15,7 +15,6 @@ struct LocalBox {
 };
 
 constexpr int kNoAxis = -1;
-constexpr double kTouching = 1e-3;  // m: a box nearer than this to a side covers it (structure.cc)
 
 /// Entry of the ray origin + t * direction into the box, from outside. Returns false for no hit.
 bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* axis,

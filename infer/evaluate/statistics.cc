@@ -131,9 +131,12 @@ bool IsLost(const EvaluatedSensor& sensor) {
   return !sensor.placed() && sensor.sides_fix_pose.value_or(false);
 }
 
+bool IsWrong(const PoseError& error) {
+  return error.translation_m > kWrongM || error.rotation_deg > kWrongDeg;
+}
+
 bool IsWrong(const EvaluatedSensor& sensor) {
-  return sensor.nominal && (sensor.nominal->refined.translation_m > kWrongM ||
-                            sensor.nominal->refined.rotation_deg > kWrongDeg);
+  return sensor.nominal && IsWrong(sensor.nominal->refined);
 }
 
 std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& cases) {

@@ -9,8 +9,10 @@ namespace volalign {
 
 /// Failed although the sides that it truly sees fix a pose.
 bool IsLost(const EvaluatedSensor& sensor);
-/// Placed more than 10 cm or 5 deg off.
-bool IsWrong(const EvaluatedSensor& sensor);
+/// More than 10 cm or 5 deg off.
+bool IsWrong(const PoseError& error);
+bool IsWrong(
+    const EvaluatedSensor& sensor);  ///< its refined pose, with the boxes where they should be
 
 struct ErrorStatistics {
   double median = 0, p95 = 0, max = 0;

@@ -13,7 +13,7 @@ namespace volalign {
 
 namespace {
 
-constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels of 8 bytes
+constexpr std::uint64_t kMaxDepthFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels of 8 bytes
 
 bool BeginsWith(const std::string& bytes, const std::string& magic) {
   return bytes.compare(0, magic.size(), magic) == 0;
@@ -54,7 +54,7 @@ void Clean(const std::string& name, StoredDepth* depth) {
 StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
   using namespace formats_internal;
   const std::string name = path.string();
-  const std::string bytes = ReadFile(path, kMaxFileBytes);
+  const std::string bytes = ReadFile(path, kMaxDepthFileBytes);
   StoredDepth depth;
   if (BeginsWith(bytes, "\x93NUMPY")) {
     depth = DecodeNpy(bytes, name);

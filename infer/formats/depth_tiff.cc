@@ -19,13 +19,13 @@ namespace volalign::formats_internal {
 
 namespace {
 
-struct Memory {
+struct TiffBytes {
   const std::string* bytes;
   std::size_t at = 0;
 };
 
 tsize_t Read(thandle_t handle, tdata_t out, tsize_t size) {
-  auto* memory = static_cast<Memory*>(handle);
+  auto* memory = static_cast<TiffBytes*>(handle);
   if (size < 0 || memory->at > memory->bytes->size()) return 0;
   const std::size_t count =
       std::min(static_cast<std::size_t>(size), memory->bytes->size() - memory->at);
@@ -37,7 +37,7 @@ tsize_t Read(thandle_t handle, tdata_t out, tsize_t size) {
 tsize_t Write(thandle_t, tdata_t, tsize_t) { return 0; }
 
 toff_t Seek(thandle_t handle, toff_t offset, int whence) {
-  auto* memory = static_cast<Memory*>(handle);
+  auto* memory = static_cast<TiffBytes*>(handle);
   if (whence == SEEK_CUR) offset += memory->at;
   if (whence == SEEK_END) offset += memory->bytes->size();
   memory->at = static_cast<std::size_t>(offset);
@@ -45,7 +45,7 @@ toff_t Seek(thandle_t handle, toff_t offset, int whence) {
 }
 
 int Close(thandle_t) { return 0; }
-toff_t Size(thandle_t handle) { return static_cast<Memory*>(handle)->bytes->size(); }
+toff_t Size(thandle_t handle) { return static_cast<TiffBytes*>(handle)->bytes->size(); }
 
 /// Handlers of one open file. They return 1: the process's own handlers are not called as well.
 int OnError(TIFF*, void* last_error, const char* module, const char* format, va_list arguments) {
@@ -147,7 +147,7 @@ StoredDepth DecodeTiff(const std::string& bytes, const std::string& name) {
                                                                              TIFFOpenOptionsFree);
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), OnError, &last_error);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), OnWarning, nullptr);
-  Memory memory{&bytes, 0};
+  TiffBytes memory{&bytes, 0};
   // "m": no memory mapping, which would be another way to the bytes.
   const std::unique_ptr<TIFF, void (*)(TIFF*)> tiff(
       TIFFClientOpenExt(name.c_str(), "rm", &memory, Read, Write, Seek, Close, Size, nullptr,

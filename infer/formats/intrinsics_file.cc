@@ -21,7 +21,7 @@ using formats_internal::NamedLens;
 
 namespace {
 
-constexpr std::uint64_t kMaxFileBytes = 1 << 24;
+constexpr std::uint64_t kMaxIntrinsicsBytes = 1 << 24;
 constexpr char kForms[] =
     "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
     "or ROS's camera_matrix, RealSense's ppx and coeffs, or the Azure Kinect's "
@@ -212,7 +212,7 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
 }
 
 Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
-  return ParseIntrinsicsText(ReadFile(path, kMaxFileBytes), path.string(), frame);
+  return ParseIntrinsicsText(ReadFile(path, kMaxIntrinsicsBytes), path.string(), frame);
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {

@@ -15,7 +15,7 @@ namespace {
 using formats_internal::FindKinectCamera;
 using formats_internal::KinectCamera;
 
-constexpr std::uint64_t kMaxFileBytes = 1 << 24;
+constexpr std::uint64_t kMaxCalibrationBytes = 1 << 24;
 
 /// "Rt" of a camera: the rotation row by row, and metres. Rt of every camera maps points of one
 /// frame, which the cameras of a device share, into its own (extrinsic_transformation.c of the
@@ -58,7 +58,7 @@ YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const s
 
 Pose ReadColourFromDepth(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const std::string text = ReadFile(path, kMaxFileBytes);
+  const std::string text = ReadFile(path, kMaxCalibrationBytes);
   try {
     const YAML::Node root = YAML::Load(text);
     if (!root.IsMap() || !root["CalibrationInformation"]) {

@@ -32,7 +32,8 @@ constexpr double kMostShared = 3;
 constexpr double kNothingTells = 0.25;
 constexpr int kMostSweeps = 10;
 /// The side of the picture that is up where it stands upright, and where it lies on its side.
-constexpr std::array<std::array<std::size_t, 2>, 4> kUpright = {{{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
+constexpr std::array<std::array<std::size_t, 2>, 4> kUprightSides = {
+    {{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
 
 /// The index of the pose that each sensor has, of its options; -1: it has none, or any.
 using Choice = std::vector<int>;
@@ -105,7 +106,7 @@ class Rig {
   Choice Best(const Choice& fixed, Count count) {
     Choice best;
     double best_score = 0;
-    for (const auto& upright : kUpright) {
+    for (const auto& upright : kUprightSides) {
       Choice start = AllUpright(upright, count);
       for (std::size_t i = 0; i < size(); ++i) {
         if (fixed[i] >= 0) start[i] = fixed[i];

@@ -26,10 +26,10 @@ constexpr int kMostHalvings = 8;
 /// Information of a prior for directions that nothing fixes: of 1 m and 1 rad.
 constexpr double kPriorInformation = 1;
 /// The steps end when one is shorter than this, m and rad.
-constexpr double kConverged = 1e-4;
+constexpr double kLeastSideStep = 1e-4;
 
 /// Normal equations of a step [translation; rotation vector] about a pivot, structure frame.
-struct NormalEquations {
+struct PlaneEquations {
   Matrix6d hessian = Matrix6d::Zero();
   Vector6d gradient = Vector6d::Zero();
 };
@@ -43,7 +43,7 @@ Vector6d Derivative(const Eigen::Vector3d& p, const Eigen::Vector3d& pivot,
 }
 
 void AddResidual(const Vector6d& derivative, double residual, double weight,
-                 NormalEquations* equations) {
+                 PlaneEquations* equations) {
   equations->hessian += weight * derivative * derivative.transpose();
   equations->gradient += weight * residual * derivative;
 }
@@ -52,7 +52,7 @@ void AddResidual(const Vector6d& derivative, double residual, double weight,
 /// known. False if no point counts.
 bool AddPatchPoints(const SensorView& view, const SidePatch& patch, const Side& side,
                     const Pose& pose, const Eigen::Vector3d& pivot, double scale,
-                    NormalEquations* equations) {
+                    PlaneEquations* equations) {
   const auto pixels = static_cast<double>(patch.pixels.size());
   const std::size_t stride = patch.pixels.size() / kMostPoints + 1;
   const double observations = std::max(1.0, pixels / kPixelsPerObservation);
@@ -88,7 +88,7 @@ bool AddPatchPoints(const SensorView& view, const SidePatch& patch, const Side& 
 
 /// The distance, along the side, of a patch's centroid from that of what the side shows.
 void AddPatchCentroid(const SidePatch& patch, const PatchKeypoint& keypoint, const Side& side,
-                      const Pose& pose, const Eigen::Vector3d& pivot, NormalEquations* equations) {
+                      const Pose& pose, const Eigen::Vector3d& pivot, PlaneEquations* equations) {
   const Eigen::Vector3d p = pose * patch.centroid;
   const Eigen::Vector3d gap = keypoint.point - p;
   const double u = gap.dot(side.axis_u), v = gap.dot(side.axis_v);
@@ -110,7 +110,7 @@ Pose FitToSides(const SensorView& view, const std::vector<SidePatch>& patches,
     if (agreeing.count() < 2) break;
     const double scale = std::max(kLeastScale, kFirstScale / (1 << std::min(step, kMostHalvings)));
     const Eigen::Vector3d pivot = pose * patches.front().centroid;
-    NormalEquations equations;
+    PlaneEquations equations;
     for (std::size_t i = 0; i < patches.size(); ++i) {
       if (!agreeing[i]) continue;
       const Side& side = structure.SideOfLabel(patches[i].label);
@@ -123,7 +123,7 @@ Pose FitToSides(const SensorView& view, const std::vector<SidePatch>& patches,
     const Eigen::Matrix3d turn = RotationExp(delta.tail<3>());
     pose.translation() = pivot + turn * (pose.translation() - pivot) + delta.head<3>();
     pose.linear() = turn * pose.linear();
-    if (delta.head<3>().norm() < kConverged && delta.tail<3>().norm() < kConverged) break;
+    if (delta.head<3>().norm() < kLeastSideStep && delta.tail<3>().norm() < kLeastSideStep) break;
   }
   return pose;
 }

@@ -29,7 +29,7 @@ constexpr double kToleranceGrowth = 0.1;
 constexpr int kRivalDivisor = 3;
 /// A sensor's depth error is smooth, so about a hundred neighbouring pixels tell as much as one,
 /// and no plane is known better than this, m.
-constexpr double kPixelsPerObservation = 100, kSmoothError = 0.003;
+constexpr double kPixelsPerPlane = 100, kSmoothError = 0.003;
 /// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
 constexpr double kMinVariance = 1e-8;
 
@@ -191,7 +191,7 @@ SidePatch Describe(const SensorView& view, const SegmentationResult& segmentatio
   patch.mean_confidence /= count;
   patch.normal_sigma = std::max(std::sqrt(plane.variances[0]), kSmoothError) /
                        std::sqrt(std::max(plane.variances[1], kMinVariance)) /
-                       std::sqrt(std::max(1.0, count / kPixelsPerObservation));
+                       std::sqrt(std::max(1.0, count / kPixelsPerPlane));
   return patch;
 }
 

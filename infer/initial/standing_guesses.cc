@@ -25,12 +25,12 @@ constexpr double kUpright = 0.57;
 constexpr std::size_t kMostUps = 12;
 /// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
 /// the area that the highest count has.
-constexpr double kLevelCell = 0.2, kLeastLevel = 0.15;
+constexpr double kHeightCell = 0.2, kLeastLevel = 0.15;
 constexpr std::size_t kMostLevels = 4;
 /// Feet nearer than this part of a slab are one.
 constexpr double kSameFoot = 0.3;
 /// Of a surface that is level, its normal's upward part.
-constexpr double kLevel = 0.9;
+constexpr double kFacesUp = 0.9;
 
 /// Different directions in which planes face, up to their sign.
 std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
@@ -104,7 +104,7 @@ std::vector<double> Turns(const Eigen::Vector3d& up, const std::vector<RoomPlane
 std::vector<double> TopsOf(const Structure& structure) {
   std::vector<double> tops;
   for (const Side& side : structure.sides()) {
-    if (side.normal.y() < kLevel || !(side.exposed_area > 0)) continue;
+    if (side.normal.y() < kFacesUp || !(side.exposed_area > 0)) continue;
     const double top = side.centre.y() - structure.FloorHeight();
     AddIfNew(top, &tops, [&](double other) { return std::abs(other - top) < 0.01; });
   }
@@ -128,7 +128,7 @@ std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen
   const auto [lowest, highest] = HeightsOf(points, up);
   std::vector<double> areas(static_cast<std::size_t>((highest - lowest) / cell) + 3, 0);
   for (const OrientedPoint& point : points) {
-    if (up.dot(point.normal) > kLevel)
+    if (up.dot(point.normal) > kFacesUp)
       areas[static_cast<std::size_t>((up.dot(point.p) - lowest) / cell) + 1] += point.area;
   }
   std::vector<std::pair<double, double>> levels;  // area, height
@@ -152,7 +152,7 @@ std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::
                          const Structure& structure, const StackOutline& outline) {
   std::vector<double> feet;
   if (points.empty()) return feet;
-  for (const double level : Levels(points, up, kLevelCell * outline.slab)) {
+  for (const double level : Levels(points, up, kHeightCell * outline.slab)) {
     for (const double top : TopsOf(structure)) {
       AddIfNew(level - top, &feet, [&](double foot) {
         return std::abs(foot - (level - top)) < kSameFoot * outline.slab;

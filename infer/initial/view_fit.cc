@@ -12,23 +12,23 @@ namespace volalign {
 namespace {
 
 /// Distance within which a point lies on a surface, in m, and per squared metre of depth.
-constexpr double kTolerance = 0.03, kSquaredTolerance = 0.003;
+constexpr double kOnSurface = 0.03, kOnSurfaceSquared = 0.003;
 /// m: nearer to a side's border, neither a normal nor a depth behind it says anything: the pose is
 /// not refined yet.
 constexpr double kBorder = 0.03;
 /// Cosines of angles between normals: those of one surface (45 deg), and, of a surface that goes
 /// on, (25 deg).
-constexpr double kFacesAlike = 0.7, kGoesOnAlike = 0.9;
+constexpr double kSurfaceAlike = 0.7, kGoesOnAlike = 0.9;
 /// m: how far beyond a side's border is looked for surface that goes on, and from where on.
 constexpr double kBeyondFrom = 0.02, kBeyondTo = 0.07;
 /// m: nearer to the foot the floor begins.
-constexpr double kFloorDistance = 0.05;
+constexpr double kFloorBegins = 0.05;
 /// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
 /// area, or so much of a border, as a part of its length, and less than half as much goes on there.
 constexpr double kLeastOfSide = 0.15, kLeastOfBorder = 0.25;
 /// Planes are one whose normals are no farther apart than this (8 deg), and whose places than this,
 /// m.
-constexpr double kSameDirection = 0.99, kSamePlane = 0.025;
+constexpr double kSamePlaneNormal = 0.99, kSamePlane = 0.025;
 
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
@@ -40,7 +40,7 @@ struct Ray {
   bool room = false;       // measured on a plane of the room
 };
 
-double Tolerance(double z) { return kTolerance + kSquaredTolerance * z * z; }
+double Tolerance(double z) { return kOnSurface + kOnSurfaceSquared * z * z; }
 
 /// A side's borders: at +u, -u, +v, -v.
 constexpr int kBorders = 4;
@@ -96,7 +96,7 @@ double BorderLength(const Side& side, int border) {
 
 void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
   const auto known = std::find_if(planes->begin(), planes->end(), [&](const auto& other) {
-    return other.normal.dot(plane.normal) > kSameDirection &&
+    return other.normal.dot(plane.normal) > kSamePlaneNormal &&
            std::abs(other.offset - plane.offset) < kSamePlane;
   });
   if (known == planes->end()) {
@@ -157,7 +157,7 @@ class Measurement {
     shape.open += area;
     if (on_surface) {
       const bool known = near && inner && ray.normal.squaredNorm() > 0;
-      if (known && ray.normal.dot(side.normal) < kFacesAlike) {
+      if (known && ray.normal.dot(side.normal) < kSurfaceAlike) {
         fit_.turned += area;
       } else if (ray.room) {
         fit_.larger += area;
@@ -180,8 +180,7 @@ class Measurement {
       const Eigen::Vector3d p = ray.origin + t * ray.direction;
       int border = 0;
       const double distance = Beyond(side, p, &border);
-      if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kFloorDistance)
-        continue;
+      if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kFloorBegins) continue;
       BorderShape& beyond = shapes_[index].borders[static_cast<std::size_t>(border)];
       const double area = Area(ray, side, t);
       beyond.shown += area;

@@ -35,8 +35,8 @@ constexpr double kNoPlane = 2;
 
 // The search for the lens.
 constexpr int kMostSteps = 20;
-constexpr double kLeastStep = 0.01;  // of a whole one
-constexpr double kLeastGain = 1e-3;  // of half the sum of squares, for another step
+constexpr double kLeastSearchStep = 0.01;  // of a whole one
+constexpr double kLeastGain = 1e-3;        // of half the sum of squares, for another step
 
 /// A plane's residuals, m, and their derivatives.
 struct PlaneResiduals {
@@ -248,7 +248,7 @@ LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,
   for (int step = 0; step < kMostSteps; ++step) {
     const LensChange full = EstimateLens(evidence, prior_sigmas).change - change;
     bool better = false;
-    for (double share = 1; share > kLeastStep; share /= 2) {
+    for (double share = 1; share > kLeastSearchStep; share /= 2) {
       LensEvidence there;
       const double cost_there = evaluate(change + share * full, &there);
       if (!(cost_there < cost)) continue;

@@ -13,13 +13,13 @@ namespace {
 
 // Gates: the first iteration's, what each keeps of the last one's, and the least.
 constexpr double kShrink = 0.6;
-constexpr double kSideGate = 0.15, kLeastSideGate = 0.06;        // m
-constexpr double kOverlapGate = 0.12, kLeastOverlapGate = 0.02;  // m
-constexpr double kAngleGate = 45, kLeastAngleGate = 20;          // deg
+constexpr double kFirstSideGate = 0.15, kLeastSideGate = 0.06;        // m
+constexpr double kFirstOverlapGate = 0.12, kLeastOverlapGate = 0.02;  // m
+constexpr double kFirstAngleGate = 45, kLeastAngleGate = 20;          // deg
 // Standard deviations, m, that residuals are divided by.
 constexpr double kFirstScale = 0.03, kScaleShrink = 0.5;  // the least one, by iteration
 constexpr double kStartSigma = 0.005;                     // a sensor's own, before it is measured
-constexpr double kLeastSigma = 5e-4;  // below it the depth's own resolution counts
+constexpr double kLeastScaleSigma = 5e-4;  // below it the depth's own resolution counts
 /// How far a real box's edges stray from where the structure has them, beyond what its faces do. On
 /// three real captures it was 10-30 mm for faces that fit to 4 mm: boxes are placed by hand,
 /// cardboard bulges, and sensors fatten edges.
@@ -124,16 +124,16 @@ double MeasureSigma(const JointProblem& problem, const State& state, std::size_t
     const Eigen::Vector3d p = sensor.InStructure(point.p);
     distances.push_back((state.Built(i).SideOfLabel(point.label).ClosestPoint(p) - p).norm());
   }
-  return std::max(kLeastSigma, kMadToSigma * Median(std::move(distances)));
+  return std::max(kLeastScaleSigma, kMadToSigma * Median(std::move(distances)));
 }
 
 }  // namespace
 
 Gates CoarseGates(int iteration) {
   const double shrink = std::pow(kShrink, iteration);
-  return {std::max(kSideGate * shrink, kLeastSideGate),
-          std::max(kOverlapGate * shrink, kLeastOverlapGate),
-          std::cos(std::max(kAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
+  return {std::max(kFirstSideGate * shrink, kLeastSideGate),
+          std::max(kFirstOverlapGate * shrink, kLeastOverlapGate),
+          std::cos(std::max(kFirstAngleGate * shrink, kLeastAngleGate) * M_PI / 180)};
 }
 
 State SolveCoarse(const JointProblem& problem, const std::vector<char>& held, State state) {

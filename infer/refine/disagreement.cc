@@ -18,7 +18,6 @@ namespace {
 constexpr double kMostOften = 2;
 /// m: where measurements lie so much farther off than by themselves, chance is enough.
 constexpr double kMostRise = 0.0015;
-constexpr double kPoseSigma = 1;  // m and rad, prior of the pose
 constexpr double kShownBy = 0.5;  // share of the largest contradiction
 
 /// What a frame's own measurements say, linearised about a solution: 0.5 |r + j s|^2 in standard

@@ -23,7 +23,7 @@ constexpr double kOverlapGate = 0.06;  // m
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-constexpr double kLeastWarp = 1e-3;  // m at 2 m
+constexpr double kLeastPairWarp = 1e-3;  // m at 2 m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -44,7 +44,7 @@ struct PairMatches {
 
 /// Standard deviation, m, of a cloud point's depth.
 double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
-  return std::hypot(std::max(noise.warp, kLeastWarp) * p.z() * p.z() / 4,
+  return std::hypot(std::max(noise.warp, kLeastPairWarp) * p.z() * p.z() / 4,
                     kIntrinsicsError * p.head<2>().norm());
 }
 

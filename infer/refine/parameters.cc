@@ -7,13 +7,6 @@
 
 namespace volalign::refine_internal {
 
-namespace {
-
-/// Of the pose priors, which bound directions that nothing constrains: m and rad.
-constexpr double kPoseSigma = 1;
-
-}  // namespace
-
 Eigen::MatrixXd FrameColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
                                              const double* pose) {
   Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;

@@ -23,6 +23,9 @@ namespace volalign::refine_internal {
 inline constexpr int kNuisances = 3;
 inline constexpr int kMultipath = 0, kEdgeShift = 1;
 
+/// Of the pose priors, which bound directions that nothing constrains: m and rad.
+inline constexpr double kPoseSigma = 1;
+
 /// What a frame is of: indices of its sensor, its still and its lens. The frames of one sensor are
 /// of different stills.
 struct FrameOf {

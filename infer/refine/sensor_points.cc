@@ -15,7 +15,6 @@ namespace volalign {
 
 namespace {
 
-constexpr int kNormalRadius = 3;    // px, of the neighbourhood that a normal is taken from
 constexpr double kMostBent = 0.08;  // smallest by middle variance of a flat neighbourhood
 
 template <class Key>

@@ -49,6 +49,9 @@ struct CloudPoint {
   BlockUse use = BlockUse::kFit;
 };
 
+/// px, of the neighbourhood that the normal of a pixel is taken from.
+inline constexpr int kNormalRadius = 3;
+
 /// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
 int BlockIndex(int u, int v, int width);
 

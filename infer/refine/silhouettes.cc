@@ -11,7 +11,6 @@ namespace volalign {
 
 namespace {
 
-constexpr int kNormalRadius = 3;         // px, of the neighbourhood that a normal is taken from
 constexpr int kMaxGrowth = 6;            // px that a label may fall short of its surface's end
 constexpr int kMaxGap = 3;               // px that a sensor may leave empty at an edge
 constexpr double kOnPlane = 0.02;        // m, of a pixel that continues a side

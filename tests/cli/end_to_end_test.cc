@@ -31,7 +31,7 @@
 #include "render/rig.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::end_to_end_test {
 namespace {
 
 constexpr char kModel[] = "models/m05-lite.pt";
@@ -379,4 +379,4 @@ TEST_F(RealCaptures, RealSense) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::end_to_end_test

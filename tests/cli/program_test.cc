@@ -26,7 +26,7 @@
 #include "tests/cli/run_program.h"
 #include "tests/core/formats/read_png.h"
 
-namespace volalign {
+namespace volalign::program_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -485,4 +485,4 @@ TEST_F(Program, ExportsTorchScript) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::program_test

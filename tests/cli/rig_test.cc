@@ -10,7 +10,7 @@
 #include "tests/cli/run_program.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::rig_test {
 namespace {
 
 constexpr char kSensors[] = R"(
@@ -79,4 +79,4 @@ TEST_F(RigCommands, PlanPredictsWithoutARenderer) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rig_test

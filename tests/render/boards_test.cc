@@ -7,7 +7,7 @@
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
 
-namespace volalign {
+namespace volalign::boards_test {
 namespace {
 
 Intrinsics Pinhole() {
@@ -89,4 +89,4 @@ TEST_F(Boards, ASensorThatSeesNoStructureHasNone) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::boards_test

@@ -22,7 +22,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::dataset_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -281,4 +281,4 @@ TEST(Dataset, SaysWhatIsWrongWithAFolder) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::dataset_test

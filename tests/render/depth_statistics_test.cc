@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::depth_statistics_test {
 namespace {
 
 Intrinsics Camera(int width, int height) {
@@ -145,4 +145,4 @@ TEST(DepthStatistics, TwoWallsAreTwoPlanesWithTheirWaves) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::depth_statistics_test

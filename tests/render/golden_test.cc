@@ -27,7 +27,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 
-namespace volalign {
+namespace volalign::golden_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -168,4 +168,4 @@ TEST_F(GoldenTest, LabelsAreEqual) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::golden_test

@@ -8,7 +8,7 @@
 
 #include "core/geometry/lens.h"
 
-namespace volalign {
+namespace volalign::infrared_test {
 namespace {
 
 /// Shows the front of a box, the mesh's first face, and nothing else.
@@ -134,4 +134,4 @@ TEST_F(Infrared, BlurSpreadsEdgesAndNoiseIsThatOfTheFrame) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::infrared_test

@@ -7,7 +7,7 @@
 
 #include "render/depth_renderer.h"
 
-namespace volalign {
+namespace volalign::lens_picture_test {
 namespace {
 
 Intrinsics Barrel() {
@@ -128,4 +128,4 @@ TEST_F(TwoWalls, WhereThereIsNoRayNothingIsSeen) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::lens_picture_test

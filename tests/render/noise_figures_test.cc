@@ -12,7 +12,7 @@
 #include "render/noise.h"
 #include "render/sample.h"
 
-namespace volalign {
+namespace volalign::noise_figures_test {
 namespace {
 
 const char* const kAzure = "azure_kinect_nfov_binned";
@@ -165,4 +165,4 @@ TEST_F(NoiseFiguresTest, ShareOfHolesInRooms) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::noise_figures_test

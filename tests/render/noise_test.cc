@@ -13,7 +13,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 
-namespace volalign {
+namespace volalign::noise_test {
 namespace {
 
 const char* const kAzure = "azure_kinect_nfov_binned";
@@ -469,4 +469,4 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::noise_test

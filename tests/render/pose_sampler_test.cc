@@ -7,7 +7,7 @@
 
 #include "core/base/error.h"
 
-namespace volalign {
+namespace volalign::pose_sampler_test {
 namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
@@ -102,4 +102,4 @@ TEST(PoseSamplerTest, NeedsAMountingRoll) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_sampler_test

@@ -13,7 +13,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/render/test_scene.h"
 
-namespace volalign {
+namespace volalign::preview_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -80,4 +80,4 @@ TEST_F(Preview, SaysWhichFramesItCannotUse) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::preview_test

@@ -25,7 +25,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/render/test_scene.h"
 
-namespace volalign {
+namespace volalign::rig_test {
 namespace {
 
 /// Of a rig without placements.
@@ -707,4 +707,4 @@ TEST_F(RigTest, UprightTurnsFollowTheMounting) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rig_test

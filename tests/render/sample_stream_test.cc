@@ -12,7 +12,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 
-namespace volalign {
+namespace volalign::sample_stream_test {
 namespace {
 
 std::shared_ptr<SampleContext> SmallContext(int batch_size) {
@@ -107,4 +107,4 @@ TEST(SampleStreamTest, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sample_stream_test

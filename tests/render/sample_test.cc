@@ -19,7 +19,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/render/test_scene.h"
 
-namespace volalign {
+namespace volalign::sample_test {
 namespace {
 
 void ExpectEqual(const Sample& a, const Sample& b) {
@@ -252,4 +252,4 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sample_test

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <set>
 
-namespace volalign {
+namespace volalign::scene_mesh_test {
 namespace {
 
 /// A triangle repeats its last one.
@@ -123,4 +123,4 @@ TEST(SceneMesh, AStructureHasItsSidesAndAnObjectForEachBox) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::scene_mesh_test

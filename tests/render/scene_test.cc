@@ -11,7 +11,7 @@
 #include "core/formats/structure_gltf.h"
 #include "render/pose_sampler.h"
 
-namespace volalign {
+namespace volalign::scene_test {
 namespace {
 
 /// Whether a point of the face's plane lies in the polygon: all its edges turn the same way around
@@ -245,4 +245,4 @@ TEST_F(SceneTest, RoomEnclosesEverything) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::scene_test

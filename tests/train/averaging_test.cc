@@ -5,7 +5,7 @@
 
 #include "tests/train/tiny_net.h"
 
-namespace volalign {
+namespace volalign::averaging_test {
 namespace {
 
 TEST(WeightAverage, IsARunningMeanWhoseDecayRises) {
@@ -44,4 +44,4 @@ TEST(WeightAverage, WithoutDecayIsTheWeightsOnceTheyAreAskedFor) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::averaging_test

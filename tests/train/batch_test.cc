@@ -6,7 +6,7 @@
 
 #include "core/base/error.h"
 
-namespace volalign {
+namespace volalign::batch_test {
 namespace {
 
 Sample Blank(const Intrinsics& k) {
@@ -63,4 +63,4 @@ TEST(Collate, ImagesOfOtherSizesAreAnError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::batch_test

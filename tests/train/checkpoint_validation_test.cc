@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-namespace volalign {
+namespace volalign::checkpoint_validation_test {
 namespace {
 
 ValidatedModel Scored() {
@@ -39,4 +39,4 @@ TEST(ValidationTable, HasTheSameRows) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::checkpoint_validation_test

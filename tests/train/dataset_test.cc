@@ -19,7 +19,7 @@
 #include "train/dataset_source.h"
 #include "train/trainer.h"
 
-namespace volalign {
+namespace volalign::dataset_test {
 namespace {
 
 using nlohmann::json;
@@ -249,4 +249,4 @@ TEST(TrainOnADataset, SaysWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::dataset_test

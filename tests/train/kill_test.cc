@@ -22,7 +22,7 @@
 #include "tests/train/synthetic_source.h"
 #include "train/trainer.h"
 
-namespace volalign {
+namespace volalign::kill_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -158,4 +158,4 @@ TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::kill_test

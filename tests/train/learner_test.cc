@@ -9,7 +9,7 @@
 #include "core/nn/checkpoint.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::learner_test {
 namespace {
 
 TrainConfig SmallConfig(std::int64_t seed = 1) {
@@ -87,4 +87,4 @@ TEST_F(StartFromTest, RefusesAnotherNetworkAndOtherLabels) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::learner_test

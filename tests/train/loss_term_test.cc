@@ -7,7 +7,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::loss_term_test {
 namespace {
 
 /// As many as the structure has classes.
@@ -40,4 +40,4 @@ TEST(LossTerm, IsMadeByTheFactoryOfItsName) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::loss_term_test

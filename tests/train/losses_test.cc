@@ -15,7 +15,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/train/synthetic_source.h"
 
-namespace volalign {
+namespace volalign::losses_test {
 namespace {
 
 TEST(SegmentationLoss, IsTheMeanOverAllPixels) {
@@ -169,4 +169,4 @@ TEST(ClassWeights, AreOneForEachLabelOrTwo) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::losses_test

@@ -11,7 +11,7 @@
 
 #include "tests/train/tiny_net.h"
 
-namespace volalign {
+namespace volalign::optimizer_test {
 namespace {
 
 /// Values on both sides of where the decay ends and of where a step's pieces meet.
@@ -92,4 +92,4 @@ TEST(Sgd, AgreesWithTheScalarAlgorithm) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::optimizer_test

@@ -9,7 +9,7 @@
 #include "train/losses.h"
 #include "train/soft_procrustes.h"
 
-namespace volalign {
+namespace volalign::pixel_loss_test {
 namespace {
 
 /// The one pass gives what the single functions give, and their gradients.
@@ -58,4 +58,4 @@ TEST(TrainingLoss, IsFiniteWithItsGradientForHardBatches) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pixel_loss_test

@@ -10,7 +10,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "train/trainer.h"
 
-namespace volalign {
+namespace volalign::rendered_training_test {
 namespace {
 
 using nlohmann::json;
@@ -57,4 +57,4 @@ TEST(Train, RenderedRunResumesWithTheSameSamples) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rendered_training_test

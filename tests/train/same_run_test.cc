@@ -9,7 +9,7 @@
 #include "core/base/error.h"
 #include "core/config/config.h"
 
-namespace volalign {
+namespace volalign::same_run_test {
 namespace {
 
 using Changes = std::vector<std::pair<std::string, std::string>>;
@@ -118,4 +118,4 @@ TEST(SameValidation, IsThatOfTheSameSamplesByTheSameMetric) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::same_run_test

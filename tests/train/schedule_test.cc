@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace volalign {
+namespace volalign::schedule_test {
 namespace {
 
 TEST(LearningRate, FollowsTheSchedule) {
@@ -57,4 +57,4 @@ TEST(LearningRate, StepFallsAtEachPeriod) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::schedule_test

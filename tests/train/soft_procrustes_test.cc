@@ -25,7 +25,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/procrustes.h"
 
-namespace volalign {
+namespace volalign::soft_procrustes_test {
 namespace {
 
 const at::TensorOptions kF64 = at::TensorOptions(at::kDouble);
@@ -329,4 +329,4 @@ TEST(SoftProcrustesLoss, IsZeroWithFiniteGradientAtThePerfectAnswer) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::soft_procrustes_test

@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::state_test {
 namespace {
 
 /// As states of format 2 have it, written by hand.
@@ -54,4 +54,4 @@ TEST(RunProgress, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::state_test

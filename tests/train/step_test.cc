@@ -8,7 +8,7 @@
 
 #include "tests/train/synthetic_source.h"
 
-namespace volalign {
+namespace volalign::step_test {
 namespace {
 
 /// A batch in parts has the gradient and the losses of the whole one.
@@ -65,4 +65,4 @@ TEST(Compute, AutoIsBf16WhereTheKernelListsIt) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::step_test

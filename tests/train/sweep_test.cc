@@ -12,7 +12,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "train/log/run_log.h"
 
-namespace volalign {
+namespace volalign::sweep_test {
 namespace {
 
 Sweep Read(const std::string& yaml) { return ReadSweep(ConfigSource::FromString(yaml, "sweep")); }
@@ -84,4 +84,4 @@ TEST(Sweep, GoesOnWhereItStoppedAndPastAFailure) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sweep_test

@@ -29,7 +29,7 @@
 #include "train/together.h"
 #include "train/trainer.h"
 
-namespace volalign {
+namespace volalign::together_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -302,4 +302,4 @@ TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::together_test

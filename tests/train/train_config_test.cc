@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "render/sample.h"
 
-namespace volalign {
+namespace volalign::train_config_test {
 namespace {
 
 TrainConfig Read(const std::string& path) { return ReadTrainConfig(ConfigSource::FromFile(path)); }
@@ -151,4 +151,4 @@ TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::train_config_test

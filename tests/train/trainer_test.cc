@@ -28,7 +28,7 @@
 #include "train/compute.h"
 #include "train/state.h"
 
-namespace volalign {
+namespace volalign::trainer_test {
 namespace {
 
 using nlohmann::json;
@@ -509,4 +509,4 @@ TEST(Trainer, RejectsAnUnknownDevice) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::trainer_test

@@ -13,7 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::training_data_test {
 namespace {
 
 /// Rendered, two samples of 40 x 36 pixels a batch.
@@ -84,4 +84,4 @@ TEST(OpenTrainingData, RefusesAValidationOfSamplesInTheTrainingSet) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::training_data_test

@@ -6,7 +6,7 @@
 
 #include "tests/train/synthetic_source.h"
 
-namespace volalign {
+namespace volalign::validation_test {
 namespace {
 
 TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
@@ -87,4 +87,4 @@ TEST(MedianPoseError, SaysNothingWithoutAPose) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::validation_test

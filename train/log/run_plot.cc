@@ -14,7 +14,7 @@ namespace volalign {
 namespace {
 
 // Sizes in the units of the picture.
-constexpr double kWidth = 720, kPanel = 300, kLegendLine = 20;
+constexpr double kPlotWidth = 720, kPanel = 300, kLegendLine = 20;
 constexpr double kLeft = 70, kRight = 20, kTop = 34, kBottom = 40;
 constexpr char kFrame[] = "stroke=\"#444\"";
 /// Of Okabe and Ito, which people with any colour vision tell apart.
@@ -80,7 +80,7 @@ void DrawPanel(const std::vector<RunGroup>& groups, const std::string& metric, d
     ys.insert(ys.end(), band.least.begin(), band.least.end());
     ys.insert(ys.end(), band.largest.begin(), band.largest.end());
   }
-  const PlotAxis x = PlotAxis::Of(xs, kLeft, kWidth - kRight);
+  const PlotAxis x = PlotAxis::Of(xs, kLeft, kPlotWidth - kRight);
   const PlotAxis y = PlotAxis::Of(ys, top + kPanel - kBottom, top + kTop);
   DrawFrame(x, y, metric, svg);
   for (std::size_t i = 0; i < bands.size(); ++i) {
@@ -121,7 +121,7 @@ std::string PlotRuns(const std::vector<RunGroup>& groups, const std::vector<std:
                                   [](const RunGroup& group) { return group.runs.size() > 1; });
   const double height =
       legend + kLegendLine * static_cast<double>(groups.size() + (spread ? 1 : 0)) + 10;
-  Svg svg(kWidth, height);
+  Svg svg(kPlotWidth, height);
   for (std::size_t i = 0; i < metrics.size(); ++i) {
     DrawPanel(groups, metrics[i], kPanel * static_cast<double>(i), &svg);
   }

@@ -4,13 +4,12 @@
 #include <cstddef>
 #include <map>
 
+#include "infer/evaluate/statistics.h"
 #include "infer/evaluate/suite/method_set.h"
 
 namespace volalign {
 
 namespace {
-
-constexpr double kWrongM = 0.1, kWrongDeg = 5;
 
 bool OfCaptures(SuiteMetric metric) {
   return metric == SuiteMetric::kD1 || metric == SuiteMetric::kD2;
@@ -100,8 +99,7 @@ TableTruth MakeTruth(const std::vector<StageOfCapture>& selected) {
       ++truth.measured;
       mm.push_back(1000 * pose.error->translation_m);
       deg.push_back(pose.error->rotation_deg);
-      if (pose.error->translation_m > kWrongM || pose.error->rotation_deg > kWrongDeg)
-        ++truth.wrong;
+      if (IsWrong(*pose.error)) ++truth.wrong;
     }
   }
   truth.mean_mm = Summarise(mm).mean;

@@ -16,7 +16,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::file_util_test {
 namespace {
 
 std::set<std::string> Listing(const std::filesystem::path& folder) {
@@ -174,4 +174,4 @@ TEST(Base64, FollowsTheStandard) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::file_util_test

@@ -16,7 +16,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/thread_limit.h"
 
-namespace volalign {
+namespace volalign::ordered_prefetch_test {
 namespace {
 
 using Stream = OrderedPrefetch<std::uint64_t>;
@@ -151,4 +151,4 @@ TEST(OrderedPrefetch, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::ordered_prefetch_test

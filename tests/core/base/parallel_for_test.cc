@@ -13,7 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/thread_limit.h"
 
-namespace volalign {
+namespace volalign::parallel_for_test {
 namespace {
 
 /// How often each task ran, and on how many threads.
@@ -69,4 +69,4 @@ TEST(ParallelFor, DoesTheWorkWithTheThreadsThatThereAre) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::parallel_for_test

@@ -11,7 +11,7 @@
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::portable_math_test {
 namespace {
 
 // The C library's long double functions (64 bits of mantissa) are the independent answer.
@@ -66,4 +66,4 @@ TEST(PortableMath, RejectsWhatItCannotDo) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::portable_math_test

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace volalign {
+namespace volalign::random_test {
 namespace {
 
 using Words = std::array<std::uint32_t, 4>;
@@ -188,4 +188,4 @@ TEST(RandomStream, NormalTakesMeanAndSigma) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::random_test

@@ -8,7 +8,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::statistics_test {
 namespace {
 
 TEST(Quantile, IsAnElementOfTheSortedValues) {
@@ -45,4 +45,4 @@ TEST(Median, TheMadOfANormalDistributionGivesItsStandardDeviation) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::statistics_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace volalign {
+namespace volalign::text_test {
 namespace {
 
 using Parts = std::vector<std::string>;
@@ -24,4 +24,4 @@ TEST(Text, Quotes) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::text_test

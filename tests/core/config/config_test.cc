@@ -12,7 +12,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::config_test {
 namespace {
 
 struct SensorConfig {
@@ -517,4 +517,4 @@ TEST(DocumentConfig, HasARowForEveryKey) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::config_test

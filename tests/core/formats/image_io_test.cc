@@ -16,7 +16,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
 
-namespace volalign {
+namespace volalign::image_io_test {
 namespace {
 
 // PNG files made with Python's zlib and struct modules, not with libpng.
@@ -304,4 +304,4 @@ TEST(DepthUnits, WhatDoesNotFitIsNoMeasurement) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::image_io_test

@@ -8,7 +8,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/formats/read_png.h"
 
-namespace volalign {
+namespace volalign::palette_png_test {
 namespace {
 
 /// The colour type in a PNG's header: 3 is a palette, 2 is none.
@@ -35,4 +35,4 @@ TEST(PalettePng, AnEmptyPictureIsAnError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::palette_png_test

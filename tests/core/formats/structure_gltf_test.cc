@@ -16,7 +16,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::structure_gltf_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -484,4 +484,4 @@ TEST_F(StructureGltf, ReadStructureGoesByExtension) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::structure_gltf_test

@@ -15,7 +15,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::camera_test {
 namespace {
 
 Intrinsics Example() { return {640, 480, 600, 590, 317.25, 236.5, {}}; }
@@ -191,4 +191,4 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::camera_test

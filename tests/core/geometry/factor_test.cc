@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::factor_test {
 namespace {
 
 TEST(Factor, SolvesWhereThereIsOne) {
@@ -31,4 +31,4 @@ TEST(Factor, IsNothingElsewhere) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::factor_test

@@ -8,7 +8,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::kd_tree_test {
 namespace {
 
 std::vector<Eigen::Vector3d> RandomPoints(std::uint64_t seed, int count) {
@@ -45,4 +45,4 @@ TEST(KdTree, OfNothingHasNoNeighbour) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::kd_tree_test

@@ -10,7 +10,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::lens_test {
 namespace {
 
 /// OpenCV's documented model, written out term by term; shares no code with the library.
@@ -109,4 +109,4 @@ TEST(Lens, CoefficientsThatCannotBeInvertedAreAnError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::lens_test

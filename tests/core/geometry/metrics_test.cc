@@ -12,7 +12,7 @@
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::metrics_test {
 namespace {
 
 LabelImage RandomLabels(RandomStream& random, int width, int height, int classes) {
@@ -176,4 +176,4 @@ TEST(Summarise, ClosedForms) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::metrics_test

@@ -13,7 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/quarter_turn_pose.h"
 
-namespace volalign {
+namespace volalign::pose_test {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -283,4 +283,4 @@ TEST(PoseRows, RejectsWhatIsNoRigidTransform) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_test

@@ -11,7 +11,7 @@
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::procrustes_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -209,4 +209,4 @@ TEST(AlignPoints, RejectsBadInput) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::procrustes_test

@@ -14,7 +14,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::structure_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -491,4 +491,4 @@ TEST_F(StructureYaml, RejectsBadFiles) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::structure_test

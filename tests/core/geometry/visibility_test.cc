@@ -10,7 +10,7 @@
 #include "core/base/random.h"
 #include "core/geometry/lens.h"
 
-namespace volalign {
+namespace volalign::visibility_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -318,4 +318,4 @@ TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::visibility_test

@@ -13,7 +13,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::json_archive_test {
 namespace {
 
 enum class Colour { kNone, kRed, kBlue };
@@ -243,4 +243,4 @@ TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::json_archive_test

@@ -16,7 +16,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::checkpoint_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -214,4 +214,4 @@ TEST_F(CheckpointTest, StructureMayChangeDimensionsOnly) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::checkpoint_test

@@ -18,7 +18,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::export_torchscript_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -97,4 +97,4 @@ TEST(ExportTorchScript, RunsInPython) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::export_torchscript_test

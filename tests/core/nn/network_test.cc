@@ -17,7 +17,7 @@
 #include "core/base/error.h"
 #include "core/nn/paper_net.h"
 
-namespace volalign {
+namespace volalign::network_test {
 namespace {
 
 StructureNetOptions Small() {
@@ -237,4 +237,4 @@ TEST(RegisterNetwork, MakesAKindOfNetwork) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::network_test

@@ -10,7 +10,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::picture_test {
 namespace {
 
 int LargestDifference(Rgb a, Rgb b) {
@@ -124,4 +124,4 @@ TEST(Montage, PlacesPicturesInRows) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::picture_test

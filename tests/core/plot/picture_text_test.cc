@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace volalign {
+namespace volalign::picture_text_test {
 namespace {
 
 /// The picture as text: '#' where it has ink.
@@ -61,4 +61,4 @@ TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::picture_text_test

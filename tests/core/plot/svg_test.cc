@@ -8,7 +8,7 @@
 #include <tuple>
 #include <vector>
 
-namespace volalign {
+namespace volalign::svg_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -80,4 +80,4 @@ TEST(Svg, EscapesTextsAndTitles) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::svg_test

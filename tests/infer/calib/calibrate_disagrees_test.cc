@@ -11,7 +11,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_disagrees_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -98,4 +98,4 @@ TEST(Disagrees, OneThatSawABoxElsewhere) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_disagrees_test

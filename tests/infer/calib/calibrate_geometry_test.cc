@@ -15,7 +15,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_geometry_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -304,4 +304,4 @@ TEST(CalibrateByGeometry, WithoutAModelThereIsNothingToAskANetwork) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_geometry_test

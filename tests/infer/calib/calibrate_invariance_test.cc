@@ -14,7 +14,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_invariance_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -250,4 +250,4 @@ TEST(Invariance, ALensThatIsStated) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_invariance_test

@@ -13,7 +13,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_lens_test {
 namespace {
 
 using testing_infer::CalibrateRig;
@@ -194,4 +194,4 @@ TEST(CalibrateLens, APinholeIsNotTakenForALens) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_lens_test

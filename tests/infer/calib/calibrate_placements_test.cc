@@ -11,7 +11,7 @@
 #include "infer/calib/calibrate.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_placements_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -156,4 +156,4 @@ TEST(CalibrateStills, RefusesStillsThatAreNoneOfTheSameSensors) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_placements_test

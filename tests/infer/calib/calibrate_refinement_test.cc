@@ -15,7 +15,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_refinement_test {
 namespace {
 
 using testing_infer::AddSmoothError;
@@ -222,4 +222,4 @@ TEST(LabelsToBeginWith, HardlyMatter) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_refinement_test

@@ -13,7 +13,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_situations_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -298,4 +298,4 @@ TEST(MirroredFrames, SomeOfThemAreNamedAndTheOthersPlaced) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_situations_test

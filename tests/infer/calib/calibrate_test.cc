@@ -12,7 +12,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -474,4 +474,4 @@ TEST(Calibrate, RejectsBadInput) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_test

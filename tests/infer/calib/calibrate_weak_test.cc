@@ -18,7 +18,7 @@
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::calibrate_weak_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -303,4 +303,4 @@ TEST(Weak, IntrinsicsSuspect) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::calibrate_weak_test

@@ -8,7 +8,7 @@
 
 #include "core/base/error.h"
 
-namespace volalign {
+namespace volalign::check_request_test {
 namespace {
 
 SensorFrame Frame(const std::string& name, float depth) {
@@ -129,4 +129,4 @@ TEST(CheckRequest, NamesWhatIsWrongWithTheOptions) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::check_request_test

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace volalign {
+namespace volalign::combine_stills_test {
 namespace {
 
 Pose At(double x) {
@@ -120,4 +120,4 @@ TEST(CombineStills, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::combine_stills_test

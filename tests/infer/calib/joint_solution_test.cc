@@ -9,7 +9,7 @@
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::joint_solution_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -67,4 +67,4 @@ TEST_F(Shapeless, FramesThatAreNotLocatedHaveNoPose) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::joint_solution_test

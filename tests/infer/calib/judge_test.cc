@@ -10,7 +10,7 @@
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::judge_test {
 namespace {
 
 using testing_infer::Rig;
@@ -174,4 +174,4 @@ TEST(Judge, SensorsInOnePlaceNameEachOther) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::judge_test

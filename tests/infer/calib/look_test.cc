@@ -8,7 +8,7 @@
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::look_test {
 namespace {
 
 using testing_infer::Certain;
@@ -62,4 +62,4 @@ TEST_F(LookAgain, ALocatedFrameKeepsItsLabels) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::look_test

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-namespace volalign {
+namespace volalign::result_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -81,4 +81,4 @@ TEST(CalibrationResult, HasTheWorstVerdictAndCountsPoses) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::result_test

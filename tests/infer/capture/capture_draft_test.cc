@@ -15,7 +15,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::capture_draft_test {
 namespace {
 
 constexpr char kIntrinsics[] =
@@ -136,4 +136,4 @@ TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::capture_draft_test

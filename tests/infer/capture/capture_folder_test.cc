@@ -5,7 +5,7 @@
 #include "infer/capture/capture.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::capture_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -63,4 +63,4 @@ TEST(NameBesideDepth, IsTheSensorsOfTheFile) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::capture_folder_test

@@ -13,7 +13,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
 
-namespace volalign {
+namespace volalign::capture_test {
 namespace {
 
 constexpr char kIntrinsics[] =
@@ -167,4 +167,4 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheImages) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::capture_test

@@ -7,7 +7,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::mean_depth_test {
 namespace {
 
 /// The values of one pixel in several files.
@@ -97,4 +97,4 @@ TEST(SetMeanDepth, SigmaIsTheStandardError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::mean_depth_test

@@ -10,7 +10,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::arrangements_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -83,4 +83,4 @@ TEST(Arrangements, AMirroredStackIsTheReflectionOfEveryCorner) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::arrangements_test

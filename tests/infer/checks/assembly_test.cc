@@ -13,7 +13,7 @@
 #include "infer/initial/aliases.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::assembly_test {
 namespace {
 
 using testing_infer::Certain;
@@ -166,4 +166,4 @@ TEST(InspectAssembly, AFrameIsMirroredOnlyBesideOneThatShowsTheStackAsDescribed)
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::assembly_test

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace volalign {
+namespace volalign::depth_checks_test {
 namespace {
 
 Intrinsics Small() {
@@ -87,4 +87,4 @@ TEST(DepthChecks, TheFirstOfTwoEqualMapsStaysAndBothNameTheOther) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::depth_checks_test

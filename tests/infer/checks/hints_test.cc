@@ -6,7 +6,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::hints_test {
 namespace {
 
 /// Labels in a rectangle of a 64x48 image.
@@ -57,4 +57,4 @@ TEST(UprightTurnsOfNetwork, TheMajorityOfPlacedSensorsDecides) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::hints_test

@@ -7,7 +7,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::intrinsics_check_test {
 namespace {
 
 using testing_infer::Certain;
@@ -97,4 +97,4 @@ TEST(FindBetterIntrinsics, KeepsWithinItsLimits) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::intrinsics_check_test

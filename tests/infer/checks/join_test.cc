@@ -11,7 +11,7 @@
 #include "core/geometry/metrics.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::join_test {
 namespace {
 
 using testing_infer::RingPose;
@@ -142,4 +142,4 @@ TEST(JoinStills, WhatIsOpenToDoubtGivesWay) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::join_test

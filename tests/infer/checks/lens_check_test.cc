@@ -8,7 +8,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::lens_check_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -123,4 +123,4 @@ TEST(CheckLenses, AFocalLengthFarFromTheOneGiven) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::lens_check_test

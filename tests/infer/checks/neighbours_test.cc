@@ -14,7 +14,7 @@
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::neighbours_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -175,4 +175,4 @@ TEST(LocateByNeighbours, NotWhereAnotherPoseDoesAsWell) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::neighbours_test

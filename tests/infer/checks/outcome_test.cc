@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace volalign {
+namespace volalign::outcome_test {
 namespace {
 
 // Files of earlier versions have these words.
@@ -31,4 +31,4 @@ TEST(SensorStatus, IsTheWorseTheLarger) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::outcome_test

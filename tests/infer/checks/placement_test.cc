@@ -12,7 +12,7 @@
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::placement_test {
 namespace {
 
 using testing_infer::Rig;
@@ -183,4 +183,4 @@ TEST(FramesToRefine, AreLocatedOnesThatKnowWhatHoldsThem) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::placement_test

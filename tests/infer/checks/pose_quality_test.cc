@@ -7,7 +7,7 @@
 #include "infer/initial/initial_pose.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::pose_quality_test {
 namespace {
 
 using testing_infer::Certain;
@@ -103,4 +103,4 @@ TEST(CompareWithSurface, OfPointsAtAKnownDistance) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_quality_test

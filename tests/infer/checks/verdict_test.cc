@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace volalign {
+namespace volalign::verdict_test {
 namespace {
 
 /// Of a sensor that is ok, at the very limits of the defaults.
@@ -152,4 +152,4 @@ TEST(FindTwins, NamesSensorsInOnePlaceWithOneDirection) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::verdict_test

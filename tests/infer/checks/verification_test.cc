@@ -10,7 +10,7 @@
 #include "infer/checks/hints.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::verification_test {
 namespace {
 
 using testing_infer::LabelOf;
@@ -152,4 +152,4 @@ TEST(ExplainMissingPose, SidesThatTheNetworkIsNotSureOfAreNone) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::verification_test

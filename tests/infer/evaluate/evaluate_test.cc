@@ -15,7 +15,7 @@
 #include "tests/infer/evaluate/stills.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::evaluate_test {
 namespace {
 
 using testing_infer::MakeRing;
@@ -165,4 +165,4 @@ TEST_F(EvaluateFiles, RejectsAnotherStructure) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::evaluate_test

@@ -12,7 +12,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::items_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -166,4 +166,4 @@ TEST(Items, ParsesSeeds) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::items_test

@@ -13,7 +13,7 @@
 #include "tests/infer/evaluate/stills.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::measure_test {
 namespace {
 
 using testing_infer::Certain;
@@ -143,4 +143,4 @@ TEST(Measure, ASensorThatSeesEnoughAndFailsIsLost) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::measure_test

@@ -9,7 +9,7 @@
 #include "core/base/random.h"
 #include "infer/evaluate/tables.h"
 
-namespace volalign {
+namespace volalign::statistics_test {
 namespace {
 
 EvaluatedSensor Measured(double initial_mm, double refined_mm, double deg) {
@@ -98,4 +98,4 @@ TEST(Statistics, IntervalsOfNormalErrorsCoverWhatTheySay) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::statistics_test

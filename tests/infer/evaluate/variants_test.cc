@@ -5,7 +5,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::variants_test {
 namespace {
 
 TEST(Variants, OneAValueOverTheSharedOptions) {
@@ -33,4 +33,4 @@ TEST(Variants, BadOnesAreErrors) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::variants_test

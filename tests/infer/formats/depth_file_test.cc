@@ -27,7 +27,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
 
-namespace volalign {
+namespace volalign::depth_file_test {
 namespace {
 
 constexpr int kWidth = 7, kHeight = 5;
@@ -270,4 +270,4 @@ TEST_F(DepthFileTest, AnythingElseIsAnError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::depth_file_test

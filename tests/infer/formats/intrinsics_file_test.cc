@@ -14,7 +14,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::intrinsics_file_test {
 namespace {
 
 constexpr FrameSize kSize{640, 480};
@@ -183,4 +183,4 @@ TEST(IntrinsicsFileTest, SaysWhatItExpected) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::intrinsics_file_test

@@ -6,7 +6,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::kinect_calibration_test {
 namespace {
 
 std::string Camera(const std::string& is, const std::string& rt) {
@@ -59,4 +59,4 @@ TEST(FindKinectCamera, GoesByPurposeOrLocation) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::kinect_calibration_test

@@ -5,7 +5,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign::formats_internal {
+namespace volalign::formats_internal::lens_names_test {
 namespace {
 
 using Numbers = std::vector<double>;
@@ -34,4 +34,4 @@ TEST(NamedLens, HasAtMostEightCoefficients) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal
+}  // namespace volalign::formats_internal::lens_names_test

@@ -5,7 +5,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign::formats_internal {
+namespace volalign::formats_internal::printed_intrinsics_test {
 namespace {
 
 TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
@@ -45,4 +45,4 @@ TEST(FromRsEnumerate, TakesTheDepthStreamOfTheFramesSize) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal
+}  // namespace volalign::formats_internal::printed_intrinsics_test

@@ -16,7 +16,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::recording_test {
 namespace {
 
 constexpr char kBag[] = "tests/infer/formats/recordings/realsense.bag";
@@ -173,4 +173,4 @@ TEST(RecordingTest, DamagedRecordings) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::recording_test

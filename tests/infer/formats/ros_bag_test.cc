@@ -13,7 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign::formats_internal {
+namespace volalign::formats_internal::ros_bag_test {
 namespace {
 
 template <class T>
@@ -111,4 +111,4 @@ TEST(RosBag, SaysWhatIsDamaged) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal
+}  // namespace volalign::formats_internal::ros_bag_test

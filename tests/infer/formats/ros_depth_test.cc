@@ -8,7 +8,7 @@
 
 #include "tests/core/base/expect_error.h"
 
-namespace volalign::formats_internal {
+namespace volalign::formats_internal::ros_depth_test {
 namespace {
 
 TEST(IsDepth, GoesByTheEncodingAndTheName) {
@@ -119,4 +119,4 @@ TEST(RealSenseTopics, AreKnownByTheirNames) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal
+}  // namespace volalign::formats_internal::ros_depth_test

@@ -4,7 +4,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::agreement_test {
 namespace {
 
 using testing_infer::Certain;
@@ -100,4 +100,4 @@ TEST(MeasureShapeIou, CountsPixels) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::agreement_test

@@ -12,7 +12,7 @@
 #include "core/base/random.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::aliases_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -223,4 +223,4 @@ TEST(FindAliases, BoxesOfDifferentSizesHaveNone) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::aliases_test

@@ -10,7 +10,7 @@
 #include "core/geometry/visibility.h"
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::box_fit_test {
 namespace {
 
 using testing_infer::Standing;
@@ -157,4 +157,4 @@ TEST(FitToBoxes, TheFloorHoldsTheHeight) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::box_fit_test

@@ -7,7 +7,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::floor_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -160,4 +160,4 @@ TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::floor_test

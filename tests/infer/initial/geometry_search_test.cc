@@ -7,7 +7,7 @@
 
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::geometry_search_test {
 namespace {
 
 using testing_infer::Choose;
@@ -140,4 +140,4 @@ TEST(FindPosesByGeometry, ASymmetricStackIsAmbiguousOnAFloor) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::geometry_search_test

@@ -10,7 +10,7 @@
 
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::geometry_situations_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -126,4 +126,4 @@ TEST(Situations, AFloorThatIsUnevenByTwoCentimetres) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::geometry_situations_test

@@ -11,7 +11,7 @@
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::initial_pose_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -141,4 +141,4 @@ TEST(InitialPose, NothingLabelledFindsNothing) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::initial_pose_test

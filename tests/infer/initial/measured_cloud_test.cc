@@ -4,7 +4,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::measured_cloud_test {
 namespace {
 
 using testing_infer::Coarse;
@@ -84,4 +84,4 @@ TEST(MeasuredCloud, SharesNothingWhereNothingIsMeasured) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::measured_cloud_test

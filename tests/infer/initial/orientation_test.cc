@@ -13,7 +13,7 @@
 #include "infer/initial/aliases.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::orientation_test {
 namespace {
 
 using testing_infer::Certain;
@@ -148,4 +148,4 @@ TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::orientation_test

@@ -12,7 +12,7 @@
 #include "infer/initial/floor.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign::pose_internal {
+namespace volalign::pose_internal::orientation_trials_test {
 namespace {
 
 using testing_infer::Certain;
@@ -128,4 +128,4 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
 }
 
 }  // namespace
-}  // namespace volalign::pose_internal
+}  // namespace volalign::pose_internal::orientation_trials_test

@@ -5,7 +5,7 @@
 #include "core/geometry/visibility.h"
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::oriented_points_test {
 namespace {
 
 using testing_infer::RingPose;
@@ -50,4 +50,4 @@ TEST(MarkRoom, LargePartsOfLargePlanes) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::oriented_points_test

@@ -8,7 +8,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::paper_pose_test {
 namespace {
 
 using testing_infer::Certain;
@@ -111,4 +111,4 @@ TEST(PaperPose, OursBeatsThePaperEstimate) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::paper_pose_test

@@ -9,7 +9,7 @@
 #include "infer/initial/same_pose.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::pose_candidates_test {
 namespace {
 
 using testing_infer::LabelOf;
@@ -116,4 +116,4 @@ TEST_F(PoseCandidates, OneSideOrNoneGivesNoCandidate) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_candidates_test

@@ -11,7 +11,7 @@
 #include "infer/calib/calibrate.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::pose_choice_test {
 namespace {
 
 using testing_infer::Certain;
@@ -272,4 +272,4 @@ TEST(CompetingPoses, WithoutAFloorUpAndDownStayOpen) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_choice_test

@@ -8,7 +8,7 @@
 #include "infer/initial/agreement.h"
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::pose_sources_test {
 namespace {
 
 using testing_infer::Certain;
@@ -99,4 +99,4 @@ TEST_F(Proposals, OfANetworkThatIsSureAreAmbiguousWhereGeometryHasAnother) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_sources_test

@@ -6,7 +6,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::relabel_test {
 namespace {
 
 using testing_infer::Certain;
@@ -109,4 +109,4 @@ TEST(Relabelled, SidesThatComeToLieOnNoneAreBackground) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::relabel_test

@@ -10,7 +10,7 @@
 #include "infer/initial/same_pose.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::rig_choice_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -189,4 +189,4 @@ TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rig_choice_test

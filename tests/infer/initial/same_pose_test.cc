@@ -7,7 +7,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::same_pose_test {
 namespace {
 
 /// The structure moved by that much along x, and turned about its vertical, as the sensor sees it.
@@ -56,4 +56,4 @@ TEST(SamePose, NoNumberIsNoPose) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::same_pose_test

@@ -4,7 +4,7 @@
 
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::shape_check_test {
 namespace {
 
 using testing_infer::RingPose;
@@ -60,4 +60,4 @@ TEST(SeesBelow, WhereTheRoomReachesUnderTheStack) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::shape_check_test

@@ -8,7 +8,7 @@
 #include "infer/view/held_out.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::side_fit_test {
 namespace {
 
 using testing_infer::Certain;
@@ -78,4 +78,4 @@ TEST_F(FitToSidesTest, WithoutStepsOrPatchesThePoseStays) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::side_fit_test

@@ -7,7 +7,7 @@
 #include "core/base/random.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::side_patch_test {
 namespace {
 
 using testing_infer::Certain;
@@ -124,4 +124,4 @@ TEST(SidePatch, ALabelOnTwoSurfacesGivesBoth) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::side_patch_test

@@ -8,7 +8,7 @@
 #include "core/geometry/procrustes.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::sides_fix_pose_test {
 namespace {
 
 using testing_infer::LabelOf;
@@ -59,4 +59,4 @@ TEST(SidesFixPose, PlanesFixWhatKeypointsInALineDoNot) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sides_fix_pose_test

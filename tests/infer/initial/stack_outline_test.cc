@@ -8,7 +8,7 @@
 
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::stack_outline_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -142,4 +142,4 @@ TEST(StackOutline, CountsSlabsFromTheFoot) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::stack_outline_test

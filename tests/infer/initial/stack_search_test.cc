@@ -11,7 +11,7 @@
 #include "infer/initial/stack_votes.h"
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::stack_search_test {
 namespace {
 
 using testing_infer::Standing;
@@ -200,4 +200,4 @@ TEST(SearchStack, KeepsToTheTurnsOfTheGuess) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::stack_search_test

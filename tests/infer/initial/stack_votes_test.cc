@@ -11,7 +11,7 @@
 #include "core/base/random.h"
 #include "infer/initial/stack_search.h"
 
-namespace volalign {
+namespace volalign::stack_votes_test {
 namespace {
 
 // Ways: sectors of 45 deg from the heading 0 on, then up, then inside.
@@ -220,4 +220,4 @@ TEST(VoteMap, IsACorrelation) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::stack_votes_test

@@ -8,7 +8,7 @@
 
 #include "tests/infer/initial/geometry_frames.h"
 
-namespace volalign {
+namespace volalign::standing_guesses_test {
 namespace {
 
 using testing_infer::Standing;
@@ -170,4 +170,4 @@ TEST(GuessWithoutFloor, NeedsAPlaneThatMayBeASide) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::standing_guesses_test

@@ -9,7 +9,7 @@
 #include "infer/plan/target_report.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::target_quality_test {
 namespace {
 
 Structure Stack(const std::vector<Box>& boxes) { return Structure::FromBoxes("stack", boxes); }
@@ -117,4 +117,4 @@ TEST(TargetQuality, FartherIsWeaker) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::target_quality_test

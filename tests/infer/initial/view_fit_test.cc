@@ -11,7 +11,7 @@
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::view_fit_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -303,4 +303,4 @@ TEST(ViewFit, Shares) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::view_fit_test

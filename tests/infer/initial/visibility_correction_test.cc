@@ -7,7 +7,7 @@
 #include "core/geometry/visibility.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::visibility_correction_test {
 namespace {
 
 using testing_infer::Certain;
@@ -110,4 +110,4 @@ TEST(CorrectOnceForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::visibility_correction_test

@@ -9,7 +9,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::find_lenses_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -88,4 +88,4 @@ TEST(FindLenses, KnownLensesStay) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::find_lenses_test

@@ -10,7 +10,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::likelihood_test {
 namespace {
 
 Eigen::MatrixXd Normal(Eigen::Index rows, Eigen::Index columns, std::uint64_t seed) {
@@ -122,4 +122,4 @@ TEST(MinimiseOverLog, StaysWithinItsBounds) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::likelihood_test

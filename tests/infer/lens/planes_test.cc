@@ -7,7 +7,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::planes_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -89,4 +89,4 @@ TEST(FindLargePlanes, AreMeasuredOnThePlaneAtOneMetre) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::planes_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace volalign {
+namespace volalign::sensor_kind_test {
 namespace {
 
 TEST(FindSensorKind, IsTheOneWhoseNamesBeginSo) {
@@ -29,4 +29,4 @@ TEST(MeasuresBy, IsOfKnownKindsOnly) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sensor_kind_test

@@ -8,7 +8,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::sensor_lens_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -189,4 +189,4 @@ TEST(LogBayesFactor, IsTheRatioOfTheEvidences) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sensor_lens_test

@@ -11,7 +11,7 @@
 #include "core/geometry/lens.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::straightness_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -187,4 +187,4 @@ TEST(LargestBend, IsThatOfTheWallsSeenOtherwise) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::straightness_test

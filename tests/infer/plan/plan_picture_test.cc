@@ -4,7 +4,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::plan_picture_test {
 namespace {
 
 TEST(PlanPicture, NamesAreText) {
@@ -23,4 +23,4 @@ TEST(PlanPicture, NamesAreText) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::plan_picture_test

@@ -12,7 +12,7 @@
 #include "infer/plan/planned_frame.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::plan_rig_test {
 namespace {
 
 Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
@@ -139,4 +139,4 @@ TEST(PlannedFrame, GapsAreBehindTheStack) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::plan_rig_test

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace volalign {
+namespace volalign::target_report_test {
 namespace {
 
 Structure OneBox() {
@@ -84,4 +84,4 @@ TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::target_report_test

@@ -11,7 +11,7 @@
 #include "infer/refine/fine.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::acceptance_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -244,4 +244,4 @@ TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::acceptance_test

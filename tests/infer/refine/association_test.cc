@@ -4,7 +4,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::association_test {
 namespace {
 
 /// 20 x 10 cm about the origin, facing up.
@@ -60,4 +60,4 @@ TEST(LiesOnItsSide, AsksForDistanceAndDirection) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::association_test

@@ -7,7 +7,7 @@
 
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::build_model_test {
 namespace {
 
 TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
@@ -37,4 +37,4 @@ TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::build_model_test

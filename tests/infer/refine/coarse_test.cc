@@ -7,7 +7,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::coarse_test {
 namespace {
 
 using testing_infer::Displaced;
@@ -53,4 +53,4 @@ TEST(SolveCoarse, BringsPosesNearTheTruth) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::coarse_test

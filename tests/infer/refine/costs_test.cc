@@ -8,7 +8,7 @@
 #include "core/base/random.h"
 #include "infer/refine/pose_manifold.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::costs_test {
 namespace {
 
 Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
@@ -245,4 +245,4 @@ TEST(RefineCosts, LensEvidenceIsItsQuadraticForm) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::costs_test

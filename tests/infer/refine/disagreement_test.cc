@@ -13,7 +13,7 @@
 #include "infer/refine/residuals.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::disagreement_test {
 namespace {
 
 using testing_infer::Observe;
@@ -274,4 +274,4 @@ TEST(MeasureDisagreement, WithoutFacesThereIsNone) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::disagreement_test

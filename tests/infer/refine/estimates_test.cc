@@ -7,7 +7,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::estimates_test {
 namespace {
 
 using testing_infer::SomePriors;
@@ -84,4 +84,4 @@ TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::estimates_test

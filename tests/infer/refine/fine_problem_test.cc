@@ -9,7 +9,7 @@
 #include "infer/refine/posterior.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::fine_problem_test {
 namespace {
 
 using testing_infer::Neighbours;
@@ -286,4 +286,4 @@ TEST(BuildFineProblem, HoldsWhatIsNotFree) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::fine_problem_test

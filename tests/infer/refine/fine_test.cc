@@ -7,7 +7,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::fine_test {
 namespace {
 
 using testing_infer::Neighbours;
@@ -44,4 +44,4 @@ TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::fine_test

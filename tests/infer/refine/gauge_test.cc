@@ -6,7 +6,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::gauge_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -105,4 +105,4 @@ TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::gauge_test

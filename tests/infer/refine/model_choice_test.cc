@@ -9,7 +9,7 @@
 #include "core/base/random.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::model_choice_test {
 namespace {
 
 /// Measurements y = A x + e, e of standard deviation 1, of parameters x whose priors are normal.
@@ -214,4 +214,4 @@ TEST(CovarianceOverModels, IsFiniteOrNone) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::model_choice_test

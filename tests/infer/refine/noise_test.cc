@@ -8,7 +8,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::noise_test {
 namespace {
 
 using testing_infer::Observe;
@@ -146,4 +146,4 @@ TEST(SetCovariance, SaysWhereThereIsNone) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::noise_test

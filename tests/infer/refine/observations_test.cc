@@ -7,7 +7,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::observations_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -141,4 +141,4 @@ TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::observations_test

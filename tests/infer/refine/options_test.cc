@@ -5,7 +5,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::options_test {
 namespace {
 
 TEST(ParseEstimate, NamesItsWords) {
@@ -20,4 +20,4 @@ TEST(ParseEstimate, NamesItsWords) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::options_test

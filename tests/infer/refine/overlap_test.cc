@@ -8,7 +8,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::overlap_test {
 namespace {
 
 /// A wall at z = 2 m (plus `farther`) as a sensor at (x, 0, 0) sees it: a grid of 2 cm, 1 m wide
@@ -122,4 +122,4 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::overlap_test

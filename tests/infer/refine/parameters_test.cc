@@ -14,7 +14,7 @@
 #include "infer/refine/problem.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::parameters_test {
 namespace {
 
 using testing_infer::Displaced;
@@ -246,4 +246,4 @@ TEST(FrameState, CorrectsAlongTheRay) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::parameters_test

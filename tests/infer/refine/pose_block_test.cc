@@ -4,7 +4,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::pose_block_test {
 namespace {
 
 Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
@@ -60,4 +60,4 @@ TEST(LeftPoseManifold, JacobiansAreDerivatives) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::pose_block_test

@@ -9,7 +9,7 @@
 #include "core/base/random.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::posterior_test {
 namespace {
 
 constexpr double kShift = 0.7;
@@ -157,4 +157,4 @@ TEST(GaugeProjection, TakesOutWhatAllBoxesDoTogether) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::posterior_test

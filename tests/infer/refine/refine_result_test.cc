@@ -10,7 +10,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::refine_result_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -269,4 +269,4 @@ TEST(MakeResult, PairsAreOfOneStill) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::refine_result_test

@@ -9,7 +9,7 @@
 #include "core/base/random.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign {
+namespace volalign::refine_test {
 namespace {
 
 using testing_infer::Displaced;
@@ -515,4 +515,4 @@ TEST(Refine, CovarianceCoversBuildAndDepthErrorsWithEstimates) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::refine_test

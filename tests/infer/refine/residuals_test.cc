@@ -10,7 +10,7 @@
 #include "infer/refine/pose_manifold.h"
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::residuals_test {
 namespace {
 
 using testing_infer::KinectWithLens;
@@ -134,4 +134,4 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::residuals_test

@@ -10,7 +10,7 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign {
+namespace volalign::sensor_points_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -96,4 +96,4 @@ TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sensor_points_test

@@ -11,7 +11,7 @@
 #include "infer/refine/association.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::silhouettes_test {
 namespace {
 
 using testing_infer::Certain;
@@ -198,4 +198,4 @@ TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::silhouettes_test

@@ -9,7 +9,7 @@
 
 #include "infer/refine/ceres_version.h"
 
-namespace volalign::refine_internal {
+namespace volalign::refine_internal::solver_test {
 namespace {
 
 /// x - 3, or nothing at all.
@@ -70,4 +70,4 @@ TEST(CeresVersion, BeginsWithItsNumber) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal
+}  // namespace volalign::refine_internal::solver_test

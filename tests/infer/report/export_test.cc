@@ -29,7 +29,7 @@
 #include "tests/core/geometry/quarter_turn_pose.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::export_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -703,4 +703,4 @@ TEST(UprightTurns, BringsTheStructureToItsFeet) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::export_test

@@ -8,7 +8,7 @@
 #include "core/plot/picture.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::panels_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -89,4 +89,4 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::panels_test

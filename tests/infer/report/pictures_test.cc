@@ -6,7 +6,7 @@
 
 #include "core/plot/picture.h"
 
-namespace volalign {
+namespace volalign::pictures_test {
 namespace {
 
 constexpr Rgb kDepth{200, 1, 1}, kLabels{1, 200, 1}, kModel{1, 1, 200}, kResidual{200, 200, 1};
@@ -83,4 +83,4 @@ TEST_F(Pictures, LegendsHaveTheLabelsThatAreShown) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pictures_test

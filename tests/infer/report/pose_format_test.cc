@@ -22,7 +22,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::pose_format_test {
 namespace {
 
 class PosesTest : public ::testing::Test {
@@ -375,4 +375,4 @@ TEST_F(PosesTest, BrokenFilesAreNamed) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::pose_format_test

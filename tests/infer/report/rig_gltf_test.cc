@@ -14,7 +14,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::rig_gltf_test {
 namespace {
 
 using nlohmann::json;
@@ -224,4 +224,4 @@ TEST(RigGlb, AStillThatNoSensorTellsOfHasNoStack) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rig_gltf_test

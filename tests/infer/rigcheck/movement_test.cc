@@ -12,7 +12,7 @@
 #include "core/base/error.h"
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::movement_test {
 namespace {
 
 Vector6d Normal(RandomStream* random) {
@@ -247,4 +247,4 @@ TEST(Movement, NumbersThatAreNotFiniteAreAnError) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::movement_test

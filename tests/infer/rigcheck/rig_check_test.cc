@@ -15,7 +15,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::rig_check_test {
 namespace {
 
 using testing_infer::RingPose;
@@ -227,4 +227,4 @@ TEST(RigCheck, TwoRigsAreAnErrorAndUndecidedMovementsAreNotUpdated) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rig_check_test

@@ -12,7 +12,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::attention_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -99,4 +99,4 @@ TEST_F(AttentionTest, IsEmptyWithoutAttention) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::attention_test

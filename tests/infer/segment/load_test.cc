@@ -15,7 +15,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::load_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -151,4 +151,4 @@ TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::load_test

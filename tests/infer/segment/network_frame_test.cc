@@ -7,7 +7,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::network_frame_test {
 namespace {
 
 TEST(NetworkFrame, BringsTheFocalLengthIntoTheTrainedRange) {
@@ -88,4 +88,4 @@ TEST(NetworkFrame, LabelsComeBackToTheSurfaceThatTheyMark) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::network_frame_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace volalign {
+namespace volalign::frames_test {
 namespace {
 
 Still StillOf(const std::string& name, const std::vector<std::string>& sensors) {
@@ -40,4 +40,4 @@ TEST(PerFrame, GoesStillByStill) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::frames_test

@@ -6,7 +6,7 @@
 
 #include "core/base/random.h"
 
-namespace volalign {
+namespace volalign::held_out_test {
 namespace {
 
 TEST(UseOfBlock, IsTheSameAllOverABlock) {
@@ -30,4 +30,4 @@ TEST(UseOfBlock, FourFifthsFitTheRestAccepts) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::held_out_test

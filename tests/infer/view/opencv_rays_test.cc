@@ -8,7 +8,7 @@
 
 #include "core/geometry/lens.h"
 
-namespace volalign {
+namespace volalign::opencv_rays_test {
 namespace {
 
 class OpencvRays : public testing::TestWithParam<std::vector<double>> {
@@ -60,4 +60,4 @@ INSTANTIATE_TEST_SUITE_P(Lenses, OpencvRays,
                                                              5.05586, 4.77578, 0.88649}));
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::opencv_rays_test

@@ -13,7 +13,7 @@
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::sensor_view_test {
 namespace {
 
 using testing_infer::Coarse;
@@ -198,4 +198,4 @@ TEST(StrideForRays, LeavesAtLeastSoMany) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sensor_view_test

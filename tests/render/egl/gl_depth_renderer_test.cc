@@ -16,7 +16,7 @@
 #include "render/egl/egl_context.h"
 #include "render/scene_mesh.h"
 
-namespace volalign {
+namespace volalign::gl_depth_renderer_test {
 namespace {
 
 // An analytic ray-caster of its own: numbers of configs/structure.yaml typed in again, slab tests,
@@ -498,4 +498,4 @@ TEST(EglContextTest, DescribesItsRenderer) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::gl_depth_renderer_test

@@ -9,7 +9,7 @@
 
 #include "tests/train/tiny_net.h"
 
-namespace volalign {
+namespace volalign::flat_module_test {
 namespace {
 
 TEST(FlatModule, KeepsValuesAndCollectsGradients) {
@@ -35,4 +35,4 @@ TEST(FlatModule, KeepsValuesAndCollectsGradients) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::flat_module_test

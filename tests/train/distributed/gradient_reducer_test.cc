@@ -11,7 +11,7 @@
 #include "tests/train/distributed/in_processes.h"
 #include "tests/train/tiny_net.h"
 
-namespace volalign {
+namespace volalign::gradient_reducer_test {
 namespace {
 
 /// A loss that is another one in each rank.
@@ -59,4 +59,4 @@ TEST(GradientReducer, SumsTheGradientsOfAllProcesses) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::gradient_reducer_test

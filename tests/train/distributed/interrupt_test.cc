@@ -4,7 +4,7 @@
 
 #include <csignal>
 
-namespace volalign {
+namespace volalign::interrupt_test {
 namespace {
 
 int g_reached = 0;  // signals that came to the handler of before
@@ -30,4 +30,4 @@ TEST(InterruptGuard, NotesSignalsWhileItLivesAndGivesThemBack) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::interrupt_test

@@ -14,7 +14,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::launch_test {
 namespace {
 
 // One that ends badly gives its status, and a signal to the one who waits is passed on.
@@ -66,4 +66,4 @@ TEST(OwnCommandWithout, IsThisProgramsCommandLine) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::launch_test

@@ -10,7 +10,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/distributed/in_processes.h"
 
-namespace volalign {
+namespace volalign::process_group_test {
 namespace {
 
 void Require(bool holds, const char* what) {
@@ -62,4 +62,4 @@ TEST(ProcessGroup, SumsBroadcastsAndGathers) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::process_group_test

@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::rendezvous_test {
 namespace {
 
 World At(const std::string& address) {
@@ -42,4 +42,4 @@ TEST(FreePort, CanBeListenedOn) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::rendezvous_test

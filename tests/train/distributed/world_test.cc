@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::world_test {
 namespace {
 
 TEST(ReadWorld, ReadsTheVariablesOfTorchrun) {
@@ -57,4 +57,4 @@ TEST(SliceOf, CoversEachBatchOnce) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::world_test

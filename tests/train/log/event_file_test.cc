@@ -10,7 +10,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::event_file_test {
 namespace {
 
 TEST(Crc32c, HasTheKnownValues) {
@@ -61,4 +61,4 @@ TEST(EventFile, LaterFilesSortAfterEarlierOnes) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::event_file_test

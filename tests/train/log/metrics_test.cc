@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace volalign {
+namespace volalign::metrics_test {
 namespace {
 
 TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
@@ -114,4 +114,4 @@ TEST(BestValidation, OneThatHasNoValueIsNeverTheBest) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::metrics_test

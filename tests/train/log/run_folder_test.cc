@@ -9,7 +9,7 @@
 
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::run_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -51,4 +51,4 @@ TEST(RunFolder, IsFreeOnceTheOtherHasGone) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::run_folder_test

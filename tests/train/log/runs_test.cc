@@ -14,7 +14,7 @@
 #include "train/log/run_plot.h"
 #include "train/log/run_table.h"
 
-namespace volalign {
+namespace volalign::runs_test {
 namespace {
 
 using nlohmann::json;
@@ -113,4 +113,4 @@ TEST(FormatTable, QuotesCsvAndAlignsText) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::runs_test

@@ -11,7 +11,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::sinks_test {
 namespace {
 
 using nlohmann::json;
@@ -100,4 +100,4 @@ TEST(ProgressSink, SaysHowFarTheRunIs) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sinks_test

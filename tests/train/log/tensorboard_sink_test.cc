@@ -8,7 +8,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::tensorboard_sink_test {
 namespace {
 
 std::string BytesIn(const std::filesystem::path& folder) {
@@ -83,4 +83,4 @@ TEST(LabelPictures, HaveARowForEachExample) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::tensorboard_sink_test

@@ -4,7 +4,7 @@
 #include <ATen/Parallel.h>
 #include <gtest/gtest.h>
 
-namespace volalign {
+namespace volalign::convolution_test {
 namespace {
 
 /// Sums over the kernel, in float64.
@@ -44,4 +44,4 @@ TEST(Convolve, IsTheConvolution) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::convolution_test

@@ -13,7 +13,7 @@
 #include "core/nn/cpu/phase_weight.h"
 #include "core/nn/network.h"
 
-namespace volalign {
+namespace volalign::normalized_map_test {
 namespace {
 
 /// What one of the functions under test is made from; undefined where it takes no part.
@@ -281,4 +281,4 @@ TEST(TrainingForward, EqualsTheSingleOperations) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::normalized_map_test

@@ -10,7 +10,7 @@
 
 #include "core/base/error.h"
 
-namespace volalign {
+namespace volalign::torch_threads_test {
 namespace {
 
 TEST(SetTorchThreads, RefusesNegativeNumbers) {
@@ -50,4 +50,4 @@ TEST(ForEachOnTorchThreads, RethrowsAnException) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::torch_threads_test

@@ -11,16 +11,16 @@
 #include "core/nn/simd/processor.h"
 #include "core/nn/simd/winograd_kernels.h"
 
-namespace volalign {
-
 #if defined(__x86_64__)
-namespace simd::avx2_winograd {
+namespace volalign::simd::avx2_winograd {
 WinogradKernels GetWinograd();
 }
-namespace simd::avx512_winograd {
+namespace volalign::simd::avx512_winograd {
 WinogradKernels GetWinograd();
 }
 #endif
+
+namespace volalign::winograd_test {
 
 namespace {
 
@@ -190,4 +190,4 @@ TEST(WinogradKernels, OfEachInstructionSet) {
 #endif
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::winograd_test

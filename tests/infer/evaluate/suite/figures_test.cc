@@ -9,7 +9,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::figures_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -77,4 +77,4 @@ TEST(Figures, CloudsHaveTheLabelledPixels) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::figures_test

@@ -9,7 +9,7 @@
 #include "core/base/random.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::graph_icp_test {
 namespace {
 
 using testing_infer::Rig;
@@ -82,4 +82,4 @@ TEST(GraphIcp, AViewWithoutPointsStaysWhereItIs) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::graph_icp_test

@@ -17,7 +17,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::markers_test {
 namespace {
 
 using testing_infer::LabelOf;
@@ -153,4 +153,4 @@ TEST_F(Markers, TooFewMarkersFixNoPose) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::markers_test

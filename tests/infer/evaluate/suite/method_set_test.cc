@@ -4,7 +4,7 @@
 
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::method_set_test {
 namespace {
 
 /// A network's, of which the file alone counts, markers, and one whose model is missing.
@@ -84,4 +84,4 @@ TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::method_set_test

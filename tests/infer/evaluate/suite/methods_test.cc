@@ -6,7 +6,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::methods_test {
 namespace {
 
 TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
@@ -47,4 +47,4 @@ TEST(RunMethod, MarkersWantInfraredPictures) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::methods_test

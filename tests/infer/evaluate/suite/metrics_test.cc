@@ -12,7 +12,7 @@
 #include "core/geometry/visibility.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::metrics_test {
 namespace {
 
 using testing_infer::Coarse;
@@ -204,4 +204,4 @@ TEST(PaperMetrics, ThePapersRsdIsStdOverMeanButForTheArc) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::metrics_test

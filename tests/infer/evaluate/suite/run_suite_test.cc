@@ -13,7 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::run_suite_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -119,4 +119,4 @@ TEST_F(ToySuite, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::run_suite_test

@@ -6,7 +6,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::scores_test {
 namespace {
 
 using testing_infer::Kinect;
@@ -116,4 +116,4 @@ TEST_F(Scores, ComeBackFromTheirFile) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::scores_test

@@ -8,7 +8,7 @@
 
 #include "tests/core/base/temp_folder.h"
 
-namespace volalign {
+namespace volalign::suite_config_test {
 namespace {
 
 template <class T>
@@ -101,4 +101,4 @@ TEST(PaperSuite, IsThePapers) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::suite_config_test

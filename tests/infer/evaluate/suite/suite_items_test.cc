@@ -8,7 +8,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::suite_items_test {
 namespace {
 
 class SuiteItemsTest : public testing::Test {
@@ -71,4 +71,4 @@ TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::suite_items_test

@@ -7,7 +7,7 @@
 
 #include "infer/evaluate/suite/box_plot.h"
 
-namespace volalign {
+namespace volalign::table_data_test {
 namespace {
 
 CaptureScores Capture(const std::string& set_up, const std::string& method, double d1,
@@ -121,4 +121,4 @@ TEST(BoxPlot, FiguresAreTukeys) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::table_data_test

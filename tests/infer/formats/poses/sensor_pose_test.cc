@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign {
+namespace volalign::sensor_pose_test {
 namespace {
 
 TEST(FramesOfOthers, HaveTheirAxesWhereTheirProgramsHaveThem) {
@@ -63,4 +63,4 @@ TEST(Quaternions, HaveWFirstAndNotNegative) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::sensor_pose_test

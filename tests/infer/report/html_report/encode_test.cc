@@ -8,7 +8,7 @@
 
 #include "core/base/file_util.h"
 
-namespace volalign {
+namespace volalign::encode_test {
 namespace {
 
 TEST(EncodeCloud, HoldsHalfMillimetresLittleEndian) {
@@ -49,4 +49,4 @@ TEST(ThinCloud, PrefersLabelledPointsAndTakesEvenly) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::encode_test

@@ -8,7 +8,7 @@
 #include "infer/report/html_report/payload.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign {
+namespace volalign::page_test {
 namespace {
 
 using testing_infer::PaperStructure;
@@ -67,4 +67,4 @@ TEST(ReportPayload, HasTheStructureAsItIs) {
 }
 
 }  // namespace
-}  // namespace volalign
+}  // namespace volalign::page_test

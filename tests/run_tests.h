@@ -1,0 +1,37 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+namespace volalign {
+
+/// main() of a program of tests: runs those of one file where the first argument names it, else all. GoogleTest's own options go before.
+/// @return 2 where the program has no test of that file
+inline int RunTests(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  if (argc < 2) return RUN_ALL_TESTS();
+  const std::string_view file = argv[1];
+  std::string names;
+  const testing::UnitTest& all = *testing::UnitTest::GetInstance();
+  for (int i = 0; i < all.total_test_suite_count(); ++i) {
+    const testing::TestSuite& suite = *all.GetTestSuite(i);
+    for (int j = 0; j < suite.total_test_count(); ++j) {
+      const testing::TestInfo& test = *suite.GetTestInfo(j);
+      const std::string_view path = test.file();
+      if (path.size() >= file.size() && path.substr(path.size() - file.size()) == file) {
+        names += std::string(suite.name()) + "." + test.name() + ":";
+      }
+    }
+  }
+  if (names.empty()) {
+    std::fprintf(stderr, "no test of %s is in this program\n", argv[1]);
+    return 2;
+  }
+  testing::GTEST_FLAG(filter) = names;
+  return RUN_ALL_TESTS();
+}
+
+}  // namespace volalign
