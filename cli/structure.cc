@@ -74,7 +74,9 @@ Command AddStructureCommand(CLI::App& program) {
       ->capture_default_str();
   check->add_option("--heights", options->views.heights_m, "of the sensors above the floor, m")
       ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      // CLI11 writes lists as the last included operator<< for vectors does, which LibTorch has
+      // too.
+      ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
   check->add_option("-o,--output", options->picture, "picture of it, SVG");
 #endif
   return {app, [=] {

@@ -29,6 +29,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/rig.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::end_to_end_test {
@@ -131,7 +132,7 @@ Rig SingleSensorRig(std::uint64_t seed) {
 }
 
 TEST_F(EndToEnd, ARoomWithoutTheStructureFails) {
-  for (std::uint64_t seed = 1000; seed < 1050; ++seed) {
+  for (std::uint64_t seed = 1000; seed < 1000 + Rounds(10, 50); ++seed) {
     Rig rig = SingleSensorRig(seed);
     rig.structure_present = false;
     const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
@@ -154,7 +155,7 @@ TEST_F(EndToEnd, ARoomWithoutTheStructureFailsWithoutAModel) {
 }
 
 TEST_F(EndToEnd, ASensorThatLooksAwayFails) {
-  for (std::uint64_t seed = 2000; seed < 2050; ++seed) {
+  for (std::uint64_t seed = 2000; seed < 2000 + Rounds(10, 50); ++seed) {
     Rig rig = SingleSensorRig(seed);
     RigSensor& sensor = rig.sensors[0];
     const double angle = sensor.phi_deg * 3.14159265358979 / 180;

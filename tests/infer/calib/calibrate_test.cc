@@ -10,6 +10,7 @@
 #include "core/base/error.h"
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_test {
@@ -243,7 +244,7 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
   const Structure structure = PaperStructure();
   std::vector<SensorFrame> frames;
   StoredSegmenter segmenter;
-  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+  for (std::uint64_t seed = 0; seed < Rounds(12, 50); ++seed) {
     FakeRoom room = MakeFakeRoom(structure, seed);
     SensorFrame frame;
     frame.name = "room" + std::to_string(seed);

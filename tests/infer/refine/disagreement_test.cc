@@ -240,7 +240,9 @@ TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
     EXPECT_TRUE(agreed.of[0].has_value()) << estimate;
     EXPECT_FALSE(agreed.of[1] || agreed.of[2]) << estimate;
     // What is not to be estimated is where the structure has it.
-    if (!asked.size) EXPECT_EQ(agreed.solution.state.size, 0) << estimate;
+    if (!asked.size) {
+      EXPECT_EQ(agreed.solution.state.size, 0) << estimate;
+    }
     if (asked.boxes) continue;
     EXPECT_EQ(agreed.solution.state.boxes[0], std::vector<double>(12, 0)) << estimate;
   }
