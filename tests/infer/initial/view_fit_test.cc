@@ -282,6 +282,72 @@ TEST(MeasureShape, APartOfAWallIsNoSide) {
   EXPECT_EQ(three.found_planes, 3);
 }
 
+/// Sets depth and normal, turned by `deg` about the vertical, beside the front, where `part` says
+/// so.
+template <class Part>
+void SetBeside(float depth, double deg, const Part& part, SensorSurface* surface) {
+  const double angle = deg * M_PI / 180;
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v) || !part(HitOf(u, v))) continue;
+      surface->view.depth(u, v) = depth;
+      surface->normals(u, v) = Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>();
+    }
+  }
+}
+
+// Beyond a border a surface goes on that faces as the side does, to 25 deg.
+TEST(MeasureShape, WhatGoesOnFacesAsTheSideDoes) {
+  const auto goes_on = [](double deg) {
+    SensorSurface surface = Front();
+    SetBeside(
+        2, deg, [](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < kHeight / 2; },
+        &surface);
+    return MeasureShape(surface, Crate(), Before()).goes_on;
+  };
+  const double end = 0.05 * (kHeight - 0.05);
+  EXPECT_NEAR(goes_on(20), end, 0.05 * end);
+  EXPECT_EQ(goes_on(30), 0);
+}
+
+// The band beyond the right border has 0.0148 m^2, 0.05 of it for each metre of height.
+TEST(MeasureShape, AnEdgeEndsTwiceAsMuchAsItGoesOn) {
+  const auto found_planes = [](double height) {
+    SensorSurface surface = Front();
+    SetBeside(
+        2, 0, [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; },
+        &surface);
+    return MeasureShape(surface, Crate(), Before()).found_planes;
+  };
+  EXPECT_EQ(found_planes(0.08), 4) << "ends 2.7 times as much";
+  EXPECT_EQ(found_planes(0.12), 3) << "1.5 times";
+}
+
+// A box beside the crate, its front in one plane with the crate's or 20 cm before it.
+TEST(MeasureShape, WhereTheStructureItselfIsABorderTellsNothing) {
+  for (const double before : {0.0, 0.2}) {
+    const Structure two = Structure::FromBoxes(
+        "two", {Crate().boxes()[0], Box::FromMinMax("d", {0, 1, 0.2}, {0.2 + before, 1.3, 0.3})});
+    SensorSurface surface = Front();
+    surface.view.depth = CastView(two, surface.view.rays, Before()).depth;
+    const ViewFit fit = MeasureShape(surface, two, Before());
+    EXPECT_EQ(fit.goes_on, 0) << before;
+    EXPECT_EQ(fit.found_planes, fit.shown_planes) << before;
+    // Fronts, tops and the outer sides; of the box that stands before, the inner one as well.
+    EXPECT_EQ(fit.shown_planes, before > 0 ? 6 : 4);
+  }
+}
+
+TEST(MeasureShape, AnEdgeThatSomethingHidesIsNotOpen) {
+  SensorSurface surface = Front();
+  SetBeside(
+      1, 0, [](const Hit& hit) { return hit.across > kWidth / 2; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  EXPECT_EQ(fit.shown_planes, 4);
+  EXPECT_EQ(fit.open_planes, 3);
+  EXPECT_EQ(fit.found_planes, 3);
+}
+
 // By hand.
 TEST(ViewFit, Shares) {
   ViewFit fit;

@@ -257,15 +257,37 @@ TEST(SetAsideDisagreeing, WhatIsKnownExactlyIsNoneOfTheSensors) {
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
 }
 
+TEST(SetAsideDisagreeing, AsksAboutTheBoxesAlsoWhereTheSizeIsKnownExactly) {
+  RefineOptions known_size;
+  known_size.size_sigma_percent = 0;
+  OddOne scene(0.04, known_size);
+  const Agreed agreed =
+      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  EXPECT_TRUE(agreed.of[0].has_value());
+  EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
+}
+
 TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
   OddOne scene(0.012);
   FrameObservations& observed = scene.solution.observed[1];
   observed.face_root *= std::nan("");
   EXPECT_EQ(scene.Contradiction(0, 1), 0);
-  // Finite, but of no use: measurements that are more exact than numbers are.
+  // Finite, but of no use: measurements that are more exact than numbers are, by a little and by so
+  // much that their squares are no numbers.
   const auto n = static_cast<Eigen::Index>(observed.faces.size());
-  observed.face_root = 1e-160 * Eigen::MatrixXd::Identity(n, n);
-  EXPECT_EQ(scene.Contradiction(0, 1), 0);
+  for (const double sigma : {1e-12, 1e-160}) {
+    observed.face_root = sigma * Eigen::MatrixXd::Identity(n, n);
+    EXPECT_EQ(scene.Contradiction(0, 1), 0) << sigma;
+  }
+}
+
+TEST(MeasureDisagreement, IsNoneWhereNumbersFail) {
+  OneBoxElsewhere scene;
+  Eigen::MatrixXd& root = scene.solution.observed[0].face_root;
+  for (const double sigma : {std::nan(""), 1e-12}) {
+    root = sigma * Eigen::MatrixXd::Identity(root.rows(), root.cols());
+    EXPECT_EQ(scene.Measure(kWithoutLens).cost, 0) << sigma;
+  }
 }
 
 TEST(MeasureDisagreement, WithoutFacesThereIsNone) {
