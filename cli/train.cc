@@ -27,14 +27,14 @@ namespace volalign {
 
 namespace {
 
-struct TrainOptions {
+struct TrainCommandOptions {
   std::string config, sweep, run_dir;
   std::vector<std::string> assignments;
   bool resume = false;
   int processes = 1;
 };
 
-int TrainOne(const TrainOptions& options) {
+int TrainOne(const TrainCommandOptions& options) {
   TrainOptions train_options;
   train_options.world = ReadWorld();
   train_options.run_dir = options.run_dir;
@@ -59,7 +59,7 @@ int TrainOne(const TrainOptions& options) {
   return result.signal == 0 ? 0 : StatusOfSignal(result.signal);
 }
 
-int TrainMany(const TrainOptions& options) {
+int TrainMany(const TrainCommandOptions& options) {
   KeepFreedMemory();
   const std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
@@ -79,7 +79,7 @@ int TrainMany(const TrainOptions& options) {
 }  // namespace
 
 Command AddTrainCommand(CLI::App& program) {
-  auto options = std::make_shared<TrainOptions>();
+  auto options = std::make_shared<TrainCommandOptions>();
   CLI::App* app =
       program.add_subcommand("train", "Train the segmentation network on rendered samples");
   CLI::Option* config =

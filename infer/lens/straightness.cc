@@ -136,6 +136,16 @@ Whitened Whiten(const PlaneResiduals& plane, const Eigen::MatrixXd& root) {
   return {rest.rightCols<1>(), rest.leftCols<kLensParameters>()};
 }
 
+double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
+  double cost = 0;
+  for (int k = 0; k < kLensParameters; ++k) {
+    if (change[k] != 0) cost += 0.5 * change[k] * change[k] / (sigmas[k] * sigmas[k]);
+  }
+  return cost;
+}
+
+}  // namespace
+
 /// A plane with what is known about its errors.
 class WeighedPlane {
  public:
@@ -178,16 +188,6 @@ class WeighedPlane {
   Eigen::MatrixXd root_;
   bool flat_ = false;
 };
-
-double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
-  double cost = 0;
-  for (int k = 0; k < kLensParameters; ++k) {
-    if (change[k] != 0) cost += 0.5 * change[k] * change[k] / (sigmas[k] * sigmas[k]);
-  }
-  return cost;
-}
-
-}  // namespace
 
 class WeighedPlanes {
  public:
