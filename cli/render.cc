@@ -120,11 +120,14 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
   const std::vector<Rig> turns = Turns(ReadRig(source));
   std::string said;
   for (std::size_t k = 0; k < turns.size(); ++k) {
-    const std::string name = turns.size() == 1 ? "" : fmt::format("turn_{}", k + 1);
-    const std::filesystem::path draft = folder.draft() / name;
+    std::filesystem::path draft = folder.draft(), output = options.output;
+    if (turns.size() > 1) {
+      draft /= fmt::format("turn_{}", k + 1);
+      output /= draft.filename();
+    }
     const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
     WriteFileAtomically(draft / "rig.yaml", WriteConfig(turns[k]));
-    said += WriteStills(draft, std::filesystem::path(options.output) / name, stills);
+    said += WriteStills(draft, output.string(), stills);
   }
   SaveCommand(folder.draft());
   folder.Publish("capture.json");

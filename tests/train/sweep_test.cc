@@ -89,7 +89,7 @@ TEST(Sweep, GoesOnWhereItStoppedAndPastAFailure) {
 TEST(Sweep, BeginsNoRunAfterASignal) {
   const TempFolder folder;
   const auto runs = ExpandSweep(Read("recipes: [configs/m05-lite.yaml]\nseeds: [1, 2]\n"),
-                                {"run.samples=1000", "run.threads=1"});
+                                {"run.samples=5000", "run.threads=1"});
   const InterruptGuard guard;
   std::raise(SIGINT);
   const SweepResult result = TrainSweep(runs, (folder / "sweep").string(), true);

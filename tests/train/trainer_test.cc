@@ -131,6 +131,7 @@ TEST(Trainer, EveryOptimizerAndScheduleResumesExactly) {
     config.optim.schedule = schedule;
     config.optim.period_samples = 12;
     config.run.samples = 24;
+    config.optim.warmup_samples = 4;
     config.run.micro_batch = 1;
     config.loss.class_weights = {0.5, 1};
     const std::string whole = fmt::format("whole{}", number),
@@ -490,6 +491,7 @@ class Signalling : public SampleSource {
 TEST(Trainer, StopsWithinAValidation) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
+  config.optim.warmup_samples = 4;
   config.run.validate_every = 4;
   config.run.validation_samples = 6;
   config.run.samples = 8;
@@ -545,6 +547,7 @@ TEST(Trainer, StopsBetweenMicroBatches) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
   config.model.normalization = "batch";  // which moves with each micro-batch
+  config.optim.warmup_samples = 4;
   config.run.micro_batch = 1;
   config.run.samples = 8;
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
