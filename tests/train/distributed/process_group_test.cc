@@ -143,16 +143,16 @@ TEST(ProcessGroup, MeetsAtAPortToo) {
   // Another program may take the port in between.
   std::vector<int> statuses;
   for (int tries = 0; tries < 3 && statuses != std::vector<int>(2, 0); ++tries) {
-    statuses =
-        InProcesses(2, folder.path(), [port = Listener(INADDR_LOOPBACK).Port()](World world) {
-          world.store.clear();
-          world.address = "127.0.0.1";
-          world.port = port;
-          ProcessGroup group;
-          group.Connect(world, at::kCPU, 10);
-          Require(group.Gather(std::to_string(world.rank)) == std::vector<std::string>{"0", "1"},
-                  "gather");
-        });
+    const int port = Listener(INADDR_LOOPBACK).Port();
+    statuses = InProcesses(2, folder.path(), [port](World world) {
+      world.store.clear();
+      world.address = "127.0.0.1";
+      world.port = port;
+      ProcessGroup group;
+      group.Connect(world, at::kCPU, 10);
+      Require(group.Gather(std::to_string(world.rank)) == std::vector<std::string>{"0", "1"},
+              "gather");
+    });
   }
   EXPECT_EQ(statuses, std::vector<int>(2, 0));
 }
