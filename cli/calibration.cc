@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -13,6 +12,7 @@
 #include "cli/stage_progress.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "core/config/config.h"
 #include "core/formats/structure_gltf.h"
 #include "core/nn/cpu/torch_threads.h"
@@ -98,7 +98,9 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   out.structure = structure ? *structure : segmenter->structure();
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
-  if (!request.output.empty()) PrepareFolder(request.output);
+  // Before the work: whether one can write there.
+  std::optional<ResultFolder> folder;
+  if (!request.output.empty()) folder.emplace(request.output);
   {
     StageProgress progress;
     out.result = Calibrate(out.stills, out.structure, segmenter.get(), config,
@@ -109,12 +111,12 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   out.source = {request.captures, segmenter ? segmenter->file() : "",
                 segmenter ? segmenter->sha256() : ""};
   out.options = WriteConfig(config);
-  if (!request.output.empty()) {
-    WriteFileAtomically(std::filesystem::path(request.output) / "options.yaml", out.options);
+  if (folder) {
+    WriteFileAtomically(folder->draft() / "options.yaml", out.options);
+    SaveCommand(folder->draft());
     std::optional<ReportRun> report;
     if (!request.no_report) report = ReportRun{CommandLine(), out.options};
-    WriteCalibration(request.output, out.result, out.stills, out.structure, out.source, report);
-    SaveCommand(request.output);
+    WriteCalibration(*folder, out.result, out.stills, out.structure, out.source, report);
   }
   return out;
 }

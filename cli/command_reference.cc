@@ -51,6 +51,8 @@ std::string CommandReference(CLI::App* program) {
       "looked for there. Without it, the environment's `VOLALIGN_DATA_DIR` names it, else it is "
       "the "
       "source tree that the program was built in, or `share/volalign` beside an installed one.\n\n"
+      "Ctrl-C and SIGTERM end a command with a sentence on stderr, without half-written files, and "
+      "with the status 130 or 143.\n\n"
       "Beside a result stands how it came about: `command.yaml` in a folder, `NAME.command.yaml` "
       "beside the file NAME. It has the version, the command line, every option as it was used, "
       "and resolved configurations that have no file of their own; calibrate, evaluate, render and "

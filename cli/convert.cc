@@ -8,6 +8,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/base/error.h"
+#include "core/base/folder.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/report/pose_format.h"
 
@@ -45,9 +46,17 @@ int RunConvert(const ConvertOptions& options) {
   const PoseFormat to = ParsePoseFormat(options.to);
   const PoseFormatOptions cameras = ReadColourCameras(options.colour_cameras);
   const auto poses = ReadPoses(options.input, ParsePoseFormat(options.from), cameras);
-  for (const std::string& note : WritePoses(options.output, to, poses, cameras))
-    fmt::print("note: {}\n", note);
-  SaveCommand(options.output);
+  std::vector<std::string> notes;
+  if (IsFolder(to)) {
+    const ResultFolder folder(options.output);
+    notes = WritePoses(folder.draft(), to, poses, cameras);
+    SaveCommand(folder.draft());
+    folder.Publish("command.yaml");
+  } else {
+    notes = WritePoses(options.output, to, poses, cameras);
+    SaveCommand(options.output);
+  }
+  for (const std::string& note : notes) fmt::print("note: {}\n", note);
   fmt::print("written: {} ({} sensors)\n", options.output, poses.size());
   return 0;
 }

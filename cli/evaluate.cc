@@ -14,6 +14,7 @@
 #include "cli/options.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "infer/evaluate/suite/figures.h"
 #include "infer/evaluate/suite/method_set.h"
@@ -113,11 +114,13 @@ EvaluateRun RunOf(const EvaluateOptions& options) {
 }
 
 /// The resolved options beside the result: those of calibration, without --compare, and each rig.
-void SaveOptions(const std::filesystem::path& output, const ConfigSource& source,
+void SaveOptions(const ResultFolder& folder, const ConfigSource& source,
                  const std::vector<NamedRig>& rigs) {
-  WriteFileAtomically(output / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
+  const std::filesystem::path& draft = folder.draft();
+  WriteFileAtomically(draft / "options.yaml", WriteConfig(ReadConfig<CalibrateOptions>(source)));
   for (const NamedRig& rig : rigs)
-    WriteFileAtomically(output / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
+    WriteFileAtomically(draft / "rigs" / (rig.name + ".yaml"), WriteConfig(rig.rig));
+  folder.Publish("options.yaml", {"command.yaml"});
 }
 
 int RunPaperSuite(const EvaluateOptions& options) {
@@ -127,19 +130,28 @@ int RunPaperSuite(const EvaluateOptions& options) {
       fmt::print(stderr, "{}: {} does not exist; its rows stay empty\n", method.name, method.model);
     }
   }
+  const ResultFolder folder(options.output);
   SuiteRun run;
   run.output = options.output;
+  for (const SuiteDataset& dataset : suite.datasets)
+    RemoveTemporaries(run.output / "captures" / dataset.name);
   run.program = Sha256(ReadFile("/proc/self/exe"));
   run.workers = options.workers;
   run.device = options.egl_device;
   run.max_captures = options.max_captures;
   run.progress = PrintProgress;
   SetTorchThreads(options.workers > 1 ? 1 : 2);
-  fmt::print("{}", WriteSuite(run.output, suite, RunSuite(suite, run)));
-  for (const std::filesystem::path& file : WriteFigures(suite, run))
-    fmt::print(stderr, "written: {}\n", file.string());
+  const std::string tables = WriteSuite(folder.draft(), suite, RunSuite(suite, run));
+  run.output = folder.draft();
+  const std::vector<std::filesystem::path> figures = WriteFigures(suite, run);
+  SaveCommand(folder.draft(), {{"suite", WriteConfig(suite)}});
+  folder.Publish("suite.json");
+  fmt::print("{}", tables);
   std::fflush(stdout);
-  SaveCommand(options.output, {{"suite", WriteConfig(suite)}});
+  for (const std::filesystem::path& figure : figures) {
+    fmt::print(stderr, "written: {}\n",
+               (folder.dir() / figure.lexically_relative(folder.draft())).string());
+  }
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
   return 0;
 }
@@ -156,6 +168,8 @@ int RunEvaluate(const EvaluateOptions& options) {
   const std::vector<NamedRig> rigs = ReadRigs(series);
   if (!options.seeds.empty()) series.seeds = ParseSeeds(options.seeds);
 
+  const ResultFolder folder(options.output);
+  RemoveTemporaries(folder.dir());
   SetTorchThreads(variants.front().options.threads);
   std::vector<std::unique_ptr<NetworkSegmenter>> networks;
   std::vector<EvaluationModel> models;
@@ -178,8 +192,8 @@ int RunEvaluate(const EvaluateOptions& options) {
   for (const std::string& capture : options.captures) {
     items.push_back(CaptureItem(capture, networks.front()->structure()));
   }
-  const EvaluateRun run = RunOf(options);
-  SaveOptions(options.output, source, rigs);
+  EvaluateRun run = RunOf(options);
+  run.begin = [&] { SaveOptions(folder, source, rigs); };
   const std::vector<EvaluatedCase> cases = Evaluate(items, variants, models, run);
   fmt::print("{}", FormatEvaluation(cases));
   std::fflush(stdout);

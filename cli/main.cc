@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -11,6 +12,8 @@
 #include "cli/data_folder.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/base/interrupt.h"
+#include "core/base/text.h"
 #include "render/egl/egl_context.h"
 
 namespace volalign {
@@ -48,6 +51,14 @@ bool Parse(CLI::App* program, int argc, char** argv, int* status) {
   return false;
 }
 
+/// A message, which may quote a file, as a terminal can show it.
+std::string Shown(const std::string& message) {
+  std::string shown;
+  for (const std::string& line : Split(message, '\n'))
+    shown += (shown.empty() ? "" : "\n") + Printable(line);
+  return shown;
+}
+
 int Run(int argc, char** argv) {
   CLI::App program("volalign aligns depth sensors from one still frame each of a stack of boxes",
                    "volalign");
@@ -70,10 +81,10 @@ int Run(int argc, char** argv) {
       if (*command.app) return command.run();
     }
   } catch (const Error& e) {
-    fmt::print(stderr, "error: {}\n", e.what());
+    fmt::print(stderr, "error: {}\n", Shown(e.what()));
   } catch (const std::exception& e) {
     const std::string text = e.what();
-    fmt::print(stderr, "error: {}\n", text.substr(0, text.find('\n')));
+    fmt::print(stderr, "error: {}\n", Shown(text.substr(0, text.find('\n'))));
   }
   return 1;
 }
@@ -84,5 +95,7 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
+  volalign::EndOnInterrupt();
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails, and says so
   return volalign::Run(argc, argv);
 }

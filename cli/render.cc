@@ -14,6 +14,7 @@
 #include "cli/options.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/egl/egl_context.h"
@@ -75,61 +76,76 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
                   "EGL device; the first that works, or software, without it");
 }
 
-/// Each still as a capture of its own.
-void WritePlacements(const std::string& output, const std::vector<RigCapture>& stills) {
+/// Each still as a capture of its own. Writes into `draft` and returns what is to be said of it,
+/// with the folder `output` that it becomes.
+std::string WritePlacements(const std::filesystem::path& draft, const std::string& output,
+                            const std::vector<RigCapture>& stills) {
+  std::string said;
   for (std::size_t k = 0; k < stills.size(); ++k) {
-    const std::string dir = fmt::format("{}/placement_{}", output, k + 1);
-    WriteCapture(dir, stills[k]);
+    const std::string name = fmt::format("placement_{}", k + 1);
+    WriteCapture(draft / name, stills[k]);
     const Eigen::Vector3d at = stills[k].first_from_placement.translation();
-    fmt::print("placement {}, structure at ({:+.3f}, {:+.3f}) m of the first: pixels on it in",
-               k + 1, at.x(), at.z());
+    said +=
+        fmt::format("placement {}, structure at ({:+.3f}, {:+.3f}) m of the first: pixels on it in",
+                    k + 1, at.x(), at.z());
     for (const CapturedSensor& sensor : stills[k].sensors) {
-      fmt::print(" {} {}", sensor.name,
-                 std::count_if(sensor.labels.begin(), sensor.labels.end(),
-                               [](std::uint8_t label) { return label > 0; }));
+      said += fmt::format(" {} {}", sensor.name,
+                          std::count_if(sensor.labels.begin(), sensor.labels.end(),
+                                        [](std::uint8_t label) { return label > 0; }));
     }
-    fmt::print("\nwritten: {}/capture.json, contact_sheet.png\n", dir);
+    said += fmt::format("\nwritten: {}/{}/capture.json, contact_sheet.png\n", output, name);
   }
+  return said;
 }
 
-void WriteStills(const std::string& output, const std::vector<RigCapture>& stills) {
-  if (stills.size() > 1) {
-    WritePlacements(output, stills);
-    return;
-  }
+std::string WriteStills(const std::filesystem::path& draft, const std::string& output,
+                        const std::vector<RigCapture>& stills) {
+  if (stills.size() > 1) return WritePlacements(draft, output, stills);
   const RigCapture& capture = stills.front();
-  WriteCapture(output, capture);
+  WriteCapture(draft, capture);
+  std::string said;
   for (const CapturedSensor& sensor : capture.sensors) {
     const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
-    fmt::print("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
-               sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(), p.y(),
-               p.z());
+    said += fmt::format("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
+                        sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(),
+                        p.y(), p.z());
   }
-  fmt::print("written: {}/capture.json, rig.yaml, contact_sheet.png\n", output);
+  return said + fmt::format("written: {}/capture.json, rig.yaml, contact_sheet.png\n", output);
 }
 
 /// Each turn of the structure in a folder of its own, where there are several.
 void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
+  const ResultFolder folder(options.output);
   GlDepthRenderer renderer;
   const std::vector<Rig> turns = Turns(ReadRig(source));
+  std::string said;
   for (std::size_t k = 0; k < turns.size(); ++k) {
-    const std::string output =
-        turns.size() == 1 ? options.output : fmt::format("{}/turn_{}", options.output, k + 1);
+    std::filesystem::path draft = folder.draft(), output = options.output;
+    if (turns.size() > 1) {
+      draft /= fmt::format("turn_{}", k + 1);
+      output /= draft.filename();
+    }
     const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
-    WriteFileAtomically(std::filesystem::path(output) / "rig.yaml", WriteConfig(turns[k]));
-    WriteStills(output, stills);
+    WriteFileAtomically(draft / "rig.yaml", WriteConfig(turns[k]));
+    said += WriteStills(draft, output.string(), stills);
   }
+  SaveCommand(folder.draft());
+  folder.Publish("capture.json");
+  fmt::print("{}", said);
 }
 
 void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
   constexpr std::uint64_t kMostSamples = 10000;
+  const ResultFolder folder(options.output);
   GlDepthRenderer renderer;
   const PreviewOptions preview{seed, options.index,
                                static_cast<int>(std::min(options.count, kMostSamples)),
                                options.real_frames, options.real_depth_scale};
-  WriteFileAtomically(std::filesystem::path(options.output) / "config.yaml", WriteConfig(recipe));
-  fmt::print("\n{}written: {}/preview.png, config.yaml\n",
-             WritePreview(options.output, recipe.data, preview, renderer), options.output);
+  const std::string statistics = WritePreview(folder.draft(), recipe.data, preview, renderer);
+  WriteFileAtomically(folder.draft() / "config.yaml", WriteConfig(recipe));
+  SaveCommand(folder.draft(), {{"recipe", WriteConfig(recipe)}});
+  folder.Publish("preview.png");
+  fmt::print("\n{}written: {}/preview.png, config.yaml\n", statistics, options.output);
 }
 
 void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
@@ -162,7 +178,6 @@ int RunRender(const RenderOptions& options) {
   fmt::print("renderer: {}\n", egl.Describe());
   if (!options.rig.empty()) {
     RenderRigTurns(options, source);
-    SaveCommand(options.output);
     return 0;
   }
   const TrainConfig recipe = ReadTrainConfig(source);
@@ -171,8 +186,8 @@ int RunRender(const RenderOptions& options) {
     RenderPreview(options, recipe, seed);
   } else {
     RenderDataset(options, recipe, seed);
+    SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
   }
-  SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
   return 0;
 }
 

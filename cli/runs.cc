@@ -62,7 +62,8 @@ Command AddRunsCommand(CLI::App& program) {
       app, "list", "One row per run: how far it is, its last metrics, its speed", options.get());
   AddFormat(list, options.get());
   AddFormat(AddVerb(app, "compare",
-                    "A row for each configuration: the keys that differ, mean and standard "
+                    "A row for each configuration: the folder of its first run, the keys that "
+                    "differ, mean and standard "
                     "deviation of the metrics over its seeds",
                     options.get()),
             options.get());

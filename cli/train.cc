@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -11,6 +12,7 @@
 #include "cli/options.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/interrupt.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
 #include "train/distributed/launch.h"
@@ -46,14 +48,15 @@ int TrainOne(const TrainCommandOptions& options) {
     }
     RequireProcesses(config, options.processes);
     const int status = LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
-    if (status == 0) SaveCommand(options.run_dir);
+    const bool stopped = status == StatusOfSignal(SIGINT) || status == StatusOfSignal(SIGTERM);
+    if (status == 0 || stopped) SaveCommand(options.run_dir);
     return status;
   }
   SetTorchThreads(config.run.threads);
   KeepFreedMemory();
-  Train(config, train_options);
+  const TrainResult result = Train(config, train_options);
   if (train_options.world.rank == 0) SaveCommand(options.run_dir);
-  return 0;
+  return result.signal == 0 ? 0 : StatusOfSignal(result.signal);
 }
 
 int TrainMany(const TrainCommandOptions& options) {
@@ -69,6 +72,7 @@ int TrainMany(const TrainCommandOptions& options) {
   SaveCommand(dir);
   fmt::print("{}", FormatTable(summary, TableFormat::kText));
   if (!result.finished) fmt::print(stderr, "stopped: the same command continues the sweep\n");
+  if (result.signal != 0) return StatusOfSignal(result.signal);
   return result.failures.empty() ? 0 : 2;
 }
 

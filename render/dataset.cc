@@ -1,22 +1,19 @@
 #include "render/dataset.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <set>
 #include <string_view>
 #include <utility>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
 #include "core/plot/picture.h"
@@ -160,42 +157,6 @@ std::vector<std::string_view> Lines(const std::string& text) {
   return lines;
 }
 
-/// An open folder that no other process may write to.
-class FolderLock {
- public:
-  explicit FolderLock(const fs::path& dir) : dir_(dir) {
-    std::error_code error;
-    fs::create_directories(dir, error);
-    if (error) {
-      throw IoError(fmt::format("cannot create folder {}: {}", dir.string(), error.message()));
-    }
-    fd_ = ::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd_ < 0) throw IoError(fmt::format("cannot open {}: {}", dir.string(), Reason()));
-    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      ::close(fd_);
-      throw IoError(fmt::format(
-          "{}: another volalign render is writing there: wait for it, or use another folder",
-          dir.string()));
-    }
-  }
-  ~FolderLock() { ::close(fd_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
-  /// Everything written to the folder's file system so far is on the disk afterwards.
-  void Sync() const {
-    if (::syncfs(fd_) != 0) {
-      throw IoError(fmt::format("cannot sync {}: {}", dir_.string(), Reason()));
-    }
-  }
-
- private:
-  static std::string Reason() { return std::strerror(errno); }
-
-  fs::path dir_;
-  int fd_ = -1;
-};
-
 /// A line that redraws itself on a terminal, and one every half minute elsewhere.
 class Progress {
  public:
@@ -321,13 +282,7 @@ class DatasetWriter {
   /// Temporary files of a run that was killed.
   void RemoveLeftovers() const {
     for (std::uint64_t index = next_; index < End(); index = NextFolder(header_, index)) {
-      const fs::path folder = dir_ / FolderName(header_, index);
-      if (!fs::exists(folder)) continue;
-      for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-        if (entry.path().filename().string().find(".tmp-") != std::string::npos) {
-          fs::remove(entry.path());
-        }
-      }
+      RemoveTemporaries(dir_ / FolderName(header_, index));
     }
   }
 

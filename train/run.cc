@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <csignal>
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -28,6 +31,24 @@ double Seconds(Clock::time_point since) {
 bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
   return before / every != after / every;
 }
+
+/// Leaves a step or a validation that is to be done again when the run goes on.
+struct Interruption {};
+
+/// Looks before each batch whether the run was interrupted, and throws an Interruption then.
+class Interruptible : public SampleSource {
+ public:
+  Interruptible(SampleSource& source, std::function<bool()> interrupted)
+      : source_(source), interrupted_(std::move(interrupted)) {}
+  std::vector<Sample> Next() override {
+    if (interrupted_()) throw Interruption();
+    return source_.Next();
+  }
+
+ private:
+  SampleSource& source_;
+  std::function<bool()> interrupted_;
+};
 
 }  // namespace
 
@@ -57,9 +78,21 @@ TrainResult Run::Train(std::int64_t stop) {
   TrainResult result;
   if (folder_ != nullptr) result.checkpoint = folder_->model();
   const RunConfig& run = config_.run;
+  // False where it was interrupted.
+  const auto validate = [&] {
+    if (!OwesValidation()) return true;
+    const std::optional<ValidationResult> validation = ValidateNow(guard);
+    if (validation) result.validation = *validation;
+    return validation.has_value();
+  };
+  // Of a run that was interrupted in a validation, or whose length was changed to what it had
+  // reached already.
+  const bool owed = OwesValidation();
+  bool goes_on = validate();
+  if (owed && goes_on) saved_ = -1;
   std::unique_ptr<SampleSource> source;
-  if (progress_.samples < stop) source = data_.open_training(progress_.samples);
-  while (progress_.samples < stop && !LostPatience()) {
+  if (goes_on && progress_.samples < stop) source = data_.open_training(progress_.samples);
+  while (goes_on && progress_.samples < stop && !LostPatience()) {
     const std::int64_t before = progress_.samples;
     const std::optional<double> loss = StepOrRescue(*source, guard);
     if (!loss) break;
@@ -69,19 +102,16 @@ TrainResult Run::Train(std::int64_t stop) {
       return last || Crossed(before, progress_.samples, every);
     };
     if (due(run.log_every)) WriteTrainRow();
-    if (due(run.validate_every)) result.validation = ValidateNow();
+    goes_on = validate();
+    if (!goes_on) break;
     if (LostPatience() && progress_.means.steps > 0) WriteTrainRow();
     // After the rows of these samples, so that a run that goes on from here has them all.
     if (due(run.checkpoint_every) || LostPatience()) Save();
   }
   result.samples = progress_.samples;
   result.early = LostPatience();
-  result.finished = progress_.samples >= run.samples || result.early;
-  // A run whose length was changed to what it had reached already.
-  if (result.finished && progress_.validated != progress_.samples) {
-    result.validation = ValidateNow();
-    saved_ = -1;
-  }
+  result.signal = signal_;
+  result.finished = (progress_.samples >= run.samples || result.early) && signal_ == 0;
   if (saved_ != progress_.samples) {
     Save();
   } else if (modelled_ != progress_.samples && folder_ != nullptr) {
@@ -133,12 +163,26 @@ std::optional<double> Run::StepOrRescue(SampleSource& source, const InterruptGua
   }
 }
 
+/// Whether any of the processes was.
 bool Run::Interrupted(const InterruptGuard& guard) {
-  if (group_.size() == 1) return guard.Interrupted();
-  at::Tensor flag = at::zeros({1}, at::kInt);
-  if (guard.Interrupted()) flag.fill_(1);
-  group_.Sum(flag);
-  return flag.item<int>() > 0;
+  signal_ = guard.Signal();
+  if (group_.size() == 1) return signal_ != 0;
+  constexpr std::array<int, 2> kSignals = {SIGINT, SIGTERM};
+  at::Tensor came = at::zeros({kSignals.size()}, at::kInt);
+  for (std::size_t i = 0; i < kSignals.size(); ++i) {
+    if (signal_ == kSignals[i]) came.data_ptr<int>()[i] = 1;
+  }
+  group_.Sum(came);
+  for (std::size_t i = 0; i < kSignals.size(); ++i) {
+    if (came.data_ptr<int>()[i] > 0) signal_ = kSignals[i];
+  }
+  return signal_ != 0;
+}
+
+bool Run::OwesValidation() const {
+  return progress_.validated != progress_.samples &&
+         (progress_.samples >= config_.run.samples ||
+          Crossed(progress_.validated, progress_.samples, config_.run.validate_every));
 }
 
 LossShare Run::ShareOf(const Batch& slice) {
@@ -161,13 +205,25 @@ std::optional<double> Run::Step(SampleSource& source, const InterruptGuard& guar
   const std::int64_t samples =
       group_.size() == 1 ? static_cast<std::int64_t>(drawn.size()) : config_.run.batch_size;
   const Batch batch = Collate(drawn).To(compute_.device);
-  progress_.NoteCameras(drawn);
   StepReport report;
   const LossShare share = ShareOf(batch);
   report.times.data = Seconds(start);
-  const at::Tensor norm =
-      ComputeGradient(learner_, loss_, batch, compute_, progress_.samples, config_.run.micro_batch,
-                      &report, share, reducer_ ? &*reducer_ : nullptr);
+  // Micro-batches of several processes differ in number, so that they cannot agree between them.
+  const bool alone = group_.size() == 1;
+  const at::Tensor buffers =
+      alone && config_.run.micro_batch > 0 ? learner_.flat.buffers().clone() : at::Tensor();
+  at::Tensor norm;
+  try {
+    norm = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
+                           config_.run.micro_batch, &report, share, reducer_ ? &*reducer_ : nullptr,
+                           [&] {
+                             if (alone && Interrupted(guard)) throw Interruption();
+                           });
+  } catch (const Interruption&) {
+    learner_.flat.buffers().copy_(buffers);
+    return std::nullopt;
+  }
+  progress_.NoteCameras(drawn);
   RequireFinite(report, samples);
   const auto updating = Clock::now();
   progress_.lr = LearningRate(config_.optim, progress_.samples, config_.run.samples);
@@ -196,14 +252,24 @@ void Run::WriteTrainRow() {
   for (MetricSink* sink : sinks_) sink->Train(row);
 }
 
-ValidationResult Run::ValidateNow() {
-  progress_.validated = progress_.samples;
-  if (config_.run.validation_samples == 0) return {};
+/// Nothing where a process was interrupted.
+std::optional<ValidationResult> Run::ValidateNow(const InterruptGuard& guard) {
+  if (config_.run.validation_samples == 0) {
+    progress_.validated = progress_.samples;
+    return ValidationResult();
+  }
   learner_.average.Refresh(learner_.flat);
-  const std::unique_ptr<SampleSource> source = data_.open_validation();
-  const ValidationResult own = Validate(
-      learner_.average.net(), loss_, data_.structure, ParseKeypointKind(config_.loss.keypoints),
-      *source, OwnValidationSamples(), compute_.device, compute_.channels_last);
+  const std::unique_ptr<SampleSource> opened = data_.open_validation();
+  Interruptible source(*opened, [&] { return Interrupted(guard); });
+  ValidationResult own;
+  try {
+    own = Validate(learner_.average.net(), loss_, data_.structure,
+                   ParseKeypointKind(config_.loss.keypoints), source, OwnValidationSamples(),
+                   compute_.device, compute_.channels_last);
+  } catch (const Interruption&) {
+    return std::nullopt;
+  }
+  progress_.validated = progress_.samples;
   ValidationResult result = ShareValidation(group_, own, config_.run.batch_size);
   for (MetricSink* sink : sinks_) {
     sink->Validation({learner_.optimizer.steps(), progress_.samples, result});

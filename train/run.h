@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/base/interrupt.h"
 #include "train/compute.h"
 #include "train/distributed/gradient_reducer.h"
-#include "train/distributed/interrupt.h"
 #include "train/distributed/process_group.h"
 #include "train/learner.h"
 #include "train/log/run_folder.h"
@@ -36,12 +36,13 @@ class Run {
   void Lead(std::optional<SavedState> state, bool quiet);
   bool LostPatience() const;
   bool Interrupted(const InterruptGuard& guard);
+  bool OwesValidation() const;
   std::optional<double> StepOrRescue(SampleSource& source, const InterruptGuard& guard);
   std::optional<double> Step(SampleSource& source, const InterruptGuard& guard);
   LossShare ShareOf(const Batch& slice);
   void RequireFinite(const StepReport& report, std::int64_t samples) const;
   void WriteTrainRow();
-  ValidationResult ValidateNow();
+  std::optional<ValidationResult> ValidateNow(const InterruptGuard& guard);
   int OwnValidationSamples() const;
   void Save();
   void SaveAlone();
@@ -54,6 +55,7 @@ class Run {
   TrainingLoss loss_;
   std::optional<GradientReducer> reducer_;
   RunProgress progress_;
+  int signal_ = 0;              ///< that interrupted the run
   std::int64_t saved_ = -1;     ///< samples of the newest state
   std::int64_t modelled_ = -1;  ///< samples of the model.pt that this process wrote
   std::optional<JsonlSink> jsonl_;

@@ -44,12 +44,14 @@ at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& 
 
 at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                            const Compute& compute, std::int64_t samples, int micro_batch,
-                           StepReport* report, const LossShare& share, GradientReducer* reducer) {
+                           StepReport* report, const LossShare& share, GradientReducer* reducer,
+                           const std::function<void()>& between) {
   learner.net->train();
   const std::int64_t size = batch.depth.size(0);
   const std::int64_t part = micro_batch == 0 ? size : micro_batch;
   at::Tensor sums;
   for (std::int64_t first = 0; first < size; first += part) {
+    if (first > 0 && between) between();
     const std::int64_t count = std::min(part, size - first);
     const bool whole = count == size;
     LossShare of_part = whole ? LossShare() : loss.ShareOf(batch.labels, first, count);

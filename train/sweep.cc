@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "core/base/error.h"
+#include "core/base/interrupt.h"
 #include "core/nn/cpu/torch_threads.h"
 
 namespace volalign {
@@ -101,8 +102,11 @@ std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::str
 }
 
 SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet) {
+  const InterruptGuard guard;
   SweepResult result;
   for (std::size_t i = 0; i < runs.size(); ++i) {
+    result.signal = guard.Signal();
+    if (result.signal != 0) return result;
     TrainOptions options;
     options.run_dir = fs::path(dir) / runs[i].name;
     options.resume = fs::exists(options.run_dir / "config.yaml");
@@ -110,7 +114,9 @@ SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir
     if (!quiet) fmt::print(stderr, "run {} of {}: {}\n", i + 1, runs.size(), runs[i].name);
     try {
       SetTorchThreads(runs[i].config.run.threads);
-      if (!Train(runs[i].config, options).finished) return result;
+      const TrainResult run = Train(runs[i].config, options);
+      result.signal = run.signal;
+      if (!run.finished) return result;
     } catch (const Error& e) {
       result.failures.push_back(fmt::format("{}: {}", runs[i].name, e.what()));
       if (!quiet) fmt::print(stderr, "error: {}\n", result.failures.back());

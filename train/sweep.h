@@ -39,11 +39,13 @@ std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::str
 
 struct SweepResult {
   bool finished = false;              ///< false: interrupted, can be called again
+  int signal = 0;                     ///< that interrupted it; 0: none did
   std::vector<std::string> failures;  ///< "NAME: message" of runs that ended with an error
 };
 
 /// Trains the runs one after the other in folders of `dir`; a run that was begun is resumed, one
-/// that has finished is left as it is. A run that fails is noted, and the next begins.
+/// that has finished is left as it is. A run that fails is noted, and the next begins. SIGINT and
+/// SIGTERM stop the run that they come to, and no other begins.
 SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet);
 
 }  // namespace volalign

@@ -25,6 +25,7 @@ struct TrainOptions {
 struct TrainResult {
   std::int64_t samples = 0;          ///< drawn in all, resumed ones included
   bool finished = false;             ///< false: interrupted, can be resumed
+  int signal = 0;                    ///< that interrupted it; 0: none did
   bool early = false;                ///< finished before run.samples, by run.patience
   double loss = 0;                   ///< of the last step, where this call took one
   ValidationResult validation;       ///< the last one, where this call made one
@@ -41,11 +42,12 @@ struct TrainResult {
 ///   model.pt       the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights
 ///   best.pt        that of the best validation
 ///   tensorboard/   event files of the same metrics, with pictures of labels
-/// SIGINT and SIGTERM stop it after the current step, with the state saved. A run that was stopped
-/// or killed at any moment and is resumed ends with the weights of one that was not, bit for bit on
-/// a CPU with the same number of threads.
-/// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
-/// run is there already; loss or gradient is not finite), IoError, DataError.
+/// SIGINT and SIGTERM stop it after the current micro-batch or batch of a validation, with the
+/// state saved; of several processes, after the current step. A run that was stopped or killed at
+/// any moment and is resumed ends with the weights of one that was not, bit for bit on a CPU with
+/// the same number of threads. Throws ConfigError (a resumed run's configuration differs in a key
+/// that changes it), Error (a run is there already; loss or gradient is not finite), IoError,
+/// DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 
 /// The same on other samples than the configuration's.

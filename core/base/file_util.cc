@@ -14,6 +14,8 @@
 #include <system_error>
 
 #include "core/base/error.h"
+#include "core/base/folder.h"
+#include "core/base/interrupt.h"
 
 namespace volalign {
 
@@ -78,51 +80,46 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
-  std::error_code error;
-  if (path.has_parent_path()) {
-    std::filesystem::create_directories(path.parent_path(), error);
-    if (error) {
-      throw IoError(
-          fmt::format("cannot create folder {}: {}", path.parent_path().string(), error.message()));
-    }
-  }
-  std::filesystem::path temporary;
-  const auto fail = [&](const char* what) {
-    const int reason = errno;
-    std::error_code ignored;
-    std::filesystem::remove(temporary, ignored);
-    throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
-  };
+  MakeFolder(path.parent_path());
+  int file = -1;
   // Two writers never share a file: a name that is taken, by a writer of the same process number on
   // another machine or by one that was killed, is passed over.
-  int file = -1;
-  do {
-    temporary = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
-    file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  } while (file < 0 && errno == EEXIST);
-  if (file < 0) {
-    throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
-  }
+  Unfinished temporary([&] {
+    std::filesystem::path name;
+    do {
+      name = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
+      file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    } while (file < 0 && errno == EEXIST);
+    if (file < 0) {
+      throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
+    }
+    return name;
+  });
+  const auto fail = [&](const char* what, int reason) {
+    throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
+  };
   std::size_t written = 0;
   while (written < bytes.size()) {
     const ssize_t n = ::write(file, bytes.data() + written, bytes.size() - written);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
+      const int reason = n < 0 ? errno : EIO;
       ::close(file);
-      fail("write");
+      fail("write", reason);
     }
     written += static_cast<std::size_t>(n);
   }
   if (sync && ::fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
+    const int reason = errno;
     ::close(file);
-    fail("sync");
+    fail("sync", reason);
   }
-  if (::close(file) != 0) fail("close");
-  std::filesystem::rename(temporary, path, error);
-  if (error) {
-    errno = error.value();
-    fail("rename");
-  }
+  if (::close(file) != 0) fail("close", errno);
+  std::error_code error;
+  std::filesystem::rename(temporary.path(), path, error);
+  if (error) fail("rename", error.value());
+  temporary.Complete();
+  if (sync) SyncFolder(path.has_parent_path() ? path.parent_path() : ".");
 }
 
 std::string Base64(std::string_view bytes) {

@@ -13,10 +13,10 @@ namespace volalign {
 std::string ReadFile(const std::filesystem::path& path,
                      std::uint64_t max_bytes = std::numeric_limits<std::uint64_t>::max());
 
-/// Writes to a new file `path`.tmp-PID-N in the same folder, syncs and renames it, so that a reader
-/// never sees half a file, and of several writers of one path one wins whole. Creates missing
-/// parent folders. Without `sync`, a power failure may still lose or empty the file: for many files
-/// that are synced together later. Throws IoError.
+/// Writes to a new file `path`.tmp-PID-N in the same folder, syncs and renames it and syncs the
+/// folder, so that a reader never sees half a file, and of several writers of one path one wins
+/// whole. Creates missing parent folders. Without `sync`, a power failure may still lose or empty
+/// the file: for many files that are synced together later. Throws IoError.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes,
                          bool sync = true);
 

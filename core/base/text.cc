@@ -1,9 +1,29 @@
 #include "core/base/text.h"
 
+#include <fmt/format.h>
+
 #include <cctype>
+#include <cstdlib>
 #include <sstream>
 
+#include "core/base/error.h"
+
 namespace volalign {
+namespace {
+
+/// With apostrophes before it, too, which CsvQuoted and CsvText would else mix up with their own.
+bool IsFormula(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of('\'');
+  if (begin == std::string::npos || std::string("=+-@").find(text[begin]) == std::string::npos) {
+    return false;
+  }
+  const std::string cell = text.substr(begin);
+  char* end = nullptr;
+  std::strtod(cell.c_str(), &end);
+  return begin > 0 || end != cell.c_str() + cell.size();
+}
+
+}  // namespace
 
 std::string Lower(std::string text) {
   for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -30,10 +50,40 @@ std::string Indented(const std::string& text, const std::string& indent) {
   return indented;
 }
 
+bool HasControlCharacters(const std::string& text) { return Printable(text) != text; }
+
+std::string Printable(const std::string& text) {
+  std::string printable;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : '\0');
+    if (byte < 0x20 || byte == 0x7f) {
+      printable += fmt::format("\\x{:02x}", byte);
+    } else if (byte == 0xc2 && next >= 0x80 && next < 0xa0) {  // U+0080 to U+009F in UTF-8
+      printable += fmt::format("\\x{:02x}", next);
+      ++i;
+    } else {
+      printable += text[i];
+    }
+  }
+  return printable;
+}
+
+void RequirePlainName(const std::string& name, const std::string& place) {
+  if (name.size() <= kMostNameBytes && !HasControlCharacters(name)) return;
+  throw DataError(fmt::format(
+      "{}: the name \"{}\" has control characters or more than {} bytes; use a plain word", place,
+      Printable(name.substr(0, kMostNameBytes)), kMostNameBytes));
+}
+
 std::string CsvQuoted(const std::string& text) {
-  std::string quoted = "\"";
+  std::string quoted = IsFormula(text) ? "\"'" : "\"";
   for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
   return quoted + "\"";
+}
+
+std::string CsvText(const std::string& field) {
+  return field.rfind('\'', 0) == 0 && IsFormula(field.substr(1)) ? field.substr(1) : field;
 }
 
 std::string MarkdownCell(std::string text) {

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -12,6 +11,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/json/strict_json.h"
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
@@ -43,9 +43,9 @@ std::string ParseName(const JsonObject& object) {
   std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
-        fmt::format("{}: the name \"{}\" has to serve as a file name, beside overview and merged: "
-                    "use another plain word",
-                    object.where(), name));
+        fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes, beside "
+                    "overview and merged: use another plain word",
+                    object.where(), Printable(name), kMostNameBytes));
   }
   return name;
 }
@@ -55,8 +55,7 @@ std::string ParseName(const JsonObject& object) {
 std::string ParseKind(const JsonObject& object) {
   if (!object.Has("sensor")) return "";
   std::string kind = object.Text("sensor");
-  const auto is_control = [](char c) { return std::iscntrl(static_cast<unsigned char>(c)) != 0; };
-  if (std::any_of(kind.begin(), kind.end(), is_control)) {
+  if (HasControlCharacters(kind)) {
     throw DataError(fmt::format(
         "{}: sensor = {} has a control character; name the kind of device in plain text",
         object.where(), Json(kind).dump()));
@@ -263,7 +262,8 @@ std::vector<Still> StillsOf(std::vector<Capture> captures) {
 
 bool IsFileName(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name != "overview" && name != "merged" &&
-         name.find_first_of("/\\") == std::string::npos;
+         name.find_first_of("/\\") == std::string::npos && name.size() <= kMostNameBytes &&
+         !HasControlCharacters(name);
 }
 
 Capture ReadCapture(const std::filesystem::path& path) {

@@ -17,7 +17,8 @@ struct Capture {
       structure;  ///< relative paths resolved against the JSON's folder
 };
 
-/// Whether a sensor's name serves as the name of its files, beside "overview" and "merged".
+/// Whether a sensor's name serves as the name of its files, beside "overview" and "merged", and in
+/// what a terminal shows.
 bool IsFileName(const std::string& name);
 
 inline constexpr char kCaptureFormat[] = "volalign.capture/1";

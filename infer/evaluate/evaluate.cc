@@ -143,6 +143,8 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
   std::vector<CheckpointFile> files;
   for (const EvaluationModel& model : models) files.push_back(model.checkpoint);
   const auto write = [&] { WriteEvaluation(run.output, Select(known, all), files); };
+  write();
+  if (run.begin) run.begin();
   std::size_t made = 0;
   const auto start = std::chrono::steady_clock::now();
   for (std::size_t i = 0; i < items.size(); ++i) {

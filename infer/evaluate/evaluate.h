@@ -24,6 +24,7 @@ struct EvaluationModel {
 struct EvaluateRun {
   std::filesystem::path output;  ///< evaluation.json; what is in it is not done again
   std::string program;           ///< identifies the program's build
+  std::function<void()> begin;   ///< called when `output` has none but this run's results
   std::function<void(const std::string& line)> progress;  ///< one line per still
 };
 

@@ -1,15 +1,12 @@
 #include "infer/report/export.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
-#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -49,6 +46,7 @@ constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "p
 constexpr const char* kCloudFolder = "clouds";
 constexpr const char* kReportFile = "report.html";
 constexpr const char* kRigFile = "rig.glb";
+constexpr const char* kExtrinsicsFile = "extrinsics.json";
 
 /// The sensors of one still, what they are seen against, and where their files go.
 struct StillFiles {
@@ -159,7 +157,7 @@ void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
 /// The files of the run that `folder` has the results of. None where its extrinsics.json is none of
 /// volalign's, of whatever version.
 std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / "extrinsics.json";
+  const std::filesystem::path path = folder / kExtrinsicsFile;
   std::set<std::filesystem::path> files;
   if (!std::filesystem::exists(path)) return files;
   try {
@@ -188,18 +186,9 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
   return files;
 }
 
-void RemoveFile(const std::filesystem::path& path) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(path, error))) return;
-  if (!std::filesystem::remove(path, error)) {
-    throw IoError(fmt::format("cannot remove {}, which is of an earlier run: {}", path.string(),
-                              error.message()));
-  }
-}
-
-/// Removes what an earlier run wrote and this one does not.
-void RemoveEarlierFiles(const std::filesystem::path& folder, const std::vector<StillFiles>& stills,
-                        bool report) {
+/// What an earlier run wrote and this one does not.
+std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folder,
+                                              const std::vector<StillFiles>& stills, bool report) {
   std::set<std::filesystem::path> now;
   if (report) now = {kReportFile, kRigFile};
   for (const StillFiles& still : stills) {
@@ -210,23 +199,16 @@ void RemoveEarlierFiles(const std::filesystem::path& folder, const std::vector<S
     }
     AddPaths(still.name, sensors, placed, &now);
   }
+  std::set<std::filesystem::path> outdated;
   for (const std::filesystem::path& path : EarlierFiles(folder)) {
-    if (now.count(path) == 0) RemoveFile(folder / path);
+    if (now.count(path) == 0) outdated.insert(path);
   }
+  return outdated;
 }
 
 }  // namespace
 
-void PrepareFolder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error && ::access(folder.c_str(), W_OK) != 0) error = {errno, std::generic_category()};
-  if (!error) return;
-  throw IoError(fmt::format("cannot write into the folder {}: {}; choose another one",
-                            folder.string(), error.message()));
-}
-
-void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
+void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
   const std::vector<StillFiles> files = StillsOf(result, structure);
@@ -234,12 +216,14 @@ void WriteCalibration(const std::filesystem::path& folder, const CalibrationResu
   for (const StillFiles& still : files) frames += still.sensors->size();
   const std::size_t points = report ? std::min(kReportPointsAFrame, kReportPoints / frames) : 0;
   std::vector<std::vector<FrameFiles>> written;
-  for (const StillFiles& still : files) written.push_back(WriteStill(folder, still, points));
+  for (const StillFiles& still : files)
+    written.push_back(WriteStill(folder.draft(), still, points));
   const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
   if (report)
-    WriteReport(folder, files, std::move(written), extrinsics, FormatNotes(result), *report);
-  RemoveEarlierFiles(folder, files, report.has_value());
-  WriteExtrinsics(folder / "extrinsics.json", extrinsics);
+    WriteReport(folder.draft(), files, std::move(written), extrinsics, FormatNotes(result),
+                *report);
+  WriteExtrinsics(folder.draft() / kExtrinsicsFile, extrinsics);
+  folder.Publish(kExtrinsicsFile, OutdatedFiles(folder.dir(), files, report.has_value()));
 }
 
 }  // namespace volalign

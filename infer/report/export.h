@@ -1,9 +1,9 @@
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <vector>
 
+#include "core/base/folder.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/result.h"
 #include "infer/report/extrinsics.h"
@@ -13,18 +13,15 @@
 
 namespace volalign {
 
-/// Creates the folder. Throws IoError if that, or writing into it, is not possible: to be known
-/// before a calibration, not after it.
-void PrepareFolder(const std::filesystem::path& folder);
-
-/// Writes into `folder`: extrinsics.json (last, so that it names a complete folder),
+/// Writes the draft of `folder` and publishes it, with what the caller has put there:
+/// extrinsics.json (last, so that it names a complete folder),
 /// labels/NAME.png (ids), confidence/NAME.png (255 = certain), pictures/NAME.png and
 /// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. Of several
 /// stills, each has folders of its own in these (labels/STILL/NAME.png), and clouds are in the
 /// structure frame of the first. `stills` are those that `result` is of. With `report`, report.html
 /// and rig.glb, too. Of the sensors that an earlier extrinsics.json in the folder lists, the files
 /// that this run does not write go; nothing else is removed. Throws IoError.
-void WriteCalibration(const std::filesystem::path& folder, const CalibrationResult& result,
+void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source,
                       const std::optional<ReportRun>& report = std::nullopt);

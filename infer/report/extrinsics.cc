@@ -7,6 +7,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/json/json_archive.h"
 #include "infer/calib/describe_result.h"
 
@@ -199,7 +200,10 @@ void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrin
 }
 
 Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
-  return ReadDescribed<Extrinsics>(ReadFile(path), path.string());
+  auto extrinsics = ReadDescribed<Extrinsics>(ReadFile(path), path.string());
+  for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
+    RequirePlainName(sensor.name, path.string());
+  return extrinsics;
 }
 
 }  // namespace volalign

@@ -7,6 +7,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/config/config_word.h"
 #include "infer/formats/poses/codecs.h"
 #include "infer/report/extrinsics.h"
@@ -159,6 +160,7 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
                                   const PoseFormatOptions& options) {
   std::vector<SensorPose> poses = ReadAny(path, format, options);
   if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
+  for (const SensorPose& pose : poses) RequirePlainName(pose.name, path.string());
   return poses;
 }
 

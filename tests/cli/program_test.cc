@@ -1,19 +1,23 @@
 // The program as a user runs it: exit statuses, one-line errors, nothing half-written.
 
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <sys/resource.h>
 
 #include <torch/csrc/jit/api/module.h>
 #include <torch/csrc/jit/serialization/import.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <string>
+#include <system_error>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -24,6 +28,7 @@
 #include "core/nn/checkpoint.h"
 #include "infer/calib/calibrate.h"
 #include "tests/cli/run_program.h"
+#include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/read_png.h"
 
 namespace volalign::program_test {
@@ -33,13 +38,6 @@ namespace fs = std::filesystem;
 
 class Program : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("volalign_cli_" + std::to_string(::getpid()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::string Path(const std::string& name) const { return (folder_ / name).string(); }
 
   /// One line that begins with "error: " and holds every one of `parts`; status 1.
@@ -78,7 +76,7 @@ class Program : public testing::Test {
     EXPECT_FALSE(fs::exists(Path("out/extrinsics.json")));
   }
 
-  fs::path folder_;
+  const TempFolder folder_;
 };
 
 TEST_F(Program, RendersACaptureOfEachPlacement) {
@@ -482,6 +480,68 @@ TEST_F(Program, ExportsTorchScript) {
   EXPECT_LT((out.exp().sum(1) - 1).abs().max().item<float>(), 1e-4f) << "log-probabilities";
   ExpectError(Volalign("export --model " + Path("no.pt") + " -o " + Path("n.ts")), {"no.pt"});
   EXPECT_FALSE(fs::exists(Path("n.ts")));
+}
+
+/// Waits for a second process, which `program` is, to have begun to write there.
+void WaitForDraft(const std::string& folder) {
+  for (;; std::this_thread::sleep_for(std::chrono::milliseconds(1))) {
+    std::error_code missing;
+    for (const auto& entry : fs::directory_iterator(folder, missing)) {
+      if (entry.path().filename().string().rfind("unfinished.tmp-", 0) == 0) return;
+    }
+  }
+}
+
+TEST_F(Program, OneProcessAtATimeWritesAResult) {
+  const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
+                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
+  RunningProgram first(calibrate);
+  WaitForDraft(Path("out"));
+  ExpectError(Volalign(calibrate), {Path("out"), "another volalign is writing there"});
+  EXPECT_EQ(first.Wait().status, 0);
+  EXPECT_EQ(Volalign(calibrate).status, 0);
+}
+
+TEST_F(Program, EndsOnSignalsWithNothingHalfWritten) {
+  const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
+                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
+  for (const int number : {SIGINT, SIGTERM}) {
+    RunningProgram program(calibrate);
+    WaitForDraft(Path("out"));
+    program.Signal(number);
+    const Outcome run = program.Wait();
+    EXPECT_EQ(run.status, 128 + number);
+    EXPECT_NE(run.output.find("stopped by"), std::string::npos) << run.output;
+    EXPECT_TRUE(fs::is_empty(Path("out")));
+  }
+  RunningProgram train("train --config configs/m05-lite.yaml --set run.samples=100000 -o " +
+                       Path("run"));
+  while (!fs::exists(Path("run/metrics.jsonl")))
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  train.Signal(SIGTERM);
+  const Outcome run = train.Wait();
+  EXPECT_EQ(run.status, 128 + SIGTERM);
+  EXPECT_NE(run.output.find("continue with --resume"), std::string::npos) << run.output;
+  EXPECT_FALSE(fs::is_empty(Path("run/states")));
+}
+
+// A limit on the size of files does what a full disk does.
+TEST_F(Program, AFullDiskLeavesTheEarlierResult) {
+  const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
+                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
+  EXPECT_EQ(Volalign(calibrate).status, 0);
+  const std::string before = ReadFile(Path("out/extrinsics.json"));
+  rlimit old_limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 100000;
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const Outcome run = Volalign(calibrate + " --set threads=1");
+  ::setrlimit(RLIMIT_FSIZE, &old_limit);
+  ExpectError(run, {"cannot write", "File too large"});
+  EXPECT_EQ(ReadFile(Path("out/extrinsics.json")), before);
+  EXPECT_NE(ReadFile(Path("out/command.yaml")).find("no-report"), std::string::npos);
 }
 
 }  // namespace

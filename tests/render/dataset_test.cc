@@ -234,7 +234,7 @@ TEST(Dataset, RefusesToMixSamples) {
   const int held = ::open(folder.path().c_str(), O_RDONLY | O_DIRECTORY);
   ASSERT_EQ(::flock(held, LOCK_EX), 0);
   ExpectError<IoError>([&] { WriteDataset(folder.path(), Context(), Options(5)); },
-                       {folder.path().string(), "another volalign render"});
+                       {folder.path().string(), "another volalign"});
   ::close(held);
   EXPECT_TRUE(before == Files(folder.path()));
   folder.Write("index.json", "{\"format\": \"volalign.samples/1\"}");

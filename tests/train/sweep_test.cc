@@ -2,12 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/interrupt.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "train/log/run_log.h"
@@ -81,6 +83,19 @@ TEST(Sweep, GoesOnWhereItStoppedAndPastAFailure) {
   EXPECT_TRUE(TrainSweep(runs, dir, true).finished);
   EXPECT_EQ(std::filesystem::last_write_time(folder / state), written);
   EXPECT_EQ(ReadRuns({dir}).size(), 3u);
+}
+
+// A signal that comes between two runs is noted by the guard of the whole sweep.
+TEST(Sweep, BeginsNoRunAfterASignal) {
+  const TempFolder folder;
+  const auto runs = ExpandSweep(Read("recipes: [configs/m05-lite.yaml]\nseeds: [1, 2]\n"),
+                                {"run.samples=5000", "run.threads=1"});
+  const InterruptGuard guard;
+  std::raise(SIGINT);
+  const SweepResult result = TrainSweep(runs, (folder / "sweep").string(), true);
+  EXPECT_EQ(result.signal, SIGINT);
+  EXPECT_FALSE(result.finished);
+  EXPECT_FALSE(std::filesystem::exists(folder / "sweep" / runs[0].name));
 }
 
 }  // namespace

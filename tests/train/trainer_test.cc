@@ -131,6 +131,7 @@ TEST(Trainer, EveryOptimizerAndScheduleResumesExactly) {
     config.optim.schedule = schedule;
     config.optim.period_samples = 12;
     config.run.samples = 24;
+    config.optim.warmup_samples = 4;
     config.run.micro_batch = 1;
     config.loss.class_weights = {0.5, 1};
     const std::string whole = fmt::format("whole{}", number),
@@ -470,6 +471,99 @@ TEST(Trainer, StopsCleanlyOnASignal) {
   EXPECT_FALSE(result.finished);
   EXPECT_EQ(result.samples, 6);
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 6);
+}
+
+/// Raises a signal while a batch of the number `at`, from 1, is drawn.
+class Signalling : public SampleSource {
+ public:
+  Signalling(std::unique_ptr<SampleSource> inner, int at) : inner_(std::move(inner)), at_(at) {}
+  std::vector<Sample> Next() override {
+    if (++calls_ == at_) std::raise(SIGINT);
+    return inner_->Next();
+  }
+
+ private:
+  std::unique_ptr<SampleSource> inner_;
+  int at_, calls_ = 0;
+};
+
+// A validation that is stopped is made up for by the run that goes on.
+TEST(Trainer, StopsWithinAValidation) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.optim.warmup_samples = 4;
+  config.run.validate_every = 4;
+  config.run.validation_samples = 6;
+  config.run.samples = 8;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  EXPECT_EQ(TrainOn(data, config, Options(folder / "whole")).signal, 0);
+
+  TrainingData stopping = data;
+  int drawn = 0, opened = 0;
+  stopping.open_validation = [&]() -> std::unique_ptr<SampleSource> {
+    class Counted : public SampleSource {
+     public:
+      Counted(std::unique_ptr<SampleSource> inner, int* drawn)
+          : inner_(std::move(inner)), drawn_(drawn) {}
+      std::vector<Sample> Next() override {
+        ++*drawn_;
+        return inner_->Next();
+      }
+
+     private:
+      std::unique_ptr<SampleSource> inner_;
+      int* drawn_;
+    };
+    ++opened;
+    return std::make_unique<Signalling>(std::make_unique<Counted>(data.open_validation(), &drawn),
+                                        1);
+  };
+  TrainOptions options = Options(folder / "run");
+  TrainResult result = TrainOn(stopping, config, options);
+  EXPECT_EQ(result.signal, SIGINT);
+  EXPECT_FALSE(result.finished);
+  EXPECT_EQ(result.samples, 4);
+  EXPECT_EQ(drawn, 1);  // of three batches
+  options.resume = true;
+  result = TrainOn(data, config, options);
+  EXPECT_TRUE(result.finished);
+  for (const char* file : {"states/000000000008.state", "best.pt"})
+    EXPECT_TRUE(ReadFile(folder / "run" / file) == ReadFile(folder / "whole" / file)) << file;
+  EXPECT_EQ(Rows(folder / "run", "validation"), Rows(folder / "whole", "validation"));
+  // In the last validation, too: the run is not finished then.
+  stopping.open_training = data.open_training;
+  options = Options(folder / "last");
+  config.run.validate_every = 8;
+  result = TrainOn(stopping, config, options);
+  EXPECT_EQ(result.samples, 8);
+  EXPECT_FALSE(result.finished);
+  options.resume = true;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  EXPECT_EQ(opened, 2);
+}
+
+// The step that is stopped is done again by the run that goes on.
+TEST(Trainer, StopsBetweenMicroBatches) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.model.normalization = "batch";  // which moves with each micro-batch
+  config.optim.warmup_samples = 4;
+  config.run.micro_batch = 1;
+  config.run.samples = 8;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  TrainOn(data, config, Options(folder / "whole"));
+  TrainingData stopping = data;
+  stopping.open_training = [&](std::int64_t first) {
+    return std::make_unique<Signalling>(data.open_training(first), 3);
+  };
+  TrainOptions options = Options(folder / "run");
+  const TrainResult result = TrainOn(stopping, config, options);
+  EXPECT_EQ(result.signal, SIGINT);
+  EXPECT_EQ(result.samples, 4);  // of the two steps before
+  options.resume = true;
+  EXPECT_TRUE(TrainOn(data, config, options).finished);
+  const char* state = "states/000000000008.state";
+  EXPECT_TRUE(ReadFile(folder / "run" / state) == ReadFile(folder / "whole" / state));
 }
 
 TEST(Trainer, StopsAtALossThatIsNotFinite) {

@@ -11,13 +11,14 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <thread>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/interrupt.h"
 #include "core/base/text.h"
-#include "train/distributed/interrupt.h"
-#include "train/distributed/rendezvous.h"
+#include "train/distributed/world.h"
 
 namespace volalign {
 namespace {
@@ -27,11 +28,13 @@ using Clock = std::chrono::steady_clock;
 constexpr int kLost = 127;  // status, as a shell gives it of a process that it does not know
 
 /// The environment of this process with the variables of ReadWorld.
-std::vector<std::string> EnvironmentOf(int rank, int count, int port) {
+std::vector<std::string> EnvironmentOf(int rank, int count, const std::string& store) {
   const std::vector<std::pair<std::string, std::string>> own = {
-      {"RANK", std::to_string(rank)},        {"LOCAL_RANK", std::to_string(rank)},
-      {"WORLD_SIZE", std::to_string(count)}, {"MASTER_ADDR", "127.0.0.1"},
-      {"MASTER_PORT", std::to_string(port)}, {"VOLALIGN_PORT", std::to_string(port)}};
+      {"RANK", std::to_string(rank)},
+      {"LOCAL_RANK", std::to_string(rank)},
+      {"WORLD_SIZE", std::to_string(count)},
+      {"NCCL_SOCKET_IFNAME", "lo"},  // as OpenDevice does for Gloo
+      {kStoreVariable, store}};
   std::vector<std::string> all;
   for (char** entry = environ; *entry != nullptr; ++entry) {
     const std::string text = *entry;
@@ -88,25 +91,39 @@ void SignalAll(const std::vector<pid_t>& children, int number) {
   }
 }
 
+/// That no other user can look into.
+std::filesystem::path MakePrivateFolder() {
+  std::string folder = (std::filesystem::temp_directory_path() / "volalign_XXXXXX").string();
+  if (::mkdtemp(folder.data()) == nullptr) {
+    throw IoError(fmt::format("cannot create folder {}: {}", folder, std::strerror(errno)));
+  }
+  return folder;
+}
+
 }  // namespace
 
 int LaunchProcesses(int count, const std::vector<std::string>& command, double grace_s) {
   InterruptGuard guard;
-  const int port = FreePort();
+  const Unfinished folder(MakePrivateFolder);
+  const std::string store = folder.path() / "store";
   std::vector<pid_t> children;
   for (int rank = 0; rank < count; ++rank) {
-    children.push_back(Start(command, EnvironmentOf(rank, count, port)));
+    children.push_back(Start(command, EnvironmentOf(rank, count, store)));
   }
-  int first_failure = 0, running = count;
+  int first_failure = 0, passed_on = 0, stopped = 0, running = count;
   Clock::time_point failed_at;
   while (running > 0) {
-    if (const int number = guard.Take()) SignalAll(children, number);
+    if (const int number = guard.Take()) {
+      passed_on = StatusOfSignal(number);
+      SignalAll(children, number);
+    }
     for (std::size_t rank = 0; rank < children.size(); ++rank) {
       int status = 0;
       if (children[rank] <= 0 || !HasEnded(children[rank], &status)) continue;
       children[rank] = 0;
       --running;
-      if (status == 0 || first_failure != 0) continue;
+      if (StatusOf(status) == passed_on) stopped = passed_on;
+      if (status == 0 || StatusOf(status) == passed_on || first_failure != 0) continue;
       first_failure = StatusOf(status);
       failed_at = Clock::now();
       fmt::print(stderr, "\nrank {} {}\n", rank, Words(status));
@@ -116,7 +133,7 @@ int LaunchProcesses(int count, const std::vector<std::string>& command, double g
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  return first_failure;
+  return first_failure != 0 ? first_failure : stopped;
 }
 
 std::vector<std::string> OwnCommandWithout(const std::string& name) {

@@ -18,6 +18,7 @@
 
 #include "train/distributed/rendezvous.h"
 #ifdef VOLALIGN_HAS_GLOO
+#include <torch/csrc/distributed/c10d/FileStore.hpp>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
@@ -52,6 +53,11 @@ std::string OwnName() {
 }
 
 Store OpenStore(const World& world, milliseconds timeout) {
+  if (!world.store.empty()) {
+    Store store = c10::make_intrusive<c10d::FileStore>(world.store, world.size);
+    store->setTimeout(timeout);
+    return store;
+  }
   c10d::TCPStoreOptions options;
   options.port = static_cast<std::uint16_t>(world.port);
   options.isServer = world.rank == 0;
@@ -72,6 +78,7 @@ Store OpenStore(const World& world, milliseconds timeout) {
 }
 
 std::shared_ptr<::gloo::transport::Device> OpenDevice(const World& world) {
+  if (!world.store.empty()) return c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1");
   if (const char* interface = std::getenv("GLOO_SOCKET_IFNAME")) {
     return c10d::ProcessGroupGloo::createDeviceForInterface(interface);
   }
@@ -112,7 +119,7 @@ std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds t
       std::this_thread::sleep_for(milliseconds(100));
     }
   } catch (const std::exception&) {
-    return {0};  // which keeps the store
+    return {0};  // which keeps the store, where it is no file
   }
   return missing;
 }

@@ -61,18 +61,4 @@ std::string AddressTowards(const World& world) {
   throw IoError(fmt::format("no way leads to MASTER_ADDR = '{}': {}", world.address, why));
 }
 
-int FreePort() {
-  const Socket socket(AF_INET, SOCK_STREAM);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  if (socket.fd() < 0 ||
-      ::bind(socket.fd(), reinterpret_cast<const sockaddr*>(&address), size) != 0 ||
-      ::getsockname(socket.fd(), reinterpret_cast<sockaddr*>(&address), &size) != 0) {
-    throw IoError(fmt::format("no port of 127.0.0.1 is free: {}", std::strerror(errno)));
-  }
-  return ntohs(address.sin_port);
-}
-
 }  // namespace volalign

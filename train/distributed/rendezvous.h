@@ -10,7 +10,4 @@ namespace volalign {
 /// at. Throws IoError where rank 0's name has no address or no way leads there.
 std::string AddressTowards(const World& world);
 
-/// A port on which nobody listens at the moment.
-int FreePort();
-
 }  // namespace volalign

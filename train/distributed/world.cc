@@ -58,6 +58,10 @@ World ReadWorld(const Environment& environment) {
   if (world.size == 1) return world;
   world.rank = Number("RANK", Required(environment, "RANK"), 0, world.size - 1);
   world.local_rank = Number("LOCAL_RANK", Required(environment, "LOCAL_RANK"), 0, world.size - 1);
+  if (const auto store = environment(kStoreVariable)) {
+    world.store = *store;
+    return world;
+  }
   world.address = Required(environment, "MASTER_ADDR");
   world.port = PortOf(environment);
   return world;

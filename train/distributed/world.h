@@ -11,7 +11,10 @@ namespace volalign {
 /// The place of a process among those that train one network together.
 struct World {
   int rank = 0, size = 1;
-  int local_rank = 0;   ///< among the processes of this machine
+  int local_rank = 0;  ///< among the processes of this machine
+  /// Where LaunchProcesses has started all on this machine: a file by which they meet, so that
+  /// none of them listens on an address that other machines reach. Else rank 0 listens.
+  std::string store;
   std::string address;  ///< of rank 0
   int port = 0;         ///< on which rank 0 listens
 };
@@ -20,10 +23,13 @@ struct World {
 using Environment = std::function<std::optional<std::string>(const std::string& name)>;
 std::optional<std::string> ProcessEnvironment(const std::string& name);
 
+inline constexpr char kStoreVariable[] = "VOLALIGN_STORE";
+
 /// As torchrun's variables RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR and MASTER_PORT say; a process
 /// alone where WORLD_SIZE is not set. torchrun's agent listens on MASTER_PORT itself, so that the
-/// processes that it starts take the next port. VOLALIGN_PORT names another one. Throws ConfigError
-/// for a variable that is missing or no number in its range.
+/// processes that it starts take the next port. VOLALIGN_PORT names another one. Processes of
+/// LaunchProcesses have VOLALIGN_STORE instead of an address and a port. Throws ConfigError for a
+/// variable that is missing or no number in its range.
 World ReadWorld(const Environment& environment = ProcessEnvironment);
 
 /// The samples of each batch that fall to a process. Throws ConfigError where there are more

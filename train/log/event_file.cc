@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "core/base/error.h"
+#include "core/base/folder.h"
 #include "core/formats/image_io.h"
 
 namespace volalign {
@@ -114,8 +115,7 @@ std::uint32_t Crc32c(std::string_view bytes) {
 }
 
 EventFile::EventFile(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
+  MakeFolder(folder);
   const double now = Now();
   do {
     static int number = 0;

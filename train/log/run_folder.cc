@@ -1,21 +1,14 @@
 #include "train/log/run_folder.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <functional>
 #include <string>
 #include <system_error>
-#include <thread>
 #include <utility>
-
-#include "core/base/error.h"
 
 namespace volalign {
 namespace {
@@ -23,8 +16,7 @@ namespace {
 constexpr char kStateSuffix[] = ".state";
 /// A killed process keeps its lock until its memory is freed, which takes seconds on a busy
 /// machine.
-constexpr int kLockTries = 100;
-constexpr std::chrono::milliseconds kLockPause(100);
+constexpr std::chrono::seconds kLockPatience(10);
 
 /// The number that a state's name is, or -1.
 std::int64_t SamplesOf(const std::filesystem::path& path) {
@@ -46,27 +38,8 @@ std::vector<std::filesystem::path> FilesIn(const std::filesystem::path& dir) {
 
 }  // namespace
 
-RunFolder::RunFolder(std::filesystem::path dir) : dir_(std::move(dir)) {
-  std::error_code error;
-  std::filesystem::create_directories(dir_ / "states", error);
-  if (error) {
-    throw IoError(fmt::format("cannot create folder {}: {}", dir_.string(), error.message()));
-  }
-  lock_ = ::open(dir_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (lock_ < 0) return;
-  // A file system that has no locks for folders is no reason not to train.
-  for (int tries = 0; ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++tries) {
-    if (tries == kLockTries) {
-      ::close(lock_);
-      throw Error(fmt::format("another process trains in {}: wait for it, or use another folder",
-                              dir_.string()));
-    }
-    std::this_thread::sleep_for(kLockPause);
-  }
-}
-
-RunFolder::~RunFolder() {
-  if (lock_ >= 0) ::close(lock_);
+RunFolder::RunFolder(std::filesystem::path dir) : dir_(std::move(dir)), lock_(dir_, kLockPatience) {
+  MakeFolder(dir_ / "states");
 }
 
 std::filesystem::path RunFolder::State(std::int64_t samples) const {
@@ -96,16 +69,13 @@ void RunFolder::BeginAfter(std::int64_t samples) const {
   for (const std::int64_t state : States()) {
     if (state > samples) std::filesystem::remove(State(state), ignored);
   }
-  // See WriteFileAtomically for these names. Nobody else writes here: the folder is locked.
-  std::vector<std::filesystem::path> files = FilesIn(dir_ / "states");
+  RemoveTemporaries(dir_ / "states");
   for (const std::filesystem::path& file : FilesIn(dir_)) {
     for (const std::filesystem::path& own : {config(), metrics(), model(), best()}) {
-      if (file.string().rfind(own.string() + ".tmp-", 0) == 0) files.push_back(file);
+      if (file.string().rfind(own.string() + ".tmp-", 0) == 0) {
+        std::filesystem::remove(file, ignored);
+      }
     }
-  }
-  for (const std::filesystem::path& file : files) {
-    if (file.filename().string().find(".tmp-") == std::string::npos) continue;
-    std::filesystem::remove(file, ignored);
   }
 }
 

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "core/base/folder.h"
+
 namespace volalign {
 
 /// The folder of a run and the names of its files (docs/training.md). One process at a time trains
@@ -12,11 +14,8 @@ namespace volalign {
 class RunFolder {
  public:
   /// Makes the folder where there is none. Waits up to 10 s for a process that trains in it, which
-  /// may just have been killed. Throws IoError, or Error where it goes on.
+  /// may just have been killed. Throws IoError.
   explicit RunFolder(std::filesystem::path dir);
-  ~RunFolder();
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
 
   const std::filesystem::path& dir() const { return dir_; }
   std::filesystem::path config() const { return dir_ / "config.yaml"; }
@@ -37,7 +36,7 @@ class RunFolder {
 
  private:
   std::filesystem::path dir_;
-  int lock_ = -1;
+  FolderLock lock_;
 };
 
 }  // namespace volalign

@@ -68,7 +68,9 @@ std::string TextOf(const Cell& cell, bool exact) {
 }
 
 std::string Quoted(const std::string& text) {
-  return text.find_first_of(",\"\r\n") == std::string::npos ? text : CsvQuoted(text);
+  const std::string quoted = CsvQuoted(text);
+  const bool plain = text.find_first_of(",\"\r\n") == std::string::npos;
+  return plain && quoted.size() == text.size() + 2 ? text : quoted;
 }
 
 std::string AsCsv(const Table& table) {
@@ -156,6 +158,7 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
 Table CompareRuns(const std::vector<RunGroup>& groups) {
   Table table;
   if (groups.empty()) return table;
+  table.columns.emplace_back("run");
   for (const auto& [key, unused] : groups.front().differences) table.columns.push_back(key);
   table.columns.insert(table.columns.end(), {"runs", "samples"});
   std::vector<std::string> metrics;
@@ -166,7 +169,7 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
     table.columns.push_back(metric + " std");
   }
   for (const RunGroup& group : groups) {
-    std::vector<Cell> row;
+    std::vector<Cell> row = {group.runs.front().name};
     for (const auto& [key, value] : group.differences) row.emplace_back(value);
     row.emplace_back(static_cast<double>(group.runs.size()));
     const auto least = std::min_element(

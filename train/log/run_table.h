@@ -25,8 +25,9 @@ std::string FormatTable(const Table& table, TableFormat format);
 /// the last loss, samples per second.
 Table ListRuns(const std::vector<LoggedRun>& runs);
 
-/// One row per group: the keys that differ, the number of seeds, and of each metric of the last
-/// validation its mean over the seeds and, for two and more, its standard deviation.
+/// One row per group: the folder of its first run, the keys that differ, the number of seeds, and
+/// of each metric of the last validation its mean over the seeds and, for two and more, its
+/// standard deviation.
 Table CompareRuns(const std::vector<RunGroup>& groups);
 
 }  // namespace volalign

@@ -222,7 +222,7 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
     for (std::size_t i = 1; i < fields.size(); ++i) numbers += " " + fields[i];
     while (fields.back().empty()) fields.pop_back();
     const std::vector<double> v = Numbers({lines[l].number, numbers}, fields.size() - 1, name);
-    SensorPose pose{fields[0],
+    SensorPose pose{CsvText(fields[0]),
                     PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, place),
                     std::nullopt};
     if (v.size() > 7) {

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <csignal>
@@ -10,11 +12,33 @@
 #include <fstream>
 #include <set>
 #include <string>
+#include <system_error>
 #include <thread>
+#include <vector>
 
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+
+namespace volalign::file_util_test {
+namespace {
+
+/// Paths that fsync was called for, by the names that they had then.
+std::vector<std::filesystem::path>& Synced() {
+  static std::vector<std::filesystem::path> synced;
+  return synced;
+}
+
+}  // namespace
+}  // namespace volalign::file_util_test
+
+// In place of the C library's, in this program alone.
+extern "C" int fsync(int file) {
+  std::error_code error;
+  volalign::file_util_test::Synced().push_back(
+      std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(file), error));
+  return static_cast<int>(::syscall(SYS_fsync, file));
+}
 
 namespace volalign::file_util_test {
 namespace {
@@ -111,6 +135,22 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
                        {"create", "too long"});
   EXPECT_EQ(Listing(folder.path()), (std::set<std::string>{"file", "taken"}));
   EXPECT_EQ(ReadFile(folder / "file"), "x");
+}
+
+// The names of the file and of the folders that were made for it outlive a power failure, too.
+TEST(FileUtil, SyncsTheFileAndWhatNamesIt) {
+  const TempFolder folder;
+  const std::filesystem::path base = std::filesystem::canonical(folder.path());
+  Synced().clear();
+  WriteFileAtomically(base / "a/b/c.txt", "x");
+  ASSERT_EQ(Synced().size(), 4u);
+  EXPECT_EQ(Synced()[0], base);
+  EXPECT_EQ(Synced()[1], base / "a");
+  EXPECT_EQ(Synced()[2].string().rfind((base / "a/b/c.txt.tmp-").string(), 0), 0u) << Synced()[2];
+  EXPECT_EQ(Synced()[3], base / "a/b");
+  Synced().clear();
+  WriteFileAtomically(base / "a/b/d.txt", "x", /*sync=*/false);
+  EXPECT_TRUE(Synced().empty());
 }
 
 // Each writer's bytes are alike: a mixture of two, or a file that another one renamed away, shows.

@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+
 namespace volalign::text_test {
 namespace {
 
@@ -19,8 +24,40 @@ TEST(Text, IndentsLinesThatHoldSomething) {
 
 TEST(Text, Quotes) {
   EXPECT_EQ(CsvQuoted("a \"b\", c"), "\"a \"\"b\"\", c\"");
+  // Cells that a spreadsheet would take for formulas, and come back as they were.
+  EXPECT_EQ(CsvQuoted("=1+1"), "\"'=1+1\"");
+  for (const char* number :
+       {"-30", "+1e-3", "-", "@home", "=cmd|' /C calc'!A0", "'=1", "''+a", "'", "Left", ""}) {
+    const std::string quoted = CsvQuoted(number);
+    EXPECT_EQ(CsvText(quoted.substr(1, quoted.size() - 2)), number);
+  }
+  for (const char* plain : {"-30", "+1e-3", "Left", "'tis", ""})
+    EXPECT_EQ(CsvQuoted(plain), "\"" + std::string(plain) + "\"");
   EXPECT_EQ(MarkdownCell("a|b|"), "a\\|b\\|");
   EXPECT_EQ(Lower("KA03_Depth"), "ka03_depth");
+}
+
+TEST(Text, TellsControlCharacters) {
+  EXPECT_EQ(Printable("a\x1b[31m\nb\x7f"), "a\\x1b[31m\\x0ab\\x7f");
+  EXPECT_EQ(Printable("\xc2\x9b"
+                      "1m"),
+            "\\x9b1m");
+  EXPECT_EQ(Printable("K\xc3\xbc"
+                      "che \xe2\x82\xac"),
+            "K\xc3\xbc"
+            "che \xe2\x82\xac");
+  EXPECT_TRUE(HasControlCharacters("a\tb"));
+  EXPECT_FALSE(
+      HasControlCharacters("K\xc3\xbc"
+                           "che"));
+}
+
+TEST(RequirePlainName, RefusesWhatATerminalOrATableWouldMisread) {
+  EXPECT_NO_THROW(RequirePlainName(std::string(kMostNameBytes, 'a'), "x"));
+  EXPECT_NO_THROW(RequirePlainName("images/left 1.png", "x"));
+  ExpectError<DataError>([] { RequirePlainName(std::string(kMostNameBytes + 1, 'a'), "x.json"); },
+                         {"x.json", "100 bytes"});
+  ExpectError<DataError>([] { RequirePlainName("A\n0 9 9 9", "x.json"); }, {"A\\x0a0 9"});
 }
 
 }  // namespace

@@ -129,7 +129,10 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
 }
 
 TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
-  for (const std::string name : {"", "a/b", "..", "overview", "merged"}) {
+  for (const std::string name :
+       {std::string(), std::string("a/b"), std::string(".."), std::string("overview"),
+        std::string("merged"), std::string("A\\u001b[31mRED"), std::string("A\\n0 9 9 9 0 0 0 1"),
+        std::string("A\\u009b"), std::string(101, 'a')}) {
     ExpectBad(Write(R"({"depth_scale": 0.001, "sensors": [{"name": ")" + name +
                     R"(", "depth": "a.pgm", )" + kIntrinsics + "}]}"),
               {"file name"});

@@ -2,21 +2,29 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <set>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "core/formats/image_io.h"
 #include "core/plot/picture_text.h"
 #include "infer/calib/calibrate.h"
@@ -82,7 +90,7 @@ class ExportTest : public ::testing::Test {
     result_ = new CalibrationResult(Calibrate(rig_->frames, rig_->structure, segmenter));
     result_->sensors[1].together = RingPose(76);
     folder_ = new TempFolder;
-    WriteCalibration(folder_->path(), *result_, {{"", rig_->frames}}, rig_->structure,
+    WriteCalibration(ResultFolder(folder_->path()), *result_, {{"", rig_->frames}}, rig_->structure,
                      {{"capture.json"}, "model.pt", std::string(64, 'a')},
                      ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   }
@@ -515,9 +523,10 @@ std::set<std::string> Files(const std::filesystem::path& folder) {
 TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
   const TempFolder folder;
   const auto write = [&](const CalibrationResult& result, const std::vector<SensorFrame>& frames) {
-    WriteCalibration(folder.path(), result, {{"", frames}}, rig_->structure, {});
+    WriteCalibration(ResultFolder(folder.path()), result, {{"", frames}}, rig_->structure, {});
   };
-  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {}, ReportRun());
+  WriteCalibration(ResultFolder(folder.path()), *result_, {{"", rig_->frames}}, rig_->structure, {},
+                   ReportRun());
   EXPECT_EQ(Files(folder.path()).count("report.html") + Files(folder.path()).count("rig.glb"), 2u);
   // What others put there stays: files, and what is named like a file of a sensor but is none.
   WriteFileAtomically(folder / "clouds/mine.ply", "x");
@@ -579,9 +588,11 @@ TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
   placement.translation().x() = 1;
   const CalibrationResult both = WithSecondStill(*result_, placement);
   const TempFolder folder;
-  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
-  WriteCalibration(folder.path(), both, {{"before", rig_->frames}, {"after", rig_->frames}},
-                   rig_->structure, {{"a/before.json", "b/after.json"}, "", ""}, ReportRun());
+  WriteCalibration(ResultFolder(folder.path()), *result_, {{"", rig_->frames}}, rig_->structure,
+                   {});
+  WriteCalibration(ResultFolder(folder.path()), both,
+                   {{"before", rig_->frames}, {"after", rig_->frames}}, rig_->structure,
+                   {{"a/before.json", "b/after.json"}, "", ""}, ReportRun());
   const auto stills = PayloadOf(ReadFile(folder / "report.html"))["stills"];
   ASSERT_EQ(stills.size(), 2u);
   EXPECT_EQ(stills[1]["name"], "after");
@@ -628,7 +639,8 @@ TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
   EXPECT_NE(report.find("in after: the stack stood +1.000 m along x"), std::string::npos) << report;
   EXPECT_NE(report.find("by left; right failed (degenerate_sides)"), std::string::npos) << report;
 
-  WriteCalibration(folder.path(), *result_, {{"", rig_->frames}}, rig_->structure, {});
+  WriteCalibration(ResultFolder(folder.path()), *result_, {{"", rig_->frames}}, rig_->structure,
+                   {});
   EXPECT_EQ(Files(folder.path()).count("labels/after/left.png"), 0u);
 }
 
@@ -646,7 +658,8 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
     WriteFileAtomically(folder / "mine.ply", "x");
     WriteFileAtomically(folder / "mine.png", "x");
     WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
-    WriteCalibration(folder / "out", *result_, {{"", rig_->frames}}, rig_->structure, {});
+    WriteCalibration(ResultFolder(folder / "out"), *result_, {{"", rig_->frames}}, rig_->structure,
+                     {});
     for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"}) {
       EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
     }
@@ -656,11 +669,102 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
 
 TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
   const TempFolder folder;
-  PrepareFolder(folder / "a/b");
+  { const ResultFolder made(folder / "a/b"); }
   EXPECT_TRUE(std::filesystem::is_directory(folder / "a/b"));
   WriteFileAtomically(folder / "file", "x");
-  ExpectError<IoError>([&] { PrepareFolder(folder / "file"); }, {"file", "choose another"});
-  ExpectError<IoError>([&] { PrepareFolder(folder / "file/inner"); }, {"inner", "choose another"});
+  ExpectError<IoError>([&] { ResultFolder(folder / "file"); }, {"file", "choose another"});
+  ExpectError<IoError>([&] { ResultFolder(folder / "file/inner"); }, {"file", "choose another"});
+}
+
+/// Bytes of every file by its path.
+std::map<std::string, std::string> Contents(const std::filesystem::path& folder) {
+  std::map<std::string, std::string> contents;
+  for (const std::string& file : Files(folder)) contents[file] = ReadFile(folder / file);
+  return contents;
+}
+
+/// A process that writes one result after the other: of the model "0" with both placed sensors, and
+/// of the model "1" with the first alone.
+class Writer {
+ public:
+  Writer(const std::filesystem::path& folder, const CalibrationResult& result, const Rig& rig) {
+    child_ = ::fork();
+    if (child_ != 0) return;
+    CalibrationResult one = result;
+    one.sensors.resize(1);
+    for (int model = 0;; model = 1 - model) {
+      const ResultFolder out(folder);
+      const CalibrationResult& of = model == 0 ? result : one;
+      const std::vector<SensorFrame> frames(
+          rig.frames.begin(), rig.frames.begin() + static_cast<long>(of.sensors.size()));
+      WriteFileAtomically(out.draft() / "options.yaml", std::to_string(model));
+      WriteCalibration(out, of, {{"", frames}}, rig.structure,
+                       {{"capture.json"}, std::to_string(model), std::string(64, 'a')});
+    }
+  }
+  void Kill() const {
+    ::kill(child_, SIGKILL);
+    ::waitpid(child_, nullptr, 0);
+  }
+
+ private:
+  pid_t child_;
+};
+
+// Where there is an extrinsics.json, all files beside it are of its run.
+TEST_F(ExportTest, AFolderIsOfOneRunWhereverAProcessIsKilled) {
+  const TempFolder folder;
+  const std::filesystem::path out = folder / "out";
+  std::mt19937 random(1);
+  const auto begin = std::chrono::steady_clock::now();
+  WriteCalibration(ResultFolder(folder / "first"), *result_, {{"", rig_->frames}}, rig_->structure,
+                   {});
+  const auto span = std::chrono::steady_clock::now() - begin;
+  int complete = 0;
+  for (int kill = 0; kill < 10; ++kill) {
+    const Writer writer(out, *result_, *rig_);
+    while (kill == 0 && !std::filesystem::exists(out / "extrinsics.json"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    std::this_thread::sleep_for(span * (random() % 1000) * 2e-3);
+    writer.Kill();
+    if (!std::filesystem::exists(out / "extrinsics.json")) continue;
+    ++complete;
+    const Extrinsics read = ReadExtrinsics(out / "extrinsics.json");
+    EXPECT_EQ(ReadFile(out / "options.yaml"), read.model->file);
+    std::set<std::string> expected = {"extrinsics.json", "options.yaml", "pictures/overview.png",
+                                      "clouds/merged.ply"};
+    for (const Extrinsics::Sensor& sensor : read.sensors) {
+      for (const std::string kind : {"labels/", "confidence/", "pictures/"})
+        expected.insert(kind + sensor.name + ".png");
+      if (sensor.structure_from_sensor) expected.insert("clouds/" + sensor.name + ".ply");
+    }
+    std::set<std::string> found;
+    for (const std::string& file : Files(out)) {
+      if (file.rfind("unfinished.tmp-", 0) != 0) found.insert(file);
+    }
+    EXPECT_EQ(found, expected) << "kill " << kill;
+  }
+  EXPECT_GT(complete, 3);
+}
+
+TEST_F(ExportTest, AFullDiskLeavesTheEarlierResult) {
+  const TempFolder folder;
+  const auto write = [&] {
+    WriteCalibration(ResultFolder(folder.path()), *result_, {{"", rig_->frames}}, rig_->structure,
+                     {});
+  };
+  write();
+  const auto before = Contents(folder.path());
+  rlimit old_limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 100000;  // between a picture and a cloud
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  ExpectError<IoError>(write, {"cannot write", "File too large"});
+  ::setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_TRUE(Contents(folder.path()) == before);
 }
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {

@@ -17,6 +17,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/random.h"
+#include "core/config/config_word.h"
 #include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
 #include "tests/core/base/expect_error.h"
@@ -113,6 +114,33 @@ TEST_F(PosesTest, ComeBackFromEveryFormat) {
       EXPECT_EQ(back[i].intrinsics->width, expected.width) << word;
     }
   }
+}
+
+// A name of several lines would be read as a pose, and one with an escape sequence changes a
+// terminal.
+TEST_F(PosesTest, RefuseNamesThatForge) {
+  for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED"}) {
+    poses_[0].name = name;
+    for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
+      EXPECT_THROW(ReadPoses(Written(format), format, options_), DataError) << name;
+  }
+  poses_[0].name = "A\x1b[31mRED";
+  for (const PoseFormat format :
+       {PoseFormat::kTum, PoseFormat::kOpen3dLog, PoseFormat::kCsv, PoseFormat::kColmap,
+        PoseFormat::kVolumetricCapture, PoseFormat::kOpencv, PoseFormat::kRos})
+    EXPECT_THROW(ReadPoses(Written(format), format, options_), DataError)
+        << WordOf(kPoseFormatWords, format);
+}
+
+// A spreadsheet shows such a name, and does not calculate with it.
+TEST_F(PosesTest, NamesInACsvAreNoFormulas) {
+  poses_[0].name = "=1+1";
+  poses_[1].name = "-30";
+  poses_[2].name = "'=1";
+  const std::filesystem::path file = Written(PoseFormat::kCsv);
+  EXPECT_NE(ReadFile(file).find("\n\"'=1+1\","), std::string::npos);
+  const std::vector<SensorPose> back = ReadPoses(file, PoseFormat::kCsv);
+  for (std::size_t i = 0; i < back.size(); ++i) EXPECT_EQ(back[i].name, poses_[i].name);
 }
 
 TEST_F(PosesTest, SayWhatAFormatHasNoPlaceFor) {

@@ -11,25 +11,17 @@
 
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"
-#include "train/distributed/rendezvous.h"
+#include "tests/core/base/temp_folder.h"
 #include "train/distributed/world.h"
 
 namespace volalign {
 
-inline World WorldOf(int rank, int size, int port) {
-  World world;
-  world.rank = world.local_rank = rank;
-  world.size = size;
-  world.address = "127.0.0.1";
-  world.port = port;
-  return world;
-}
-
-/// Calls `work` in `size` processes of their own, on a port that is free, and gives back their exit
-/// statuses; an exception is status 1, and its message what the file `rank` of `folder` has.
+/// Calls `work` in `size` processes of their own, which meet as those of LaunchProcesses do, and
+/// gives back their exit statuses; an exception is status 1, and its message what the file `rank`
+/// of `folder` has.
 inline std::vector<int> InProcesses(int size, const std::filesystem::path& folder,
                                     const std::function<void(const World&)>& work) {
-  const int port = FreePort();
+  const TempFolder meeting;
   std::vector<pid_t> children;
   for (int rank = 0; rank < size; ++rank) {
     const pid_t child = ::fork();
@@ -40,7 +32,11 @@ inline std::vector<int> InProcesses(int size, const std::filesystem::path& folde
     int status = 0;
     try {
       SetTorchThreads(1);
-      work(WorldOf(rank, size, port));
+      World world;
+      world.rank = world.local_rank = rank;
+      world.size = size;
+      world.store = meeting / "store";
+      work(world);
     } catch (const std::exception& e) {
       status = 1;
       WriteFileAtomically(folder / fmt::format("message{}", rank), e.what());

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -21,15 +22,18 @@ namespace {
 TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
   const TempFolder folder;
   const std::string write =
-      "echo $RANK $LOCAL_RANK $WORLD_SIZE $MASTER_ADDR:$MASTER_PORT >" + folder.path().string();
+      "echo $RANK $LOCAL_RANK $WORLD_SIZE $VOLALIGN_STORE >" + folder.path().string();
   EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", write + "/$RANK"}), 0);
   std::istringstream first(ReadFile(folder / "0")), second(ReadFile(folder / "1"));
-  std::string rank, local, size, address, other_address;
-  first >> rank >> local >> size >> address;
+  std::string rank, local, size, store, other_store;
+  first >> rank >> local >> size >> store;
   EXPECT_EQ(rank + local + size, "002");
-  second >> rank >> local >> size >> other_address;
+  second >> rank >> local >> size >> other_store;
   EXPECT_EQ(rank + local + size, "112");
-  EXPECT_EQ(address, other_address);
+  EXPECT_EQ(store, other_store);
+  const std::filesystem::path meeting = std::filesystem::path(store).parent_path();
+  EXPECT_TRUE(meeting.is_absolute());
+  EXPECT_FALSE(std::filesystem::exists(meeting)) << meeting;
   EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", "exit $((3 * RANK))"}), 3);
   // Rank 1 is killed, and rank 0 gets the time of grace.
   EXPECT_EQ(
@@ -39,7 +43,9 @@ TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
     std::this_thread::sleep_for(std::chrono::milliseconds(300));
     ::kill(::getpid(), SIGTERM);
   });
+  testing::internal::CaptureStderr();
   EXPECT_EQ(LaunchProcesses(2, {"/bin/sleep", "60"}), 128 + SIGTERM);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // nobody has failed
   later.join();
 }
 

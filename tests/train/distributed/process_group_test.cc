@@ -3,8 +3,16 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/full.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
+#include <filesystem>
+#include <iterator>
+#include <set>
+#include <sstream>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "tests/core/base/temp_folder.h"
@@ -59,6 +67,94 @@ TEST(ProcessGroup, SumsBroadcastsAndGathers) {
   EXPECT_EQ(ReadFile(folder / "message0"), "the lead failed");
   for (const char* other : {"message1", "message2"})
     EXPECT_EQ(ReadFile(folder / other), "rank 0: the lead failed");
+}
+
+/// A socket that listens at a port that was free.
+class Listener {
+ public:
+  explicit Listener(in_addr_t address) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in wanted{};
+    wanted.sin_family = AF_INET;
+    wanted.sin_addr.s_addr = htonl(address);
+    Require(::bind(fd_, reinterpret_cast<const sockaddr*>(&wanted), sizeof(wanted)) == 0, "bind");
+    Require(::listen(fd_, 1) == 0, "listen");
+  }
+  ~Listener() { ::close(fd_); }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+  int Port() const {
+    sockaddr_in address{};
+    socklen_t size = sizeof(address);
+    ::getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
+    return ntohs(address.sin_port);
+  }
+
+ private:
+  int fd_;
+};
+
+/// Local addresses of this process's listening sockets, as /proc/net/tcp and tcp6 have them.
+std::set<std::string> ListeningAddresses() {
+  std::set<std::string> sockets;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    sockets.insert(std::filesystem::read_symlink(entry, gone).string());
+  }
+  std::set<std::string> addresses;
+  for (const char* table : {"/proc/self/net/tcp", "/proc/self/net/tcp6"}) {
+    std::istringstream lines(ReadFile(table));
+    std::string line;
+    std::getline(lines, line);
+    while (std::getline(lines, line)) {
+      std::istringstream words(line);
+      const std::vector<std::string> row{std::istream_iterator<std::string>(words), {}};
+      constexpr char kListens[] = "0A";
+      if (row.at(3) == kListens && sockets.count("socket:[" + row.at(9) + "]") > 0)
+        addresses.insert(row.at(1).substr(0, row.at(1).find(':')));
+    }
+  }
+  return addresses;
+}
+
+TEST(ProcessGroup, OnOneMachineNoOtherMachineReachesIt) {
+  if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+  const TempFolder folder;
+  {
+    const Listener open(INADDR_ANY);
+    ASSERT_EQ(ListeningAddresses(), std::set<std::string>{"00000000"});
+  }
+  const auto work = [](const World& world) {
+    ProcessGroup group;
+    group.Connect(world, at::kCPU, 60);
+    const std::string loopback = "0100007F";
+    const std::set<std::string> addresses = ListeningAddresses();
+    for (const std::string& address : addresses) Require(address == loopback, address.c_str());
+  };
+  const std::vector<int> statuses = InProcesses(2, folder.path(), work);
+  for (const char* message : {"message0", "message1"}) {
+    if (std::filesystem::exists(folder / message)) ADD_FAILURE() << ReadFile(folder / message);
+  }
+  EXPECT_EQ(statuses, std::vector<int>(2, 0));
+}
+
+TEST(ProcessGroup, MeetsAtAPortToo) {
+  if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+  const TempFolder folder;
+  // Another program may take the port in between.
+  std::vector<int> statuses;
+  for (int tries = 0; tries < 3 && statuses != std::vector<int>(2, 0); ++tries) {
+    const int port = Listener(INADDR_LOOPBACK).Port();
+    statuses = InProcesses(2, folder.path(), [port](World world) {
+      world.store.clear();
+      world.address = "127.0.0.1";
+      world.port = port;
+      ProcessGroup group;
+      group.Connect(world, at::kCPU, 10);
+      Require(group.Gather(std::to_string(world.rank)) == std::vector<std::string>{"0", "1"},
+              "gather");
+    });
+  }
+  EXPECT_EQ(statuses, std::vector<int>(2, 0));
 }
 
 }  // namespace

@@ -32,6 +32,8 @@ TEST(ReadWorld, ReadsTheVariablesOfTorchrun) {
   EXPECT_EQ(ReadWorld(environment).port, 29501);
   set["VOLALIGN_PORT"] = "1234";
   EXPECT_EQ(ReadWorld(environment).port, 1234);
+  set["VOLALIGN_STORE"] = "/tmp/store";
+  EXPECT_EQ(ReadWorld(environment).store, "/tmp/store");
   set["RANK"] = "4";
   ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"RANK = '4'", "0 to 3"});
 }

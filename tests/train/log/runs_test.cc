@@ -77,8 +77,8 @@ TEST(Runs, AreListedComparedAndPlotted) {
   EXPECT_NEAR(compared[0].at("miou std").get<double>(), 0.2 / std::sqrt(2.0), 1e-12);
   EXPECT_FALSE(compared[1].contains("miou std"));
   const std::string csv = FormatTable(table, TableFormat::kCsv);
-  EXPECT_EQ(csv.substr(0, 29), "optim.lr,runs,samples,miou,mi") << csv;
-  EXPECT_NE(csv.find("\r\n0.001,2,20,0.65,0.141421356"), std::string::npos) << csv;
+  EXPECT_EQ(csv.substr(0, 33), "run,optim.lr,runs,samples,miou,mi") << csv;
+  EXPECT_NE(csv.find("/a1,0.001,2,20,0.65,0.141421356"), std::string::npos) << csv;
 
   const std::string svg = PlotRuns(groups, {"train/loss_seg", "validation/miou"});
   const auto count = [&](const std::string& part) {
@@ -102,6 +102,17 @@ TEST(Runs, SayWhatIsNoRun) {
   WriteRun(folder / "run", 1, 0.1, 0.5);
   WriteFileAtomically(folder / "run" / "metrics.jsonl", "nonsense\n{}\n");
   ExpectError<DataError>([&] { ReadRuns({folder.path().string()}); }, {"metrics.jsonl:1"});
+}
+
+// Runs of several configurations are told apart by their folders.
+TEST(Runs, AreComparedByName) {
+  const TempFolder folder;
+  WriteRun(folder / "m02", 1, 0.001, 0.5);
+  WriteRun(folder / "m03", 1, 0.002, 0.7);
+  const Table table = CompareRuns(GroupRuns(ReadRuns({folder.path().string()})));
+  EXPECT_EQ(table.columns.at(0), "run");
+  EXPECT_EQ(std::get<std::string>(table.rows.at(0).at(0)), (folder / "m02").string());
+  EXPECT_EQ(std::get<std::string>(table.rows.at(1).at(0)), (folder / "m03").string());
 }
 
 TEST(FormatTable, QuotesCsvAndAlignsText) {
