@@ -300,9 +300,9 @@ TEST(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
 TEST(Trainer, TwoProcessesDoNotTrainInOneFolder) {
   const TempFolder folder;
   const RunFolder held(folder / "run");
-  ExpectError<Error>(
+  ExpectError<IoError>(
       [&] { TrainOn(SyntheticData(2, 32, 8), TinyConfig(), Options(folder / "run")); },
-      {"another process", "run"});
+      {"another volalign", "run"});
 }
 
 /// As that of a process that was killed and still gives its memory back.
