@@ -74,8 +74,7 @@ Command AddStructureCommand(CLI::App& program) {
       ->capture_default_str();
   check->add_option("--heights", options->views.heights_m, "of the sensors above the floor, m")
       ->check(CLI::PositiveNumber)
-      // CLI11 writes lists as the last included operator<< for vectors does, which LibTorch has
-      // too.
+      // CLI11's own text of a list is another one where LibTorch's operator<< for vectors is seen.
       ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
   check->add_option("-o,--output", options->picture, "picture of it, SVG");
 #endif

@@ -8,7 +8,8 @@
 
 namespace volalign {
 
-/// main() of a program of tests: runs those of one file where the first argument names it, else all. GoogleTest's own options go before.
+/// main() of a program of tests: runs those of the file that the first argument names, by the end
+/// of its path, or all without one.
 /// @return 2 where the program has no test of that file
 inline int RunTests(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
