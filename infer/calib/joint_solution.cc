@@ -1,5 +1,6 @@
 #include "infer/calib/joint_solution.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
 #include <utility>
@@ -23,6 +24,10 @@ namespace {
 /// m.
 constexpr int kLabelRounds = 6;
 constexpr double kLabelsStay = 0.002;
+
+/// What is estimated beside the poses is chosen in so many rounds and then kept: where two choices
+/// explain the frames about equally well, the labels of each round may call for the other one.
+constexpr int kChoices = 2;
 
 /// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
 /// again, so many times at most.
@@ -74,12 +79,18 @@ SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const Refi
   return poses;
 }
 
-/// How far, m, the frame that moved farthest is from where it began.
-double LargestMove(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
-  double moved = 0;
+/// How far, m, the poses are from where the frames began.
+Moves MovesOf(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
+  Moves moves;
   for (const auto& [id, pose] : poses)
-    moved = std::max(moved, ComparePoses(frames.at(id).start, pose).translation_m);
-  return moved;
+    moves[id] = pose.translation() - frames.at(id).start.translation();
+  return moves;
+}
+
+double Largest(const Moves& moves) {
+  double largest = 0;
+  for (const auto& [id, move] : moves) largest = std::max(largest, move.norm());
+  return largest;
 }
 
 /// Whether the last round has moved each frame by less than its position is known to, or nowhere to
@@ -167,6 +178,20 @@ SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>
   return shapeless;
 }
 
+SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,
+                            const Moves& moves, const Moves& before) {
+  for (auto& [id, pose] : poses) {
+    const auto last = before.find(id);
+    if (last == before.end() || !(moves.at(id).dot(last->second) < 0)) continue;
+    const Pose& start = frames.at(id).start;
+    pose.translation() = (start.translation() + pose.translation()) / 2;
+    pose.linear() = Eigen::Quaterniond(start.linear())
+                        .slerp(0.5, Eigen::Quaterniond(pose.linear()))
+                        .toRotationMatrix();
+  }
+  return poses;
+}
+
 Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
                    const CalibrateOptions& options, const CalibrateProgress& progress,
                    StageClock* clock) {
@@ -183,6 +208,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
   };
   SolveReport report;
   int labelled = 0, looks = 1;
+  Moves before;
   Located located = locate_all();
   SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results, options.refine);
   RefineSetup setup(options.refine);
@@ -190,13 +216,16 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
-    report.moved_m = LargestMove(frames, poses);
+    Moves moves = MovesOf(frames, poses);
+    report.moved_m = Largest(moves);
     if (report.moved_m >= kLabelsStay && labelled < kLabelRounds) {  // label
-      frames = LabelledAt(seen, std::move(frames), poses, refined, locate);
+      const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
+      before = std::move(moves);
+      frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
       // Points are associated anew in each round.
       setup.schedule.fine_iterations =
           poses.size() == frames.size() ? 1 : options.refine.fine_iterations;
-      ++labelled;
+      if (++labelled == kChoices) setup.choice = refined.choice;
       continue;
     }
     const SomeFrames<Finding> shapeless =
@@ -220,7 +249,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       located = locate_all();
     }
     frames = FramesToRefine(seen, located.results, options.refine);
-    setup.schedule = options.refine;
+    setup = RefineSetup(options.refine);
+    before.clear();
     labelled = 0;
   }
 }

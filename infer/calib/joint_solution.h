@@ -36,7 +36,8 @@ struct Joint {
 /// - refine: see Refine;
 /// - label: the stack as it is found, seen from the poses that are found, labels the points anew,
 /// so
-///   that what the first labels came from, a network or geometry, makes little difference;
+///   that what the first labels came from, a network or geometry, makes little difference. What is
+///   estimated beside the poses is chosen in the first two of these rounds;
 /// - set aside: a frame that geometry alone has located, and that the solution takes to where its
 ///   view does not have the structure's shape (VisibleWithShape), is located no longer
 ///   (no_structure), and the others are solved again from where they were located;
@@ -46,6 +47,15 @@ struct Joint {
 Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
                    const CalibrateOptions& options, const CalibrateProgress& progress,
                    StageClock* clock);
+
+/// How far, m, frames have moved in a round.
+using Moves = SomeFrames<Eigen::Vector3d>;
+
+/// Where the frames begin in the next round: at the poses that this one has found, but half way to
+/// them where a frame goes back on its move `before`. A frame whose labels call for one of two
+/// places at the other one would go to and fro. `moves`: from the frames' starts to `poses`.
+SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,
+                            const Moves& moves, const Moves& before);
 
 /// The frames that geometry alone has located and that stand where their views do not have the
 /// structure's shape. `refined`: of `frames`, which are the located ones.

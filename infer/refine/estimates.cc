@@ -26,6 +26,13 @@ std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& fr
   return solution;
 }
 
+FreeSet Told(const JointProblem& problem, const Solution& solution) {
+  const QuadraticCost cost = CostAround(problem, solution);
+  return Observable(cost.normal, problem.layout, problem.structure, problem.priors,
+                    solution.state.lenses, problem.layout.Constant(solution.free),
+                    cost.prior_sigmas, solution.free);
+}
+
 }  // namespace
 
 FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
@@ -75,19 +82,19 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
 }
 
 Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
-  const QuadraticCost cost = CostAround(problem, solution);
-  const FreeSet observable = Observable(
-      cost.normal, problem.layout, problem.structure, problem.priors, solution.state.lenses,
-      problem.layout.Constant(solution.free), cost.prior_sigmas, solution.free);
-  std::optional<Solution> kept = SolveWith(problem, observable, solution);
+  const std::optional<EstimateChoice>& earlier = problem.setup.choice;
+  const FreeSet told = earlier ? earlier->told : Told(problem, solution);
+  std::optional<Solution> kept = SolveWith(problem, told, solution);
   if (!kept) return solution;
+  const std::optional<PriorScales> scales =
+      earlier ? earlier->scales
+              : MostProbableScales(CostAround(problem, *kept), problem.layout, told);
+  if (!scales) return *kept;
 
   // The tolerance of edges stays: boxes that are found where the structure has them have their
   // edges there too.
   Solution chosen = *kept;
-  const std::optional<PriorScales> scales =
-      MostProbableScales(CostAround(problem, *kept), problem.layout, kept->free);
-  if (!scales) return *kept;
+  chosen.choice = EstimateChoice{told, *scales};
   chosen.state.scales = *scales;
   if (scales->places == 0 && scales->turns == 0) Clear(&chosen.free.boxes);
   if (scales->size == 0) chosen.free.size = false;

@@ -19,8 +19,8 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
 
 /// Keeps those parameters that the capture tells clearly more about than their priors do, of the
 /// kinds (boxes, size, gain, offset) that stray from their nominal values according to
-/// MostProbableScales. The others are nominal in the solution that is returned. `solution.free` is
-/// what was asked for.
+/// MostProbableScales; or those of RefineSetup::choice. The others are nominal in the solution that
+/// is returned. `solution.free` is what was asked for.
 Solution ChooseEstimates(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

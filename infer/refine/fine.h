@@ -2,6 +2,7 @@
 
 // The fine stage: all parameters, as a statistical model. Not for callers of Refine.
 
+#include <optional>
 #include <vector>
 
 #include "infer/refine/frame_observations.h"
@@ -27,6 +28,7 @@ struct Solution {
   std::vector<FrameObservations> observed;
   /// Frames that stay at their fallbacks: there is no better pose of them.
   std::vector<char> held;
+  std::optional<EstimateChoice> choice = {};  ///< that `free` follows from
 };
 
 /// Fits the observations' covariances to what is free now, at the solution's poses.

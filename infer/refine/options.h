@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/config/config.h"
+#include "infer/refine/estimate_choice.h"
 
 namespace volalign {
 
@@ -135,6 +137,9 @@ struct RefineSetup {
   EstimateSet free;
   PriorOptions prior;
   RefineSchedule schedule;
+  /// That of an earlier refinement of the same frames (RefineResult::choice), to be kept; nothing:
+  /// it is chosen anew what is estimated.
+  std::optional<refine_internal::EstimateChoice> choice;
 };
 
 }  // namespace volalign

@@ -76,10 +76,6 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   return state;
 }
 
-bool FreeSet::AllBoxes() const {
-  return std::all_of(boxes.begin(), boxes.end(), [](char f) { return f != 0; });
-}
-
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
                  std::size_t boxes, const std::vector<SensorLens>& lenses) {
   FreeSet free;

@@ -13,6 +13,7 @@
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
+#include "infer/refine/estimate_choice.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
 
@@ -78,13 +79,6 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.
 Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes);
-
-/// How far each kind of what is estimated beside the poses strays from its nominal value, as a
-/// factor on its prior standard deviation; 0: not at all.
-struct PriorScales {
-  double places = 1, turns = 1;  ///< of boxes
-  double size = 1, gain = 1, offset = 1;
-};
 
 /// A measured point where it really is, sensor frame, m. True depth = measured * (1 + gain_error) +
 /// offset along the same ray.
@@ -155,16 +149,6 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
                    const std::vector<Pose>& placements);
 
-/// What is estimated beside the poses and the nuisances that are always free.
-struct FreeSet {
-  std::vector<char> boxes;   ///< of each box of each still, still by still
-  std::vector<char> gain;    ///< of each frame; those of one sensor are alike
-  std::vector<char> offset;  ///< of each frame
-  std::vector<char> lens;    ///< of each lens
-  bool size = false;
-
-  bool AllBoxes() const;
-};
 /// What the options ask for, where the prior leaves it open at all. Of the lens of a single frame,
 /// only where large planes tell about it. `boxes`: of all stills.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,

@@ -86,6 +86,8 @@ struct RefineResult {
   std::vector<RefinedLens> lenses;           ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  /// Nothing where everything that is asked for is free (EstimateSet::where_told).
+  std::optional<refine_internal::EstimateChoice> choice;
   /// Whether the last solution of all parameters ended by its tolerances, not by
   /// RefineSchedule::inner_iterations.
   bool converged = true;

@@ -36,7 +36,7 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accepted,
                             const std::vector<char>& unsolved, const Posterior& posterior,
                             const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, observed, held] = accepted.solution;
+  const auto& [free, state, observed, held, choice] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedFrame frame;
   frame.accepted = !held[i];
@@ -128,7 +128,7 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
                         const Agreed& agreed, std::size_t given_lenses) {
-  const auto& [free, state, observed, held] = accepted.solution;
+  const auto& [free, state, observed, held, choice] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
     result.frames.push_back(RefinedFrameOf(problem, accepted, unsolved, posterior, agreed, i));
@@ -137,6 +137,7 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
                                [](const RefinedFrame& frame) { return frame.accepted; });
   result.size_scale = 1 + state.size;
+  result.choice = choice;
   result.converged = state.converged;
   result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
   result.pairs = PairResults(problem, state);
