@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
 #include "core/formats/image_io.h"
@@ -102,7 +103,7 @@ void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
 
 DatasetHeader ReadHeader(const fs::path& dir) {
   const fs::path path = dir / "index.json";
-  const nlohmann::json json = ParseStrictJson(ReadFile(path), path.string());
+  const nlohmann::json json = ParseStrictJson(ReadFile(path, kMaxTextBytes), path.string());
   const JsonObject index(json, path.string());
   if (index.Text("format") != kFormat) {
     throw DataError(fmt::format(
@@ -241,7 +242,7 @@ class DatasetWriter {
         next = end;
         continue;
       }
-      const std::string text = ReadFile(path);
+      const std::string text = ReadFile(path, kMaxLogBytes);
       const std::vector<std::string_view> lines = Lines(text);
       const std::size_t kept = std::min<std::size_t>(lines.size(), end - next);
       for (std::size_t i = 0; i < kept; ++i) adopted.rows += std::string(lines[i]) + "\n";
@@ -471,7 +472,7 @@ std::vector<Sample> Dataset::Read(std::uint64_t first_index, int count) const {
   std::vector<Sample> samples;
   for (std::uint64_t i = first_index; i < stop;) {
     const fs::path path = dir_ / FolderName(header_, i) / kRowsName;
-    const std::string text = ReadFile(path);
+    const std::string text = ReadFile(path, kMaxLogBytes);
     const std::vector<std::string_view> lines = Lines(text);
     const std::uint64_t folder_end = NextFolder(header_, i);
     const std::uint64_t folder_begin =

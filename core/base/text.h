@@ -22,6 +22,9 @@ bool HasControlCharacters(const std::string& text);
 /// With control characters as \xNN.
 std::string Printable(const std::string& text);
 
+/// What of a file's content stands in a message: Printable, and no more than about `most` bytes.
+std::string Shortened(const std::string& text, std::size_t most = 200);
+
 /// The most bytes of a sensor's name: names of files, which are such a name and an ending, have at
 /// most 255 bytes on Linux, and tables with longer ones cannot be read.
 inline constexpr std::size_t kMostNameBytes = 100;

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/json/json_archive.h"
@@ -146,7 +147,7 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) 
 }
 
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
-  const std::string content = ReadFile(FindInputFile(path.string()));
+  const std::string content = ReadFile(FindInputFile(path.string()), kMaxModelBytes);
   const auto foreign = [&](const std::string& why) {
     return DataError(
         fmt::format("{}: not a whole file of format {} ({})", path.string(), format, why));

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/json/strict_json.h"
@@ -36,7 +37,7 @@ int ParseTurns(const JsonObject& object) {
     if (turns >= 0 && turns <= 3) return static_cast<int>(turns);
   }
   throw DataError(fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor \"auto\"",
-                              object.where(), value.dump()));
+                              object.where(), ShownJson(value)));
 }
 
 std::string ParseName(const JsonObject& object) {
@@ -45,7 +46,7 @@ std::string ParseName(const JsonObject& object) {
     throw DataError(
         fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes, beside "
                     "overview and merged: use another plain word",
-                    object.where(), Printable(name), kMostNameBytes));
+                    object.where(), Shortened(name, kMostNameBytes), kMostNameBytes));
   }
   return name;
 }
@@ -58,7 +59,7 @@ std::string ParseKind(const JsonObject& object) {
   if (HasControlCharacters(kind)) {
     throw DataError(fmt::format(
         "{}: sensor = {} has a control character; name the kind of device in plain text",
-        object.where(), Json(kind).dump()));
+        object.where(), ShownJson(kind)));
   }
   return kind;
 }
@@ -224,7 +225,7 @@ void ParseGroundTruth(const JsonObject& truth, const std::string& name,
 
 std::string ReadCaptureText(const std::filesystem::path& path) {
   try {
-    return ReadFile(path);
+    return ReadFile(path, kMaxTextBytes);
   } catch (const IoError& error) {
     throw IoError(
         fmt::format("{}; give a capture.json, which docs/formats.md describes", error.what()));

@@ -8,6 +8,7 @@
 #include <set>
 #include <system_error>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "infer/capture/capture.h"
@@ -20,8 +21,6 @@ namespace volalign {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::uintmax_t kMaxTextBytes = 1 << 24;
 
 bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
   return extensions.count(Lower(path.extension().string())) > 0;

@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/config/bounded_yaml.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
@@ -21,7 +23,6 @@ using formats_internal::NamedLens;
 
 namespace {
 
-constexpr std::uint64_t kMaxIntrinsicsBytes = 1 << 24;
 constexpr char kForms[] =
     "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
     "or ROS's camera_matrix, RealSense's ppx and coeffs, or the Azure Kinect's "
@@ -172,7 +173,7 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
 YAML::Node Load(const std::string& text) {
   std::size_t begin = 0;
   if (text.compare(0, 5, "%YAML") == 0) begin = std::min(text.find('\n'), text.size());
-  return YAML::Load(text.substr(begin));
+  return LoadYaml(text.substr(begin));
 }
 
 Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
@@ -212,7 +213,7 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
 }
 
 Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
-  return ParseIntrinsicsText(ReadFile(path, kMaxIntrinsicsBytes), path.string(), frame);
+  return ParseIntrinsicsText(ReadFile(path, kMaxTextBytes), path.string(), frame);
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/statistics.h"
 
@@ -64,7 +65,7 @@ LoggedRun ReadRun(const fs::path& dir) {
     run.config[key] = leaf.is_sequence ? fmt::format("[{}]", fmt::join(leaf.values, ", "))
                                        : fmt::format("{}", fmt::join(leaf.values, ", "));
   }
-  std::istringstream rows(ReadFile(dir / "metrics.jsonl"));
+  std::istringstream rows(ReadFile(dir / "metrics.jsonl", kMaxLogBytes));
   int number = 0;
   for (std::string text; std::getline(rows, text);) {
     ++number;
