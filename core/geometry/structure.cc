@@ -210,7 +210,8 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
                                   Shortened(box.name)));
     }
     const Eigen::Vector3d mm = box.size * 1e3;
-    if (!(mm.minCoeff() >= kShortestEdge * 1e3 && mm.maxCoeff() <= kLongestEdge * 1e3)) {
+    if (!mm.allFinite() || mm.minCoeff() < kShortestEdge * 1e3 ||
+        mm.maxCoeff() > kLongestEdge * 1e3) {
       throw DataError(fmt::format(
           "box '{}' is {:g} x {:g} x {:g} mm; every edge has to be from {:g} mm to {:g} m: sizes "
           "are written in millimetres",

@@ -27,6 +27,7 @@ TEST(ParseStrictJson, LimitsDepth) {
 
 TEST(ParseStrictJson, LimitsValues) {
   std::string many = "[0";
+  many.reserve(2 * kMaxJsonValues + 3);
   for (std::size_t i = 0; i < kMaxJsonValues; ++i) many += ",0";
   ExpectError<DataError>([&] { ParseStrictJson(many + "]", "a.json"); }, {"4000000 values"});
 }
