@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -152,9 +153,9 @@ double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
         "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
         object.where()));
   }
-  if (!(*scale > 0)) {
-    throw DataError(
-        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), *scale));
+  if (!(*scale > 0 && std::isfinite(*scale))) {
+    throw DataError(fmt::format("{}: depth_scale = {} is no finite number of metres above 0",
+                                object.where(), *scale));
   }
   return *scale;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -41,7 +42,9 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
 namespace formats_internal {
 
 std::vector<RecordedDepth> ReadBagRecording(const std::filesystem::path& path, int max_frames);
-std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames);
+/// Gives up, with DataError, after `most_steps` of SQLite's machine: some 10^8 a second.
+std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames,
+                                             std::int64_t most_steps);
 std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames);
 
 /// The name in configs/intrinsics.yaml of a device's own name, or "".
