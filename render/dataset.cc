@@ -15,6 +15,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/text.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
 #include "core/plot/picture.h"
@@ -383,6 +384,13 @@ Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path
   const std::string where = fmt::format("{}:{}", path.string(), number);
   auto row = ReadDescribed<SampleRow>(std::string(line), where);
   Sample& sample = row.sample;
+  for (const std::string& image : {row.depth, row.labels}) {
+    const fs::path file = image;
+    if (file.is_absolute() || std::find(file.begin(), file.end(), "..") != file.end()) {
+      throw DataError(
+          fmt::format("{}: the image \"{}\" is not in the row's folder", where, Shortened(image)));
+    }
+  }
   const fs::path depth_path = path.parent_path() / row.depth;
   const fs::path labels_path = path.parent_path() / row.labels;
   const Image16 steps = ReadDepthFile(depth_path);

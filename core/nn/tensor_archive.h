@@ -16,7 +16,7 @@ struct TensorArchive {
 };
 
 /// Reads the bytes of such a file: a zip archive without compression with the pickle data.pkl and a
-/// record for each tensor. Of pickle, a language for programs, it knows the 23 instructions that
+/// record for each tensor. Of pickle, a language for programs, it knows the few instructions that
 /// make dictionaries, tuples, texts, numbers and tensors, and the four functions by which tensors
 /// are written; it calls nothing, so that no content runs code. Memory is a small multiple of the
 /// file's size. Throws DataError, with what is wrong but without the file's name, for anything

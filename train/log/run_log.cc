@@ -11,6 +11,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/statistics.h"
+#include "core/base/text.h"
 
 namespace volalign {
 namespace {
@@ -30,6 +31,9 @@ bool IsRun(const fs::path& dir) {
 
 void AddRow(const json& row, LoggedRun* run) {
   const std::string prefix = row.at("type").get<std::string>() + "/";
+  if (!row.at("samples").is_number_integer())
+    throw DataError(
+        fmt::format("samples = {} is no whole number", Shortened(row["samples"].dump())));
   const auto samples = row.at("samples").get<std::int64_t>();
   run->samples = std::max(run->samples, samples);
   run->last_rows[prefix] = samples;
@@ -71,10 +75,10 @@ LoggedRun ReadRun(const fs::path& dir) {
     ++number;
     try {
       AddRow(json::parse(text), &run);
-    } catch (const json::exception& e) {
+    } catch (const std::exception& e) {
       if (rows.eof()) break;  // half a row of a run that was killed
       throw DataError(fmt::format("{}:{}: not a row of a training log ({})",
-                                  (dir / "metrics.jsonl").string(), number, e.what()));
+                                  (dir / "metrics.jsonl").string(), number, Shortened(e.what())));
     }
   }
   return run;
