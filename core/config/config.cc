@@ -110,9 +110,8 @@ void CheckWord(const std::string& value, const std::vector<Constraint>& constrai
                const std::string& key, const std::string& where) {
   for (const Constraint& constraint : constraints) {
     if (constraint.word && !constraint.word(value)) {
-      throw ConfigError(
-          fmt::format("{} = {} violates {} {} ({})", key, Shortened(value), key, constraint.text,
-                      where));
+      throw ConfigError(fmt::format("{} = {} violates {} {} ({})", key, Shortened(value), key,
+                                    constraint.text, where));
     }
   }
 }

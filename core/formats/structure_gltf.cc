@@ -27,7 +27,7 @@ namespace {
 constexpr char kFormat[] = "volalign.structure/1";
 constexpr double kGeometryTolerance = 1e-4;  // m
 constexpr std::size_t kLongestMessage = 500;
-constexpr std::size_t kMostPoints = 10000;   // of a side, which is a rectangle
+constexpr std::size_t kMostPoints = 10000;  // of a side, which is a rectangle
 
 /// Reads structures out of a parsed model; `where` names file and node in every message.
 class Reader {

@@ -104,8 +104,8 @@ void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
     cuts.insert(cuts.end(), corners_u.begin(), corners_u.end());
   }
   if (tilted) {
-    const int n = static_cast<int>(
-        std::min(std::ceil(2 * side->half_u / kTiltedStrip), kMostStrips));
+    const int n =
+        static_cast<int>(std::min(std::ceil(2 * side->half_u / kTiltedStrip), kMostStrips));
     for (int i = 1; i < n; ++i) cuts.push_back(-side->half_u + 2 * side->half_u * i / n);
   }
   std::sort(cuts.begin(), cuts.end());
@@ -202,12 +202,11 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
   std::set<std::string> names;
   for (const Box& box : boxes) {
     if (box.name.empty() || box.name.find('/') != std::string::npos) {
-      throw DataError(
-          fmt::format("box name '{}' is empty or holds a '/'", Shortened(box.name)));
+      throw DataError(fmt::format("box name '{}' is empty or holds a '/'", Shortened(box.name)));
     }
     if (!names.insert(box.name).second) {
-      throw DataError(fmt::format("two boxes are named '{}'; names have to be unique",
-                                  Shortened(box.name)));
+      throw DataError(
+          fmt::format("two boxes are named '{}'; names have to be unique", Shortened(box.name)));
     }
     const Eigen::Vector3d mm = box.size * 1e3;
     if (!mm.allFinite() || mm.minCoeff() < kShortestEdge * 1e3 ||

@@ -32,7 +32,8 @@ void RequireList(const nlohmann::json& json, const std::string& place) {
 
 void FailNotOneOf(const std::string& text, const std::vector<std::string>& known,
                   const std::string& place) {
-  throw DataError(fmt::format("{} = \"{}\" is none of {}", place, Shortened(text), fmt::join(known, ", ")));
+  throw DataError(
+      fmt::format("{} = \"{}\" is none of {}", place, Shortened(text), fmt::join(known, ", ")));
 }
 
 }  // namespace json_internal

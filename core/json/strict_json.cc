@@ -44,8 +44,8 @@ class Bounds {
                                   name_, kMaxJsonDepth));
     }
     if (++values_ > kMaxJsonValues) {
-      throw DataError(fmt::format("{}: more than the {} values that are read of JSON", name_,
-                                  kMaxJsonValues));
+      throw DataError(
+          fmt::format("{}: more than the {} values that are read of JSON", name_, kMaxJsonValues));
     }
   }
 
@@ -97,8 +97,8 @@ Json ParseStrictJson(const std::string& text, const std::string& name) {
       case Json::parse_event_t::key: {
         const auto key = parsed.get<std::string>();
         if (!open.back().insert(key).second && problem.empty()) {
-          problem = fmt::format("the key \"{}\" stands twice in one object; remove one",
-                                Shortened(key));
+          problem =
+              fmt::format("the key \"{}\" stands twice in one object; remove one", Shortened(key));
         }
         break;
       }

@@ -36,7 +36,7 @@ at::Tensor XavierWeight(int in, int out, int kernel) {
 }
 
 /// A ConvUnit of the network.
-struct Unit {
+struct UnitShape {
   std::string name;
   int in, out, kernel;
   Normalization normalization;
@@ -56,9 +56,9 @@ const std::vector<std::vector<EncoderUnit>>& Encoder() {
 }
 
 /// All of them, in the order in which their weights are drawn.
-std::vector<Unit> Units(const StructureNetOptions& options) {
+std::vector<UnitShape> UnitShapes(const StructureNetOptions& options) {
   const int c = options.base_channels;
-  std::vector<Unit> units;
+  std::vector<UnitShape> units;
   const auto add = [&](const std::string& name, int in, int out, int kernel) {
     units.push_back({name, in, out, kernel, options.normalization});
   };
@@ -146,7 +146,7 @@ std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(
     const StructureNetOptions& options) {
   options.Validate();
   std::map<std::string, std::vector<std::int64_t>> shapes;
-  for (const Unit& unit : Units(options)) {
+  for (const UnitShape& unit : UnitShapes(options)) {
     shapes[unit.name + ".weight"] = {unit.out, unit.in, unit.kernel, unit.kernel};
     for (const char* name : VectorsOf(unit.normalization))
       shapes[fmt::format("{}.{}", unit.name, name)] = {unit.out};
@@ -156,7 +156,7 @@ std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(
 
 PaperNetImpl::PaperNetImpl(const StructureNetOptions& options) : StructureNetImpl(options) {
   std::map<std::string, ConvUnit> units;
-  for (const Unit& unit : Units(options)) {
+  for (const UnitShape& unit : UnitShapes(options)) {
     units.emplace(unit.name, register_module(unit.name, ConvUnit(unit.in, unit.out, unit.kernel,
                                                                  unit.normalization)));
   }

@@ -28,9 +28,8 @@ bool HasExtension(const fs::path& path, const std::set<std::string>& extensions)
 /// Whether a part of the name says that the image is something else.
 bool IsNamedOtherwise(const fs::path& path) {
   static const std::set<std::string> others = {
-      "ir",         "infrared", "infra",  "color", "colour", "rgb",   "amplitude",
-      "confidence", "label",    "labels", "mask",  "masks",  "sheet", "preview",
-      "normal",     "normals"};
+      "ir",    "infrared", "infra", "color", "colour", "rgb",     "amplitude", "confidence",
+      "label", "labels",   "mask",  "masks", "sheet",  "preview", "normal",    "normals"};
   std::string words = Lower(path.stem().string());
   for (char& c : words) {
     if (c < 'a' || c > 'z') c = ' ';

@@ -40,8 +40,7 @@ bool Collect(const BagConnection& connection, std::string_view message, int max_
     return true;
   }
   if (connection.type == "sensor_msgs/CameraInfo") {
-    return content->infos
-        .emplace(connection.topic, ReadCameraInfo(BagReader(message, name), name))
+    return content->infos.emplace(connection.topic, ReadCameraInfo(BagReader(message, name), name))
         .second;
   }
   if (connection.type == "std_msgs/Float32") {

@@ -14,7 +14,6 @@ namespace volalign {
 
 namespace {
 
-
 bool BeginsWith(const std::string& bytes, const std::string& magic) {
   return bytes.compare(0, magic.size(), magic) == 0;
 }

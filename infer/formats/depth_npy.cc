@@ -18,7 +18,7 @@ namespace volalign::formats_internal {
 
 namespace {
 
-constexpr std::size_t kMostDigits = 9;  // of a dimension
+constexpr std::size_t kMostDimensionDigits = 9;  // of a dimension
 
 struct NpyHeader {
   bool big_endian = false;
@@ -75,11 +75,11 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   TextScanner shape = Behind(dictionary, "'shape':");
   const bool opened = shape.Take("(");
   shape.SkipBlanks();
-  header.rows = shape.TakeNumber(kMostDigits);
+  header.rows = shape.TakeNumber(kMostDimensionDigits);
   shape.SkipBlanks();
   const bool two = shape.Take(",");
   shape.SkipBlanks();
-  header.columns = shape.TakeNumber(kMostDigits);
+  header.columns = shape.TakeNumber(kMostDimensionDigits);
   shape.SkipBlanks();
   shape.Take(",");
   shape.SkipBlanks();

@@ -32,9 +32,14 @@ constexpr char kForms[] =
     "CalibrationInformation";
 
 /// Each alone says that a text is one of intrinsics.
-constexpr std::string_view kTellingKeys[] = {
-    "CalibrationInformation", "intrinsic_matrix", "ppx", "camera_matrix", "cameraMatrix", "K", "k",
-    "fx"};
+constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
+                                             "intrinsic_matrix",
+                                             "ppx",
+                                             "camera_matrix",
+                                             "cameraMatrix",
+                                             "K",
+                                             "k",
+                                             "fx"};
 
 std::string_view WithoutBlanksBehind(std::string_view text) {
   return text.substr(0, text.find_last_not_of(formats_internal::TextScanner::kBlanks) + 1);
@@ -172,8 +177,7 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
   const std::string type = given["ModelType"].as<std::string>();
   const std::vector<double> p = Numbers(given["ModelParameters"]);
   if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
-    throw DataError(
-        fmt::format("{}: ModelType {} with {} parameters is unknown", name,
+    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
                                 Shortened(type), p.size()));
   // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's side.
   if (p[10] != 0 || p[11] != 0)
@@ -247,8 +251,8 @@ bool LooksLikeIntrinsics(const std::string& text) {
     std::string_view key = WithoutBlanksBehind(view.substr(0, at));
     if (EndsWith(key, "\"")) key.remove_suffix(1);
     for (const std::string_view word : kTellingKeys) {
-      if (EndsWith(key, word) && (key.size() == word.size() ||
-                                  !IsOfWord(key[key.size() - word.size() - 1])))
+      if (EndsWith(key, word) &&
+          (key.size() == word.size() || !IsOfWord(key[key.size() - word.size() - 1])))
         return true;
     }
   }

@@ -15,7 +15,7 @@ namespace volalign::formats_internal {
 
 namespace {
 
-constexpr std::size_t kMostDigits = 5;  // of a width or height
+constexpr std::size_t kMostSizeDigits = 5;  // of a width or height
 constexpr std::size_t kLongestPrint = 1000;
 
 std::vector<double> NumbersOfText(const std::string& text) {
@@ -46,9 +46,9 @@ struct Printed {
 std::optional<Printed> TakePrinted(TextScanner scanner) {
   Printed printed;
   scanner.SkipBlanks();
-  printed.width = scanner.TakeNumber(kMostDigits);
+  printed.width = scanner.TakeNumber(kMostSizeDigits);
   if (printed.width < 0 || !scanner.Take("x")) return std::nullopt;
-  printed.height = scanner.TakeNumber(kMostDigits);
+  printed.height = scanner.TakeNumber(kMostSizeDigits);
   if (printed.height < 0 || !scanner.SkipBlanks() || !scanner.Take("p[") ||
       !scanner.TakeUntil(']', &printed.centre) || !scanner.SkipBlanks() || !scanner.Take("f[") ||
       !scanner.TakeUntil(']', &printed.focal) || !scanner.TakeUntil('[', &printed.model) ||

@@ -68,9 +68,8 @@ StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
   reader.SkipHeader();
   const std::string format = reader.Text();
   if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos)
-    throw DataError(
-        fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name,
-                    Shortened(format)));
+    throw DataError(fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name,
+                                Shortened(format)));
   ByteReader data(reader.Bytes(), name);
   data.Take(kDepthHeader);
   const Image16 png = DecodeDepth(std::string(data.Take(data.left())), name);
@@ -140,9 +139,8 @@ void ForEachRow(sqlite3* database, const char* sql, const std::vector<sqlite3_in
     if (status == SQLITE_ROW) use(raw);
   }
   if (status != SQLITE_DONE)
-    throw DataError(
-        fmt::format("{}: not a readable bag of ROS 2: {}", name,
-                    Shortened(sqlite3_errmsg(database))));
+    throw DataError(fmt::format("{}: not a readable bag of ROS 2: {}", name,
+                                Shortened(sqlite3_errmsg(database))));
 }
 
 std::string Column(sqlite3_stmt* row, int column) {
@@ -168,8 +166,8 @@ void Restrain(sqlite3* database, std::int64_t* steps, const std::string& name) {
              });
   for (const char* table : {"topics", "messages"}) {
     if (tables.count(table) == 0) {
-      throw DataError(fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)",
-                                  name, table));
+      throw DataError(
+          fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)", name, table));
     }
   }
 }

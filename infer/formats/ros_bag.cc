@@ -90,8 +90,7 @@ std::string Unpack(const Fields& header, std::string data, const std::string& na
   if (compression == "none") return data;
   if (compression == "bz2") return UnpackBz2(data, size, name);
   if (compression == "lz4") return UnpackLz4(data, size, name);
-  throw DataError(
-      fmt::format("{}: chunks are packed by \"{}\", which is unknown", name,
+  throw DataError(fmt::format("{}: chunks are packed by \"{}\", which is unknown", name,
                               Shortened(compression)));
 }
 

@@ -55,9 +55,7 @@ const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& to
 }
 
 /// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513.
-double AsWritten(double unit) {
-  return std::strtod(fmt::format("{:.6g}", unit).c_str(), nullptr);
-}
+double AsWritten(double unit) { return std::strtod(fmt::format("{:.6g}", unit).c_str(), nullptr); }
 
 void Describe(const RosContent& content, const std::string& name, RecordedDepth* stream) {
   if (const CameraInfo* info = Nearest(content.infos, stream->stream))

@@ -20,8 +20,8 @@ std::string Laughs(const std::string& begin, const std::string& item, const std:
     text += "a" + std::to_string(level) + ": &a" + std::to_string(level) + " " + begin;
     for (int i = 0; i < 10; ++i) {
       if (i > 0) text += ", ";
-      text += (item.empty() ? "" : item + std::to_string(i) + ": ") + "*a" +
-              std::to_string(level - 1);
+      text +=
+          (item.empty() ? "" : item + std::to_string(i) + ": ") + "*a" + std::to_string(level - 1);
     }
     text += end + "\n";
   }

@@ -425,8 +425,11 @@ TEST_F(StructureGltf, OpensNoOtherFile) {
           glb.content[list].push_back({{"uri", secret}, {"byteLength", 4}});
         },
         {"names another file", "secret", "one .glb"});
-    ExpectBadAfter([&](Glb& glb) { glb.content[list].push_back({{"uri", 3}}); },
-                   {"names another file"});
+    ExpectBadAfter(
+        [&](Glb& glb) {
+          glb.content[list].push_back({{"uri", 3}});
+        },
+        {"names another file"});
   }
   ::mkfifo((folder_ / "pipe").c_str(), 0600);
   ExpectBadAfter(
@@ -452,8 +455,7 @@ TEST_F(StructureGltf, LimitsDepth) {
   glb.content["scenes"][0]["nodes"] = {0};
   const auto chain = [](std::size_t length) {
     std::string nodes = "[";
-    for (std::size_t i = 1; i < length; ++i)
-      nodes += "{\"children\":[" + std::to_string(i) + "]},";
+    for (std::size_t i = 1; i < length; ++i) nodes += "{\"children\":[" + std::to_string(i) + "]},";
     return nodes + "{}]";
   };
   ExpectBad(with(glb.content["nodes"], chain(10)), {"no side has a label"});

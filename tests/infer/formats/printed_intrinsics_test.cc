@@ -28,9 +28,8 @@ TEST(FromPyrealsense, EndsWithAnyText) {
   constexpr std::size_t kLong = 400000;
   std::string brackets;
   for (std::size_t i = 0; i < kLong / 10; ++i) brackets += "[1x1 p[1 1";
-  for (const std::string& text :
-       {"[" + std::string(kLong, ' '), std::string(kLong, '['), brackets,
-        "[1x1  p[1 1] f[1 1] " + std::string(kLong, 'a') + "[0] ]"})
+  for (const std::string& text : {"[" + std::string(kLong, ' '), std::string(kLong, '['), brackets,
+                                  "[1x1  p[1 1] f[1 1] " + std::string(kLong, 'a') + "[0] ]"})
     EXPECT_FALSE(FromPyrealsense(text, "file"));
   ExpectError<DataError>([] { FromPyrealsense("[ 9x9  p[1 2 3]  f[4]  None [0] ]", "file"); },
                          {"two numbers each"});

@@ -87,12 +87,11 @@ constexpr char kMessages[] =
 // What a bag says is data, never a part of a statement.
 TEST(RecordingTest, Db3WithAStatementForAnId) {
   const TempFolder folder;
-  const std::string path =
-      Db3Of(folder,
-            std::string(kMessages) +
-                "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
-                "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
-                "'sensor_msgs/msg/Image', 'cdr');");
+  const std::string path = Db3Of(
+      folder, std::string(kMessages) +
+                  "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
+                  "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
+                  "'sensor_msgs/msg/Image', 'cdr');");
   ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"made.db3", "topic", "id"});
 }
 
@@ -200,9 +199,9 @@ std::string Sized(const std::string& id, std::uint64_t size) {
   for (int byte = 6; byte >= 0; --byte) bytes += static_cast<char>(size >> (8 * byte));
   return bytes;
 }
-constexpr char kTagsId[] = "\x12\x54\xc3\x67", kTagId[] = "\x73\x73",
-               kSimpleTagId[] = "\x67\xc8", kClusterId[] = "\x1f\x43\xb6\x75",
-               kTracksId[] = "\x16\x54\xae\x6b", kSegmentId[] = "\x18\x53\x80\x67";
+constexpr char kTagsId[] = "\x12\x54\xc3\x67", kTagId[] = "\x73\x73", kSimpleTagId[] = "\x67\xc8",
+               kClusterId[] = "\x1f\x43\xb6\x75", kTracksId[] = "\x16\x54\xae\x6b",
+               kSegmentId[] = "\x18\x53\x80\x67";
 
 /// Where a part of kMkv begins. Its list of parts, which ends before byte 134, has their ids, too.
 std::size_t PartAt(const std::string& bytes, const char* id) { return bytes.find(id, 134); }
@@ -255,9 +254,8 @@ TEST(RecordingTest, MkvWithClustersWithoutSize) {
   std::uint64_t size = 0;
   for (std::size_t i = 4; i < head; ++i)
     size = size << 8 | (static_cast<unsigned char>(whole[cluster_at + i]) & (i == 4 ? 0x1f : 0xff));
-  const std::string cluster =
-      std::string(kClusterId) + "\x01\xff\xff\xff\xff\xff\xff\xff" +
-      whole.substr(cluster_at + head, size);
+  const std::string cluster = std::string(kClusterId) + "\x01\xff\xff\xff\xff\xff\xff\xff" +
+                              whole.substr(cluster_at + head, size);
   const std::string before = whole.substr(parts_at, cluster_at - parts_at);
   const std::string after = whole.substr(cluster_at + head + size);
   const auto streams = ReadMkv(folder, MkvOf(before + cluster + cluster + cluster + after), 5);
