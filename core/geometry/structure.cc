@@ -199,8 +199,10 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
     throw DataError(fmt::format("{} boxes violate boxes <= {} (labels are 8-bit, 5 a box)",
                                 boxes.size(), kMaxBoxes));
   }
+  RequirePlainName(name, "a structure");
   std::set<std::string> names;
   for (const Box& box : boxes) {
+    RequirePlainName(box.name, "a box");
     if (box.name.empty() || box.name.find('/') != std::string::npos) {
       throw DataError(fmt::format("box name '{}' is empty or holds a '/'", Shortened(box.name)));
     }

@@ -65,9 +65,9 @@ class Structure {
 
   /// `label_order` lists side names in the order of their ids 1, 2, ...; when it is empty, sides
   /// are numbered box by box in the order front, back, up, right, left. Throws DataError for
-  /// duplicate or empty names, more than kMaxBoxes boxes, boxes with an edge that is not from
-  /// kShortestEdge to kLongestEdge or that are more than 1 km away, or a label order that does not
-  /// name every side but `down` once.
+  /// duplicate or empty names, or such as RequirePlainName refuses, more than kMaxBoxes boxes,
+  /// boxes with an edge that is not from kShortestEdge to kLongestEdge or that are more than 1 km
+  /// away, or a label order that does not name every side but `down` once.
   static Structure FromBoxes(std::string name, std::vector<Box> boxes,
                              const std::vector<std::string>& label_order = {});
 

@@ -135,6 +135,11 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) 
   dict.insert("digest", Digest(stored));
   dict.insert("tensors", tensors);
   const std::vector<char> bytes = torch::jit::pickle_save(dict);
+  if (bytes.size() > kMaxModelBytes) {
+    throw Error(fmt::format(
+        "{}: {} bytes are more than the {} that are read of such a file: use fewer base channels",
+        path.string(), bytes.size(), kMaxModelBytes));
+  }
   WriteFileAtomically(path, std::string_view(bytes.data(), bytes.size()));
 }
 

@@ -24,7 +24,8 @@ struct TensorFile {
   std::map<std::string, at::Tensor> tensors;
 };
 
-/// Writes atomically; tensors of any device are stored on the CPU, contiguous. Throws IoError.
+/// Writes atomically; tensors of any device are stored on the CPU, contiguous. Throws IoError, or
+/// Error for more than 4 GiB.
 void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file);
 
 /// Reads a file of `format`, of at most 4 GiB, by ReadTensorArchive, which follows no instruction

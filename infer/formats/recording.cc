@@ -61,6 +61,11 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
   std::vector<RecordedDepth> streams = kind->read(path, max_frames);
   if (streams.empty())
     throw DataError(path.string() + ": the recording has no depth stream with a frame");
+  // They are printed.
+  for (RecordedDepth& stream : streams) {
+    for (std::string* text : {&stream.stream, &stream.device, &stream.serial})
+      *text = Shortened(*text);
+  }
   return streams;
 }
 

@@ -11,7 +11,8 @@
 
 namespace volalign {
 
-/// A depth stream of a recording: its first frames, and what the recording says about them.
+/// A depth stream of a recording: its first frames, and what the recording says about them, in
+/// texts that are Shortened.
 struct RecordedDepth {
   std::string stream;  ///< the recording's own name: a topic, a track
   std::string device;  ///< "Intel RealSense D415"; empty where the recording does not say

@@ -296,6 +296,9 @@ TEST(Structure, RejectsBadBoxes) {
       {"'a'"});
   ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("")}); }, {"empty"});
   ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("a/b")}); }, {"'a/b'"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("a\x1b[31m")}); },
+                         {"a box", "a\\x1b[31m"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s\n", {UnitBox("a")}); }, {"a structure"});
   Box flat = UnitBox("flat");
   flat.size.y() = 0;
   ExpectError<DataError>([&] { Structure::FromBoxes("s", {flat}); }, {"'flat'"});

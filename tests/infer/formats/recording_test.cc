@@ -230,6 +230,14 @@ TEST(RecordingTest, MkvWithATagThatIsTooLong) {
   }
 }
 
+TEST(RecordingTest, TextsOfARecordingArePlain) {
+  const TempFolder folder;
+  std::string bytes = ReadFile(kMkv);
+  const std::string serial = "000123492812";
+  bytes.replace(bytes.find(serial), 4, "\x1b[1m");
+  EXPECT_EQ(ReadMkv(folder, bytes)[0].serial, "\\x1b[1m23492812");
+}
+
 // Tags hold tags, and libebml reads them by recursion.
 TEST(RecordingTest, MkvWithTagsInTags) {
   const TempFolder folder;
