@@ -13,6 +13,7 @@
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
 #include "core/nn/cpu/torch_threads.h"
@@ -108,7 +109,7 @@ void PrintProgress(const std::string& line) {
 EvaluateRun RunOf(const EvaluateOptions& options) {
   EvaluateRun run;
   run.output = std::filesystem::path(options.output) / "evaluation.json";
-  run.program = Sha256(ReadFile("/proc/self/exe"));
+  run.program = Sha256(ReadFile("/proc/self/exe", kMaxModelBytes));
   run.progress = PrintProgress;
   return run;
 }
@@ -135,7 +136,7 @@ int RunPaperSuite(const EvaluateOptions& options) {
   run.output = options.output;
   for (const SuiteDataset& dataset : suite.datasets)
     RemoveTemporaries(run.output / "captures" / dataset.name);
-  run.program = Sha256(ReadFile("/proc/self/exe"));
+  run.program = Sha256(ReadFile("/proc/self/exe", kMaxModelBytes));
   run.workers = options.workers;
   run.device = options.egl_device;
   run.max_captures = options.max_captures;

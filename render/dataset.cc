@@ -12,8 +12,10 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/text.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
 #include "core/plot/picture.h"
@@ -102,7 +104,7 @@ void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
 
 DatasetHeader ReadHeader(const fs::path& dir) {
   const fs::path path = dir / "index.json";
-  const nlohmann::json json = ParseStrictJson(ReadFile(path), path.string());
+  const nlohmann::json json = ParseStrictJson(ReadFile(path, kMaxTextBytes), path.string());
   const JsonObject index(json, path.string());
   if (index.Text("format") != kFormat) {
     throw DataError(fmt::format(
@@ -241,7 +243,7 @@ class DatasetWriter {
         next = end;
         continue;
       }
-      const std::string text = ReadFile(path);
+      const std::string text = ReadFile(path, kMaxLogBytes);
       const std::vector<std::string_view> lines = Lines(text);
       const std::size_t kept = std::min<std::size_t>(lines.size(), end - next);
       for (std::size_t i = 0; i < kept; ++i) adopted.rows += std::string(lines[i]) + "\n";
@@ -382,6 +384,13 @@ Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path
   const std::string where = fmt::format("{}:{}", path.string(), number);
   auto row = ReadDescribed<SampleRow>(std::string(line), where);
   Sample& sample = row.sample;
+  for (const std::string& image : {row.depth, row.labels}) {
+    const fs::path file = image;
+    if (file.is_absolute() || std::find(file.begin(), file.end(), "..") != file.end()) {
+      throw DataError(
+          fmt::format("{}: the image \"{}\" is not in the row's folder", where, Shortened(image)));
+    }
+  }
   const fs::path depth_path = path.parent_path() / row.depth;
   const fs::path labels_path = path.parent_path() / row.labels;
   const Image16 steps = ReadDepthFile(depth_path);
@@ -471,7 +480,7 @@ std::vector<Sample> Dataset::Read(std::uint64_t first_index, int count) const {
   std::vector<Sample> samples;
   for (std::uint64_t i = first_index; i < stop;) {
     const fs::path path = dir_ / FolderName(header_, i) / kRowsName;
-    const std::string text = ReadFile(path);
+    const std::string text = ReadFile(path, kMaxLogBytes);
     const std::vector<std::string_view> lines = Lines(text);
     const std::uint64_t folder_end = NextFolder(header_, i);
     const std::uint64_t folder_begin =

@@ -9,6 +9,7 @@
 #include "core/config/config.h"
 #include "core/config/config_word.h"
 #include "core/geometry/structure.h"
+#include "core/nn/network_limits.h"
 #include "render/sample_config.h"
 #include "train/log/metrics.h"
 
@@ -31,13 +32,15 @@ struct ModelConfig {
   void Describe(Archive& ar) {
     ar("kind", kind, "network: paper, or one that the program registers (core/nn/network.h)",
        OneOf(NetworkKinds()));
-    ar("base_channels", base_channels, "width c of the first convolution", AtLeast(1));
+    ar("base_channels", base_channels, "width c of the first convolution",
+       Between(1, kMostBaseChannels));
     ar("attention", attention, "soft attention after the bottleneck and each decoder level");
     ar("normalization", normalization, "after every convolution but the classifier",
        OneOf({"none", "batch", "group"}));
     ar("input", input, "depth (metres, the paper) or depth_mask (centred and clamped depth, mask)",
        OneOf({"depth", "depth_mask"}));
-    ar("residual_blocks", residual_blocks, "blocks in the bottleneck", AtLeast(0));
+    ar("residual_blocks", residual_blocks, "blocks in the bottleneck",
+       Between(0, kMostResidualBlocks));
     ar("background_bias", background_bias, "initial bias of the background class");
   }
   StructureNetOptions Options(int num_classes) const;

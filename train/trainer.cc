@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "train/run.h"
 #include "train/same_run.h"
@@ -34,7 +35,7 @@ std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& dat
   if (state) return state;
   // A run that was killed before its first state left its configuration alone.
   if (!std::filesystem::exists(folder.config())) NothingToResume(folder.dir());
-  RequireSameRun(ReadFile(folder.config()), config, folder.config().string());
+  RequireSameRun(ReadFile(folder.config(), kMaxTextBytes), config, folder.config().string());
   return std::nullopt;
 }
 

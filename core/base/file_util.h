@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <string>
 #include <string_view>
 
@@ -10,8 +9,8 @@ namespace volalign {
 
 /// Whole content of a file. Throws IoError, which names the path and the reason: the system's, or
 /// that it is a folder, a device or a pipe, which may never end, or larger than `max_bytes`.
-std::string ReadFile(const std::filesystem::path& path,
-                     std::uint64_t max_bytes = std::numeric_limits<std::uint64_t>::max());
+/// The limit of each kind of file is in core/base/file_limits.h.
+std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes);
 
 /// Writes to a new file `path`.tmp-PID-N in the same folder, syncs and renames it and syncs the
 /// folder, so that a reader never sees half a file, and of several writers of one path one wins

@@ -69,11 +69,18 @@ std::string Printable(const std::string& text) {
   return printable;
 }
 
+std::string Shortened(const std::string& text, std::size_t most) {
+  if (text.size() <= most) return Printable(text);
+  // Not within a character of UTF-8.
+  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xc0) == 0x80) --most;
+  return Printable(text.substr(0, most)) + "...";
+}
+
 void RequirePlainName(const std::string& name, const std::string& place) {
   if (name.size() <= kMostNameBytes && !HasControlCharacters(name)) return;
   throw DataError(fmt::format(
       "{}: the name \"{}\" has control characters or more than {} bytes; use a plain word", place,
-      Printable(name.substr(0, kMostNameBytes)), kMostNameBytes));
+      Shortened(name, kMostNameBytes), kMostNameBytes));
 }
 
 std::string CsvQuoted(const std::string& text) {

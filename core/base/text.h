@@ -22,11 +22,14 @@ bool HasControlCharacters(const std::string& text);
 /// With control characters as \xNN.
 std::string Printable(const std::string& text);
 
-/// The most bytes of a sensor's name: names of files, which are such a name and an ending, have at
-/// most 255 bytes on Linux, and tables with longer ones cannot be read.
+/// What of a file's content stands in a message: Printable, and no more than about `most` bytes.
+std::string Shortened(const std::string& text, std::size_t most = 200);
+
+/// The most bytes of a sensor's, a box's or a structure's name: names of files, which are such a
+/// name and an ending, have at most 255 bytes on Linux, and tables with longer ones cannot be read.
 inline constexpr std::size_t kMostNameBytes = 100;
 
-/// Throws DataError, with `place`, for a sensor's name that is longer or has control characters.
+/// Throws DataError, with `place`, for a name that is longer or has control characters.
 void RequirePlainName(const std::string& name, const std::string& place);
 
 /// A field of a CSV file, in quotes. A text that a spreadsheet would take for a formula (it begins

@@ -11,9 +11,11 @@
 #include <limits>
 #include <set>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
 
 namespace volalign {
 
@@ -51,7 +53,8 @@ std::string ToText(const std::string& value) { return value; }
 namespace {
 [[noreturn]] void BadType(const std::string& text, const char* type, const std::string& key,
                           const std::string& where) {
-  throw ConfigError(fmt::format("{} = '{}' is not {} ({})", key, text, type, where));
+  throw ConfigError(
+      fmt::format("{} = '{}' is not {} ({})", Shortened(key), Shortened(text), type, where));
 }
 }  // namespace
 
@@ -107,8 +110,8 @@ void CheckWord(const std::string& value, const std::vector<Constraint>& constrai
                const std::string& key, const std::string& where) {
   for (const Constraint& constraint : constraints) {
     if (constraint.word && !constraint.word(value)) {
-      throw ConfigError(
-          fmt::format("{} = {} violates {} {} ({})", key, value, key, constraint.text, where));
+      throw ConfigError(fmt::format("{} = {} violates {} {} ({})", key, Shortened(value), key,
+                                    constraint.text, where));
     }
   }
 }
@@ -119,16 +122,11 @@ Constraint FormerlyNamed(std::string name) { return {"", nullptr, nullptr, std::
 
 namespace {
 
-constexpr int kMaxDepth = 64;  // a YAML alias inside its own anchor would nest for ever
-
 void Flatten(const YAML::Node& node, const std::string& prefix, const std::string& name,
              std::map<std::string, ConfigSource::Leaf>* leaves) {
   const auto where = [&](const YAML::Node& at) {
     return fmt::format("{}:{}", name, at.Mark().line + 1);
   };
-  if (std::count(prefix.begin(), prefix.end(), '.') > kMaxDepth) {
-    throw ConfigError(fmt::format("{}: keys are nested deeper than {} levels", name, kMaxDepth));
-  }
   std::set<std::string> seen;
   for (const auto& item : node) {
     if (!item.first.IsScalar()) throw ConfigError(where(item.first) + ": a key has to be a word");
@@ -136,11 +134,13 @@ void Flatten(const YAML::Node& node, const std::string& prefix, const std::strin
     const YAML::Node& value = item.second;
     const auto insert = [&](const std::string& leaf_key, ConfigSource::Leaf leaf) {
       if (!leaves->emplace(leaf_key, std::move(leaf)).second) {
-        throw ConfigError(fmt::format("key '{}' stands twice ({})", leaf_key, where(item.first)));
+        throw ConfigError(
+            fmt::format("key '{}' stands twice ({})", Shortened(leaf_key), where(item.first)));
       }
     };
     if (!seen.insert(key).second) {
-      throw ConfigError(fmt::format("key '{}' stands twice ({})", key, where(item.first)));
+      throw ConfigError(
+          fmt::format("key '{}' stands twice ({})", Shortened(key), where(item.first)));
     }
     switch (value.Type()) {
       case YAML::NodeType::Scalar:
@@ -173,7 +173,8 @@ void Flatten(const YAML::Node& node, const std::string& prefix, const std::strin
         break;
       }
       default:
-        throw ConfigError(fmt::format("key '{}' has no value ({})", key, where(item.first)));
+        throw ConfigError(
+            fmt::format("key '{}' has no value ({})", Shortened(key), where(item.first)));
     }
   }
 }
@@ -183,7 +184,7 @@ void Flatten(const YAML::Node& node, const std::string& prefix, const std::strin
 ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string& name) {
   ConfigSource source;
   try {
-    const YAML::Node root = YAML::Load(yaml);
+    const YAML::Node root = LoadYaml(yaml);
     if (root.IsNull()) return source;
     if (!root.IsMap()) throw ConfigError(name + ": a config is a map of `key: value`");
     Flatten(root, "", name, &source.leaves_);
@@ -202,7 +203,7 @@ ConfigSource ConfigSource::FromFile(const std::string& path) {
       throw ConfigError(fmt::format("{}: `inherits` comes back to this file", next));
     }
     chain.push_back(canonical);
-    ConfigSource source = FromString(ReadFile(next), next);
+    ConfigSource source = FromString(ReadFile(next, kMaxTextBytes), next);
     std::string base;
     const auto inherits = source.leaves_.find("inherits");
     if (inherits != source.leaves_.end()) {
@@ -231,7 +232,7 @@ void ConfigSource::Set(const std::string& assignment) {
   Leaf leaf;
   leaf.where = "--set";
   try {
-    const YAML::Node value = YAML::Load(assignment.substr(equals + 1));
+    const YAML::Node value = LoadYaml(assignment.substr(equals + 1));
     if (value.IsScalar()) {
       leaf.values.push_back(value.Scalar());
     } else if (value.IsSequence()) {
@@ -366,12 +367,14 @@ void ConfigReader::RejectUnknown() const {
     if (known_.count(key)) continue;
     const std::string nearest = NearestKey(key, known);
     throw ConfigError(
-        fmt::format("unknown key '{}' ({}){}", key, leaf.where,
+        fmt::format("unknown key '{}' ({}){}", Shortened(key), leaf.where,
                     nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
   }
 }
 
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known) {
+  constexpr std::size_t kLongestKey = 200;  // the time goes with the length
+  if (key.size() > kLongestKey) return "";
   std::string best;
   std::size_t best_distance = std::numeric_limits<std::size_t>::max();
   const auto last_part = [](const std::string& k) { return k.substr(k.rfind('.') + 1); };

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 
 namespace volalign {
@@ -23,7 +24,6 @@ namespace {
 // No depth sensor comes near these; a file that claims more is refused before memory is taken.
 constexpr int kMaxSide = 1 << 15;
 constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
-constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels as text fit
 
 struct Pixels {
   int width = 0, height = 0, bit_depth = 0, channels = 0;
@@ -254,7 +254,7 @@ Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const c
 }  // namespace
 
 Image16 ReadDepthFile(const std::filesystem::path& path) {
-  return DecodeDepth(ReadFile(path, kMaxFileBytes), path.string());
+  return DecodeDepth(ReadFile(path, kMaxImageBytes), path.string());
 }
 
 Image16 DecodeDepth(const std::string& bytes, const std::string& name) {
@@ -269,12 +269,12 @@ Image16 DecodeDepth(const std::string& bytes, const std::string& name) {
 }
 
 LabelImage ReadPng8(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path, kMaxFileBytes);
+  const std::string bytes = ReadFile(path, kMaxImageBytes);
   return PixelsOf<std::uint8_t>(bytes, path.string(), "a label PNG", 8, 1);
 }
 
 RgbImage ReadPngRgb(const std::filesystem::path& path) {
-  return PixelsOf<Rgb>(ReadFile(path, kMaxFileBytes), path.string(), "an RGB PNG", 8, 3);
+  return PixelsOf<Rgb>(ReadFile(path, kMaxImageBytes), path.string(), "an RGB PNG", 8, 3);
 }
 
 template <class Pixel>

@@ -5,13 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <utility>
+#include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/text.h"
 #include "core/formats/gltf_parts.h"
+#include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 
 namespace volalign {
@@ -20,6 +26,8 @@ namespace {
 
 constexpr char kFormat[] = "volalign.structure/1";
 constexpr double kGeometryTolerance = 1e-4;  // m
+constexpr std::size_t kLongestMessage = 500;
+constexpr std::size_t kMostPoints = 10000;  // of a side, which is a rectangle
 
 /// Reads structures out of a parsed model; `where` names file and node in every message.
 class Reader {
@@ -38,7 +46,7 @@ class Reader {
           "format '{}' where '{}' is expected; write the file with `volalign structure build`",
           format, kFormat));
     }
-    for (const int node : scene.nodes) Visit(node, Pose::Identity());
+    for (const int node : scene.nodes) Visit(node, Pose::Identity(), 1);
     if (labels_.empty()) Fail("no side has a label");
     std::vector<std::string> order;
     for (const auto& [label, name] : labels_) {
@@ -76,7 +84,9 @@ class Reader {
     Eigen::Vector3d centre, exposed_centroid;
   };
 
-  [[noreturn]] void Fail(const std::string& what) const { throw DataError(file_ + ": " + what); }
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw DataError(file_ + ": " + Shortened(what, kLongestMessage));
+  }
 
   std::string Text(const tinygltf::Value& extras, const char* key, const std::string& what) const {
     if (!extras.IsObject() || !extras.Has(key) || !extras.Get(key).IsString()) {
@@ -163,6 +173,9 @@ class Reader {
         begin + (accessor.count - 1) * static_cast<std::size_t>(stride) + 12 > bytes.size()) {
       Fail(what + ": POSITION runs past the end of its buffer");
     }
+    if (accessor.count > kMostPoints)
+      Fail(fmt::format("{}: POSITION has {} points, more than {}", what, accessor.count,
+                       kMostPoints));
     std::vector<Eigen::Vector3d> points;
     for (std::size_t i = 0; i < accessor.count; ++i) {
       float xyz[3];
@@ -173,7 +186,9 @@ class Reader {
     return points;
   }
 
-  void Visit(int index, const Pose& scene_from_parent) {
+  void Visit(int index, const Pose& scene_from_parent, int depth) {
+    if (depth > kMaxJsonDepth)
+      Fail(fmt::format("nodes are nested deeper than {} levels", kMaxJsonDepth));
     if (index < 0 || static_cast<std::size_t>(index) >= model_.nodes.size() ||
         ++visited_ > model_.nodes.size()) {
       Fail("the node tree is broken");
@@ -181,18 +196,23 @@ class Reader {
     const tinygltf::Node& node = model_.nodes[static_cast<std::size_t>(index)];
     const Pose scene_from_node = scene_from_parent * LocalPose(node);
     if (node.mesh >= 0) ReadBox(node, scene_from_node);
-    for (const int child : node.children) Visit(child, scene_from_node);
+    for (const int child : node.children) Visit(child, scene_from_node, depth + 1);
   }
 
   void ReadBox(const tinygltf::Node& node, const Pose& scene_from_node) {
     if (static_cast<std::size_t>(node.mesh) >= model_.meshes.size())
       Fail("the node tree is broken");
+    if (static_cast<int>(boxes_.size()) >= kMaxBoxes)
+      Fail(fmt::format("more than {} boxes", kMaxBoxes));
     const tinygltf::Mesh& mesh = model_.meshes[static_cast<std::size_t>(node.mesh)];
     Eigen::Vector3d low = Eigen::Vector3d::Constant(1e9), high = -low;
     std::map<std::string, std::vector<Eigen::Vector3d>> faces;
     for (const tinygltf::Primitive& primitive : mesh.primitives) {
       const std::string what = fmt::format("node '{}'", node.name);
       const std::string face = Text(primitive.extras, "side", what);
+      if (std::none_of(std::begin(kFaces), std::end(kFaces),
+                       [&](Face f) { return face == FaceName(f); }))
+        Fail(fmt::format("{} has a side '{}'", what, Shortened(face)));
       const auto points = Positions(primitive, node.name + "/" + face);
       if (!faces.emplace(face, points).second)
         Fail(fmt::format("{} has two sides '{}'", what, face));
@@ -257,6 +277,44 @@ class Reader {
   std::size_t visited_ = 0;  // a tree's nodes are visited once each; more means a cycle
 };
 
+/// Of an untrusted file: tinygltf parses JSON by recursion, and opens the files that it names.
+/// Throws DataError for JSON beyond ParseBoundedJson's limits and for names of files; what is no
+/// binary glTF at all is left to tinygltf.
+void RequireSelfContained(const std::string& bytes, const std::string& name) {
+  constexpr std::size_t kLengthAt = 12, kJsonAt = 20;
+  if (bytes.size() < kJsonAt) return;
+  std::size_t length = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    length |= static_cast<std::size_t>(static_cast<unsigned char>(bytes[kLengthAt + i])) << (8 * i);
+  if (length > bytes.size() - kJsonAt) return;
+  const nlohmann::json document = ParseBoundedJson(bytes.substr(kJsonAt, length), name);
+  for (const char* list : {"buffers", "images"}) {
+    if (!document.is_object() || !document.contains(list)) continue;
+    for (const nlohmann::json& item : document[list]) {
+      if (!item.is_object() || !item.contains("uri")) continue;
+      if (!item["uri"].is_string() || item["uri"].get<std::string>().rfind("data:", 0) != 0) {
+        throw DataError(
+            fmt::format("{}: it names another file, {}, and volalign reads none; write it with its "
+                        "data inside, as one .glb",
+                        name, ShownJson(item["uri"])));
+      }
+    }
+  }
+}
+
+/// Should a version of tinygltf look for files elsewhere, it finds none.
+tinygltf::FsCallbacks NoFiles() {
+  tinygltf::FsCallbacks none{};
+  none.FileExists = [](const std::string&, void*) { return false; };
+  none.ExpandFilePath = [](const std::string&, void*) { return std::string(); };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) {
+    return false;
+  };
+  none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&,
+                           void*) { return false; };
+  return none;
+}
+
 }  // namespace
 
 void WriteStructureGlb(const std::filesystem::path& path, const Structure& structure) {
@@ -269,15 +327,17 @@ void WriteStructureGlb(const std::filesystem::path& path, const Structure& struc
 }
 
 Structure ReadStructureGlb(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(FindInputFile(path.string()));
+  const std::string bytes = ReadFile(FindInputFile(path.string()), kMaxResultBytes);
+  RequireSelfContained(bytes, path.string());
   tinygltf::TinyGLTF loader;
+  loader.SetFsCallbacks(NoFiles());
   tinygltf::Model model;
   std::string error, warning;
   const bool parsed = loader.LoadBinaryFromMemory(
       &model, &error, &warning, reinterpret_cast<const unsigned char*>(bytes.data()),
       static_cast<unsigned int>(bytes.size()));
   if (!parsed) {
-    error = error.substr(0, error.find('\n'));
+    error = Shortened(error.substr(0, error.find('\n')));
     throw DataError(fmt::format("{}: not a binary glTF 2.0 file: {}", path.string(),
                                 error.empty() ? "unknown content" : error));
   }

@@ -9,8 +9,10 @@
 #include <set>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/config/bounded_yaml.h"
 #include "core/config/config.h"
 
 namespace volalign {
@@ -112,10 +114,10 @@ Intrinsics ParseIntrinsics(const YAML::Node& item, const std::vector<int>& size,
 }  // namespace
 
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
-  const std::string text = ReadFile(FindInputFile(path));
+  const std::string text = ReadFile(FindInputFile(path), kMaxTextBytes);
   std::vector<IntrinsicsPoolEntry> pool;
   try {
-    for (const YAML::Node& node : YAML::Load(text)) {
+    for (const YAML::Node& node : LoadYaml(text)) {
       RequireKnownKeys(node, path);
       IntrinsicsPoolEntry entry;
       entry.sensor = node["sensor"].as<std::string>();

@@ -13,15 +13,19 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
 
 namespace volalign {
 
 namespace {
 
 constexpr double kTiltedStrip = 2e-3;  // m: strip width where a covering box stands askew
-constexpr int kMaxBoxes = 51;          // 5 labels a box, uint8
+constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 m
+constexpr double kFarthest = 1e3;      // m, of a box from the structure's origin
 
 struct FaceAxes {
   Eigen::Vector3d normal, u, v;
@@ -100,7 +104,8 @@ void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
     cuts.insert(cuts.end(), corners_u.begin(), corners_u.end());
   }
   if (tilted) {
-    const int n = static_cast<int>(std::ceil(2 * side->half_u / kTiltedStrip));
+    const int n =
+        static_cast<int>(std::min(std::ceil(2 * side->half_u / kTiltedStrip), kMostStrips));
     for (int i = 1; i < n; ++i) cuts.push_back(-side->half_u + 2 * side->half_u * i / n);
   }
   std::sort(cuts.begin(), cuts.end());
@@ -194,21 +199,31 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
     throw DataError(fmt::format("{} boxes violate boxes <= {} (labels are 8-bit, 5 a box)",
                                 boxes.size(), kMaxBoxes));
   }
+  RequirePlainName(name, "a structure");
   std::set<std::string> names;
   for (const Box& box : boxes) {
+    RequirePlainName(box.name, "a box");
     if (box.name.empty() || box.name.find('/') != std::string::npos) {
-      throw DataError(fmt::format("box name '{}' is empty or holds a '/'", box.name));
+      throw DataError(fmt::format("box name '{}' is empty or holds a '/'", Shortened(box.name)));
     }
     if (!names.insert(box.name).second) {
-      throw DataError(fmt::format("two boxes are named '{}'; names have to be unique", box.name));
-    }
-    if (!box.size.allFinite() || !(box.size.minCoeff() > 0)) {
       throw DataError(
-          fmt::format("box '{}' has size {} x {} x {} m; every extent has to be positive", box.name,
-                      box.size.x(), box.size.y(), box.size.z()));
+          fmt::format("two boxes are named '{}'; names have to be unique", Shortened(box.name)));
     }
-    if (!box.structure_from_box.matrix().allFinite()) {
-      throw DataError(fmt::format("box '{}' has a pose that is not finite", box.name));
+    const Eigen::Vector3d mm = box.size * 1e3;
+    if (!mm.allFinite() || mm.minCoeff() < kShortestEdge * 1e3 ||
+        mm.maxCoeff() > kLongestEdge * 1e3) {
+      throw DataError(fmt::format(
+          "box '{}' is {:g} x {:g} x {:g} mm; every edge has to be from {:g} mm to {:g} m: sizes "
+          "are written in millimetres",
+          Shortened(box.name), mm.x(), mm.y(), mm.z(), kShortestEdge * 1e3, kLongestEdge));
+    }
+    if (!box.structure_from_box.matrix().allFinite() ||
+        box.structure_from_box.translation().norm() > kFarthest) {
+      throw DataError(fmt::format(
+          "box '{}' has a pose that is not finite, or is more than {:g} m away; positions are "
+          "written in millimetres",
+          Shortened(box.name), kFarthest));
     }
   }
 
@@ -237,7 +252,7 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
     if (found == index_of.end()) {
       throw DataError(fmt::format(
           "label {} names the side '{}', which does not exist, is a `down` side or is listed twice",
-          structure.side_of_label_.size(), side_name));
+          structure.side_of_label_.size(), Shortened(side_name)));
     }
     structure.sides_[static_cast<std::size_t>(found->second)].label =
         static_cast<std::uint8_t>(structure.side_of_label_.size());
@@ -329,9 +344,10 @@ void RejectOtherKeys(const YAML::Node& node, const std::set<std::string>& known,
   for (const auto& item : node) {
     const auto key = item.first.as<std::string>();
     const std::string where = fmt::format("{}:{}", path, item.first.Mark().line + 1);
-    if (!known.count(key)) throw ConfigError(fmt::format("{}: unknown key '{}'", where, key));
+    if (!known.count(key))
+      throw ConfigError(fmt::format("{}: unknown key '{}'", where, Shortened(key)));
     if (!seen.insert(key).second)
-      throw ConfigError(fmt::format("{}: key '{}' stands twice", where, key));
+      throw ConfigError(fmt::format("{}: key '{}' stands twice", where, Shortened(key)));
   }
 }
 
@@ -364,9 +380,9 @@ Box ReadBox(const YAML::Node& node, const std::string& path) {
 }  // namespace
 
 Structure ReadStructureYaml(const std::string& path) {
-  const std::string text = ReadFile(FindInputFile(path));
+  const std::string text = ReadFile(FindInputFile(path), kMaxTextBytes);
   try {
-    const YAML::Node root = YAML::Load(text);
+    const YAML::Node root = LoadYaml(text);
     if (!root.IsMap() || !root["boxes"] || !root["boxes"].IsSequence()) {
       throw ConfigError(path + ": a structure wants `boxes:`, a list of {name, x, y, z}");
     }

@@ -20,6 +20,11 @@ Eigen::Vector3d FaceNormal(Face face);
 /// Boxes whose gap is smaller, m, cover each other.
 inline constexpr double kTouching = 1e-3;
 
+/// Labels are uint8, 5 a box.
+inline constexpr int kMaxBoxes = 51;
+/// The edges of a described box, m. What is beyond them was written in other units.
+inline constexpr double kShortestEdge = 0.01, kLongestEdge = 100;
+
 /// A solid box: `size` along its own axes, centred at the origin of its frame, which stands at
 /// structure_from_box in the structure frame. Metres.
 struct Box {
@@ -60,8 +65,9 @@ class Structure {
 
   /// `label_order` lists side names in the order of their ids 1, 2, ...; when it is empty, sides
   /// are numbered box by box in the order front, back, up, right, left. Throws DataError for
-  /// duplicate or empty names, boxes without volume, more than 51 boxes (labels are uint8), or a
-  /// label order that does not name every side but `down` once.
+  /// duplicate or empty names, or such as RequirePlainName refuses, more than kMaxBoxes boxes,
+  /// boxes with an edge that is not from kShortestEdge to kLongestEdge or that are more than 1 km
+  /// away, or a label order that does not name every side but `down` once.
   static Structure FromBoxes(std::string name, std::vector<Box> boxes,
                              const std::vector<std::string>& label_order = {});
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -26,12 +27,13 @@ void RequireCount(std::size_t count, std::size_t expected, const char* what,
 
 void RequireList(const nlohmann::json& json, const std::string& place) {
   if (json.is_array()) return;
-  throw DataError(fmt::format("{} = {} is not a list", place, json.dump()));
+  throw DataError(fmt::format("{} = {} is not a list", place, ShownJson(json)));
 }
 
 void FailNotOneOf(const std::string& text, const std::vector<std::string>& known,
                   const std::string& place) {
-  throw DataError(fmt::format("{} = \"{}\" is none of {}", place, text, fmt::join(known, ", ")));
+  throw DataError(
+      fmt::format("{} = \"{}\" is none of {}", place, Shortened(text), fmt::join(known, ", ")));
 }
 
 }  // namespace json_internal
@@ -39,7 +41,7 @@ void FailNotOneOf(const std::string& text, const std::vector<std::string>& known
 void JsonReader::Constant(const std::string& key, const std::string& text) {
   if (object_.Text(key) == text) return;
   throw DataError(fmt::format("{} \"{}\" is unknown; this version reads \"{}\"", object_.Place(key),
-                              object_.Text(key), text));
+                              Shortened(object_.Text(key)), text));
 }
 
 void JsonReader::OneOrList(const std::string& key, std::vector<std::string>& texts) {

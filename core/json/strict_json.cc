@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/json/json_archive.h"
 
@@ -16,7 +17,7 @@ using Json = nlohmann::json;
 namespace {
 
 [[noreturn]] void Fail(const Json& value, const std::string& place, const char* expected) {
-  throw DataError(fmt::format("{} = {} is not {}", place, value.dump(), expected));
+  throw DataError(fmt::format("{} = {} is not {}", place, ShownJson(value), expected));
 }
 
 template <class T>
@@ -28,12 +29,64 @@ std::vector<T> ReadList(const Json& list, const std::string& place) {
   return items;
 }
 
+/// Throws, out of the parser, for a document beyond the limits.
+class Bounds {
+ public:
+  explicit Bounds(const std::string& name) : name_(name) {}
+
+  void Check(int depth, Json::parse_event_t event) {
+    if (event == Json::parse_event_t::key || event == Json::parse_event_t::object_end ||
+        event == Json::parse_event_t::array_end)
+      return;
+    const bool opens = event != Json::parse_event_t::value;
+    if (opens && depth >= kMaxJsonDepth) {
+      throw DataError(fmt::format("{}: nested deeper than the {} levels that are read of JSON",
+                                  name_, kMaxJsonDepth));
+    }
+    if (++values_ > kMaxJsonValues) {
+      throw DataError(
+          fmt::format("{}: more than the {} values that are read of JSON", name_, kMaxJsonValues));
+    }
+  }
+
+ private:
+  const std::string& name_;
+  std::size_t values_ = 0;
+};
+
+/// What nlohmann's parser makes of a text, and DataError of what it throws.
+template <class Check>
+Json Parse(const std::string& text, const std::string& name, const Check& check) {
+  try {
+    return Json::parse(text, check);
+  } catch (const Json::exception& error) {
+    const std::string what = error.what();
+    const std::size_t id = what.find("] ");
+    throw DataError(fmt::format("{}: not valid JSON: {}", name,
+                                Shortened(id == std::string::npos ? what : what.substr(id + 2))));
+  }
+}
+
 }  // namespace
+
+std::string ShownJson(const Json& value) {
+  return Shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+Json ParseBoundedJson(const std::string& text, const std::string& name) {
+  Bounds bounds(name);
+  return Parse(text, name, [&](int depth, Json::parse_event_t event, Json&) {
+    bounds.Check(depth, event);
+    return true;
+  });
+}
 
 Json ParseStrictJson(const std::string& text, const std::string& name) {
   std::vector<std::set<std::string>> open;
   std::string problem;
-  const auto check = [&](int /*depth*/, Json::parse_event_t event, Json& parsed) {
+  Bounds bounds(name);
+  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    bounds.Check(depth, event);
     switch (event) {
       case Json::parse_event_t::object_start:
         open.emplace_back();
@@ -44,7 +97,8 @@ Json ParseStrictJson(const std::string& text, const std::string& name) {
       case Json::parse_event_t::key: {
         const auto key = parsed.get<std::string>();
         if (!open.back().insert(key).second && problem.empty()) {
-          problem = fmt::format("the key \"{}\" stands twice in one object; remove one", key);
+          problem =
+              fmt::format("the key \"{}\" stands twice in one object; remove one", Shortened(key));
         }
         break;
       }
@@ -58,15 +112,7 @@ Json ParseStrictJson(const std::string& text, const std::string& name) {
     }
     return true;
   };
-  Json document;
-  try {
-    document = Json::parse(text, check);
-  } catch (const Json::exception& error) {
-    const std::string what = error.what();
-    const std::size_t id = what.find("] ");
-    throw DataError(fmt::format("{}: not valid JSON: {}", name,
-                                id == std::string::npos ? what : what.substr(id + 2)));
-  }
+  Json document = Parse(text, name, check);
   if (!problem.empty()) throw DataError(name + ": " + problem);
   return document;
 }
@@ -181,7 +227,7 @@ void JsonObject::RejectOthers() const {
     const std::string nearest =
         NearestKey(item.key(), std::vector<std::string>(known_.begin(), known_.end()));
     throw DataError(fmt::format(
-        "{}: the key \"{}\" is unknown{}", where_, item.key(),
+        "{}: the key \"{}\" is unknown{}", where_, Shortened(item.key()),
         nearest.empty() ? "; remove it" : fmt::format("; did you mean \"{}\"?", nearest)));
   }
 }

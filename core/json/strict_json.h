@@ -10,9 +10,22 @@
 
 namespace volalign {
 
+/// No document of volalign's, nor of the programs that it reads files of, comes near these. Deeper
+/// ones would end the program, because a value is copied, written and destroyed by recursion.
+inline constexpr int kMaxJsonDepth = 64;
+inline constexpr std::size_t kMaxJsonValues = 4'000'000;
+
 /// Parses JSON; throws DataError in one line, with `name` and the position, for a syntax error (NaN
-/// is one), a duplicate key or a null anywhere: a key without a value has to be absent.
+/// is one), a duplicate key or a null anywhere: a key without a value has to be absent, and for a
+/// document that is nested deeper than kMaxJsonDepth or has more than kMaxJsonValues values.
 nlohmann::json ParseStrictJson(const std::string& text, const std::string& name);
+
+/// The same within these limits, but with nulls and with the last of several equal keys: for files
+/// of other programs.
+nlohmann::json ParseBoundedJson(const std::string& text, const std::string& name);
+
+/// A value for a message: as JSON, and Shortened.
+std::string ShownJson(const nlohmann::json& value);
 
 /// Read one value. `place` says where it stands ("capture.json: sensors[0]: depth_scale"). Throw
 /// DataError with the place, the value and what was expected. An int may be written as 3.0.

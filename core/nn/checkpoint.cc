@@ -3,18 +3,19 @@
 #include <ATen/core/ivalue.h>
 #include <ATen/ops/isfinite.h>
 #include <c10/core/GradMode.h>
-#include <caffe2/serialize/inline_container.h>
 #include <fmt/format.h>
-#include <torch/csrc/jit/serialization/import_read.h>
 #include <torch/csrc/jit/serialization/pickle.h>
 
-#include <cstring>
-#include <memory>
+#include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/text.h"
 #include "core/json/json_archive.h"
+#include "core/nn/paper_net.h"
+#include "core/nn/tensor_archive.h"
 
 namespace volalign {
 namespace {
@@ -32,39 +33,31 @@ std::string Digest(const TensorFile& file) {
   return Sha256(hashes);
 }
 
-/// A file's bytes for LibTorch's zip reader. In a file that ends in no archive the reader looks for
-/// one before the first byte, and torch::jit::pickle_load, which checks no position, reads there.
-class BoundedReader : public caffe2::serialize::ReadAdapterInterface {
- public:
-  explicit BoundedReader(const std::string& bytes) : bytes_(bytes) {}
-  std::size_t size() const override { return bytes_.size(); }
-  std::size_t read(std::uint64_t pos, void* buffer, std::size_t n, const char*) const override {
-    if (pos > bytes_.size() || n > bytes_.size() - pos) return 0;
-    std::memcpy(buffer, bytes_.data() + pos, n);
-    return n;
-  }
-
- private:
-  const std::string& bytes_;
-};
-
-c10::IValue Unpickle(const std::string& bytes) {
-  caffe2::serialize::PyTorchStreamReader reader(std::make_shared<BoundedReader>(bytes));
-  return torch::jit::readArchiveAndTensors("data", "", "", c10::nullopt, c10::nullopt, c10::nullopt,
-                                           reader);
-}
-
-/// A pickle may claim any size and stride over a storage; look at the memory only after this.
-void RequireWhole(const at::Tensor& t, const std::string& name, const std::string& path) {
-  const bool plain = t.defined() && t.device().is_cpu() && t.layout() == at::kStrided &&
-                     !t.is_quantized() && t.is_contiguous() && t.storage_offset() >= 0;
-  if (!plain || static_cast<std::size_t>(t.storage_offset()) * t.element_size() + t.nbytes() >
-                    t.storage().nbytes()) {
-    throw DataError(fmt::format("{}: tensor '{}' is damaged: get the file again", path, name));
-  }
-}
-
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+using Shapes = std::map<std::string, std::vector<std::int64_t>>;
+
+/// Throws DataError unless the tensors whose names begin with `prefix` are those of `shapes`.
+void RequireShapes(const std::map<std::string, at::Tensor>& tensors, const std::string& prefix,
+                   const Shapes& shapes, const std::string& what) {
+  for (const auto& [name, tensor] : tensors) {
+    if (name.compare(0, prefix.size(), prefix) == 0 && shapes.count(name) == 0) {
+      throw DataError(fmt::format("{}: tensor '{}' is not the network's", what, Shortened(name)));
+    }
+  }
+  for (const auto& [name, shape] : shapes) {
+    const auto found = tensors.find(name);
+    if (found == tensors.end()) {
+      throw DataError(fmt::format("{}: tensor '{}' is missing", what, name));
+    }
+    const auto sizes = found->second.sizes();
+    if (sizes != shape) {
+      throw DataError(fmt::format("{}: tensor '{}' has the shape [{}] instead of [{}]", what, name,
+                                  fmt::join(sizes.begin(), sizes.end(), ","),
+                                  fmt::join(shape, ",")));
+    }
+  }
+}
 
 void RequireClasses(const CheckpointMeta& meta) {
   if (meta.structure.num_classes() != meta.network.num_classes) {
@@ -142,34 +135,38 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) 
   dict.insert("digest", Digest(stored));
   dict.insert("tensors", tensors);
   const std::vector<char> bytes = torch::jit::pickle_save(dict);
+  if (bytes.size() > kMaxModelBytes) {
+    throw Error(fmt::format(
+        "{}: {} bytes are more than the {} that are read of such a file: use fewer base channels",
+        path.string(), bytes.size(), kMaxModelBytes));
+  }
   WriteFileAtomically(path, std::string_view(bytes.data(), bytes.size()));
 }
 
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
-  const std::string content = ReadFile(FindInputFile(path.string()));
+  const std::string content = ReadFile(FindInputFile(path.string()), kMaxModelBytes);
   const auto foreign = [&](const std::string& why) {
     return DataError(
         fmt::format("{}: not a whole file of format {} ({})", path.string(), format, why));
   };
-  if (content.compare(0, 4, "PK\x03\x04") != 0) throw foreign("no zip archive");
   TensorFile file;
   std::string digest;
   try {
-    const c10::IValue value = Unpickle(content);
-    const auto dict = value.toGenericDict();
-    file.format = dict.at("format").toStringRef();
-    if (file.format != format) throw foreign(fmt::format("its format is '{}'", file.format));
-    file.meta = dict.at("meta").toStringRef();
-    digest = dict.at("digest").toStringRef();
-    for (const auto& item : dict.at("tensors").toGenericDict()) {
-      file.tensors.emplace(item.key().toStringRef(), item.value().toTensor());
-    }
-  } catch (const Error&) {
-    throw;
-  } catch (const std::exception& e) {
-    throw foreign(FirstLine(e.what()));
+    TensorArchive archive = ReadTensorArchive(content);
+    const auto text = [&](const char* key) -> std::string {
+      const auto found = archive.texts.find(key);
+      if (found == archive.texts.end()) throw DataError(fmt::format("it has no {}", key));
+      return found->second;
+    };
+    file.format = text("format");
+    if (file.format != format)
+      throw DataError(fmt::format("its format is '{}'", Shortened(file.format)));
+    file.meta = text("meta");
+    digest = text("digest");
+    file.tensors = std::move(archive.tensors["tensors"]);
+  } catch (const DataError& error) {
+    throw foreign(error.what());
   }
-  for (const auto& [name, tensor] : file.tensors) RequireWhole(tensor, name, path.string());
   if (Digest(file) != digest) throw foreign("its digest does not match: the content was changed");
   return file;
 }
@@ -187,23 +184,12 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
                     torch::nn::Module& module, const std::string& what) {
   std::map<std::string, at::Tensor> targets;
   AddModuleTensors(module, prefix, &targets);
-  for (const auto& [name, tensor] : source) {
-    if (name.compare(0, prefix.size(), prefix) == 0 && targets.count(name) == 0) {
-      throw DataError(fmt::format("{}: tensor '{}' is not the network's", what, name));
-    }
-  }
+  Shapes shapes;
+  for (const auto& [name, target] : targets) shapes[name] = target.sizes().vec();
+  RequireShapes(source, prefix, shapes, what);
   c10::NoGradGuard no_grad;
   for (auto& [name, target] : targets) {
-    const auto found = source.find(name);
-    if (found == source.end()) {
-      throw DataError(fmt::format("{}: tensor '{}' is missing", what, name));
-    }
-    const at::Tensor& tensor = found->second;
-    if (tensor.sizes() != target.sizes()) {
-      throw DataError(fmt::format("{}: tensor '{}' has the shape [{}] instead of [{}]", what, name,
-                                  fmt::join(tensor.sizes().begin(), tensor.sizes().end(), ","),
-                                  fmt::join(target.sizes().begin(), target.sizes().end(), ",")));
-    }
+    const at::Tensor& tensor = source.at(name);
     if (tensor.scalar_type() != target.scalar_type() && tensor.scalar_type() != at::kHalf) {
       throw DataError(fmt::format("{}: tensor '{}' has the type {} instead of {}", what, name,
                                   at::toString(tensor.scalar_type()),
@@ -240,12 +226,23 @@ void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
 LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
   const TensorFile file = ReadTensorFile(path, kCheckpointFormat);
   LoadedModel model;
+  Shapes shapes;
   try {
     model.meta = ReadDescribed<CheckpointMeta>(file.meta, "metadata");
     RequireClasses(model.meta);
+    model.meta.network.Validate();
+    // The metadata may ask for a larger network than the file has; another kind's is not known.
+    if (model.meta.network.kind == "paper") shapes = PaperNetShapes(model.meta.network);
+  } catch (const std::exception& e) {
+    throw DataError(
+        fmt::format("{}: invalid metadata ({})", path.string(), Shortened(FirstLine(e.what()))));
+  }
+  if (!shapes.empty()) RequireShapes(file.tensors, "", shapes, path.string());
+  try {
     model.net = StructureNet(model.meta.network);
   } catch (const std::exception& e) {
-    throw DataError(fmt::format("{}: invalid metadata ({})", path.string(), FirstLine(e.what())));
+    throw DataError(
+        fmt::format("{}: invalid metadata ({})", path.string(), Shortened(FirstLine(e.what()))));
   }
   CopyIntoModule(file.tensors, "", *model.net, path.string());
   model.net->eval();

@@ -24,10 +24,12 @@ struct TensorFile {
   std::map<std::string, at::Tensor> tensors;
 };
 
-/// Writes atomically; tensors of any device are stored on the CPU, contiguous. Throws IoError.
+/// Writes atomically; tensors of any device are stored on the CPU, contiguous. Throws IoError, or
+/// Error for more than 4 GiB.
 void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file);
 
-/// Reads a file of `format`. Classes are never resolved, so nothing in a file can run code. Throws
+/// Reads a file of `format`, of at most 4 GiB, by ReadTensorArchive, which follows no instruction
+/// of it but those that make texts and tensors, so that nothing in a file can run code. Throws
 /// IoError, or DataError for anything that is not such a file, whole and unchanged.
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format);
 
@@ -68,7 +70,8 @@ struct LoadedModel {
 };
 
 /// Throws IoError, or DataError in one line for files that are truncated, foreign, of an unknown
-/// version or whose tensors are not the network's.
+/// version or whose tensors are not the network's; the paper's network is built only after these
+/// were compared with the metadata.
 LoadedModel LoadCheckpoint(const std::filesystem::path& path);
 
 /// The metadata as JSON text, as the file holds it.

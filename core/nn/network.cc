@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/nn/network_limits.h"
 #include "core/nn/paper_net.h"
 
 namespace volalign {
@@ -82,15 +83,19 @@ at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input) {
 }
 
 void StructureNetOptions::Validate() const {
-  const auto require = [](bool holds, const char* name, double value, const char* constraint) {
-    if (!holds) {
-      throw ConfigError(fmt::format("model.{} = {} violates {}", name, value, constraint));
+  const auto require = [](const char* name, int value, int low, int high) {
+    if (value < low || value > high) {
+      throw ConfigError(
+          fmt::format("model.{0} = {1} violates {0} in [{2}, {3}]", name, value, low, high));
     }
   };
-  require(base_channels >= 1, "base_channels", base_channels, "base_channels >= 1");
-  require(num_classes >= 2, "num_classes", num_classes, "num_classes >= 2");
-  require(residual_blocks >= 0, "residual_blocks", residual_blocks, "residual_blocks >= 0");
-  require(std::isfinite(background_bias), "background_bias", background_bias, "a finite number");
+  require("base_channels", base_channels, 1, kMostBaseChannels);
+  require("num_classes", num_classes, 2, kMostClasses);
+  require("residual_blocks", residual_blocks, 0, kMostResidualBlocks);
+  if (!std::isfinite(background_bias)) {
+    throw ConfigError(
+        fmt::format("model.background_bias = {} is not a finite number", background_bias));
+  }
 }
 
 bool operator==(const StructureNetOptions& a, const StructureNetOptions& b) {

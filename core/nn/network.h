@@ -44,12 +44,12 @@ at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
 /// The defaults are the network of the paper (section "Semantic Correspondences").
 struct StructureNetOptions {
   std::string kind = "paper";  ///< of NetworkKinds()
-  int base_channels = 32;      ///< c >= 1
-  int num_classes = 21;        ///< K >= 2, background included
+  int base_channels = 32;      ///< c, 1 to kMostBaseChannels (core/nn/network_limits.h)
+  int num_classes = 21;        ///< K, 2 to kMostClasses, background included
   bool attention = true;
   Normalization normalization = Normalization::kNone;
   InputEncoding input = InputEncoding::kDepth;
-  int residual_blocks = 4;     ///< >= 0
+  int residual_blocks = 4;     ///< 0 to kMostResidualBlocks
   double background_bias = 0;  ///< initial bias of the background class in the classifier
 
   /// Throws ConfigError that names option, value and constraint.

@@ -35,6 +35,74 @@ at::Tensor XavierWeight(int in, int out, int kernel) {
   return weight;
 }
 
+/// A ConvUnit of the network.
+struct UnitShape {
+  std::string name;
+  int in, out, kernel;
+  Normalization normalization;
+};
+
+struct EncoderUnit {
+  int kernel, factor;  // output channels are factor * c
+};
+/// In groups, with a pool between two.
+const std::vector<std::vector<EncoderUnit>>& Encoder() {
+  static const std::vector<std::vector<EncoderUnit>> groups = {{{7, 1}, {5, 2}},
+                                                               {{3, 4}, {3, 4}, {3, 4}},
+                                                               {{3, 8}, {3, 8}, {3, 8}},
+                                                               {{3, 16}, {3, 16}, {3, 16}},
+                                                               {{3, 16}, {3, 16}, {3, 16}}};
+  return groups;
+}
+
+/// All of them, in the order in which their weights are drawn.
+std::vector<UnitShape> UnitShapes(const StructureNetOptions& options) {
+  const int c = options.base_channels;
+  std::vector<UnitShape> units;
+  const auto add = [&](const std::string& name, int in, int out, int kernel) {
+    units.push_back({name, in, out, kernel, options.normalization});
+  };
+  int channels = EncodedChannels(options.input);
+  std::vector<int> skip_channels;
+  for (std::size_t g = 0; g < Encoder().size(); ++g) {
+    for (std::size_t i = 0; i < Encoder()[g].size(); ++i) {
+      const EncoderUnit& unit = Encoder()[g][i];
+      add(fmt::format("encoder{}_{}", g + 1, i + 1), channels, unit.factor * c, unit.kernel);
+      channels = unit.factor * c;
+    }
+    skip_channels.push_back(channels);
+  }
+  for (int i = 1; i <= options.residual_blocks; ++i) {
+    add(fmt::format("residual{}_1", i), channels, channels, 3);
+    add(fmt::format("residual{}_2", i), channels, channels, 3);
+  }
+  if (options.attention) units.push_back({"attention", channels, 1, 1, Normalization::kNone});
+  for (int level = 4; level >= 1; --level) {
+    const int skip = skip_channels[static_cast<std::size_t>(level - 1)];
+    add(fmt::format("decoder{}_1", level), channels, channels, 3);
+    add(fmt::format("decoder{}_2", level), channels, channels, 3);
+    add(fmt::format("decoder{}_3", level), channels, skip, 3);
+    add(fmt::format("merge{}", level), 2 * skip, skip, 1);
+    channels = skip;
+  }
+  add("decoder0_1", channels, c, 3);
+  units.push_back({"classifier", c, options.num_classes, 1, Normalization::kNone});
+  return units;
+}
+
+/// A ConvUnit's parameters and buffers beside `weight`.
+std::vector<const char*> VectorsOf(Normalization normalization) {
+  switch (normalization) {
+    case Normalization::kNone:
+      return {"bias"};
+    case Normalization::kBatch:
+      return {"norm_weight", "norm_bias", "running_mean", "running_var"};
+    case Normalization::kGroup:
+      return {"norm_weight", "norm_bias"};
+  }
+  throw Error("invalid Normalization");
+}
+
 at::Tensor UpsampleTo(const at::Tensor& x, const at::Tensor& like) {
   if (x.size(2) == like.size(2) && x.size(3) == like.size(3)) return x;
   return at::upsample_nearest2d(x, {like.size(2), like.size(3)});
@@ -74,55 +142,43 @@ at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
   throw Error("invalid Normalization");
 }
 
-PaperNetImpl::PaperNetImpl(const StructureNetOptions& options) : StructureNetImpl(options) {
-  const int c = options.base_channels;
-  struct Conv {
-    int kernel, factor;  // output channels are factor * c
-  };
-  const std::vector<std::vector<Conv>> groups = {{{7, 1}, {5, 2}},
-                                                 {{3, 4}, {3, 4}, {3, 4}},
-                                                 {{3, 8}, {3, 8}, {3, 8}},
-                                                 {{3, 16}, {3, 16}, {3, 16}},
-                                                 {{3, 16}, {3, 16}, {3, 16}}};
-  int channels = EncodedChannels(options.input);
-  std::vector<int> skip_channels;
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    layers_.encoder.emplace_back();
-    for (std::size_t i = 0; i < groups[g].size(); ++i) {
-      const Conv& conv = groups[g][i];
-      layers_.encoder.back().push_back(
-          Add(fmt::format("encoder{}_{}", g + 1, i + 1), channels, conv.factor * c, conv.kernel));
-      channels = conv.factor * c;
-    }
-    skip_channels.push_back(channels);
+std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(
+    const StructureNetOptions& options) {
+  options.Validate();
+  std::map<std::string, std::vector<std::int64_t>> shapes;
+  for (const UnitShape& unit : UnitShapes(options)) {
+    shapes[unit.name + ".weight"] = {unit.out, unit.in, unit.kernel, unit.kernel};
+    for (const char* name : VectorsOf(unit.normalization))
+      shapes[fmt::format("{}.{}", unit.name, name)] = {unit.out};
   }
-  for (int i = 1; i <= options.residual_blocks; ++i) {
-    layers_.bottleneck.push_back({Add(fmt::format("residual{}_1", i), channels, channels, 3),
-                                  Add(fmt::format("residual{}_2", i), channels, channels, 3)});
-  }
-  if (options.attention) {
-    layers_.attention =
-        register_module("attention", ConvUnit(channels, 1, 1, Normalization::kNone));
-  }
-  for (int level = 4; level >= 1; --level) {
-    const int skip = skip_channels[static_cast<std::size_t>(level - 1)];
-    PaperNetLayers::DecoderLevel d;
-    d.first = Add(fmt::format("decoder{}_1", level), channels, channels, 3);
-    d.second = Add(fmt::format("decoder{}_2", level), channels, channels, 3);
-    d.up = Add(fmt::format("decoder{}_3", level), channels, skip, 3);
-    d.merge = Add(fmt::format("merge{}", level), 2 * skip, skip, 1);
-    layers_.decoder.push_back(d);
-    channels = skip;
-  }
-  layers_.last = Add("decoder0_1", channels, c, 3);
-  layers_.classifier =
-      register_module("classifier", ConvUnit(c, options.num_classes, 1, Normalization::kNone));
-  c10::NoGradGuard no_grad;
-  layers_.classifier->bias.select(0, 0).fill_(options.background_bias);
+  return shapes;
 }
 
-ConvUnit PaperNetImpl::Add(const std::string& name, int in, int out, int kernel) {
-  return register_module(name, ConvUnit(in, out, kernel, options().normalization));
+PaperNetImpl::PaperNetImpl(const StructureNetOptions& options) : StructureNetImpl(options) {
+  std::map<std::string, ConvUnit> units;
+  for (const UnitShape& unit : UnitShapes(options)) {
+    units.emplace(unit.name, register_module(unit.name, ConvUnit(unit.in, unit.out, unit.kernel,
+                                                                 unit.normalization)));
+  }
+  for (std::size_t g = 1; g <= Encoder().size(); ++g) {
+    layers_.encoder.emplace_back();
+    for (std::size_t i = 1; i <= Encoder()[g - 1].size(); ++i)
+      layers_.encoder.back().push_back(units.at(fmt::format("encoder{}_{}", g, i)));
+  }
+  for (int i = 1; i <= options.residual_blocks; ++i) {
+    layers_.bottleneck.push_back(
+        {units.at(fmt::format("residual{}_1", i)), units.at(fmt::format("residual{}_2", i))});
+  }
+  if (options.attention) layers_.attention = units.at("attention");
+  for (int level = 4; level >= 1; --level) {
+    layers_.decoder.push_back(
+        {units.at(fmt::format("decoder{}_1", level)), units.at(fmt::format("decoder{}_2", level)),
+         units.at(fmt::format("decoder{}_3", level)), units.at(fmt::format("merge{}", level))});
+  }
+  layers_.last = units.at("decoder0_1");
+  layers_.classifier = units.at("classifier");
+  c10::NoGradGuard no_grad;
+  layers_.classifier->bias.select(0, 0).fill_(options.background_bias);
 }
 
 at::Tensor PaperNetImpl::Relu(ConvUnit& unit, const at::Tensor& x) {

@@ -5,6 +5,7 @@
 #include <torch/nn/pimpl.h>
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,10 @@ class ConvUnitImpl : public torch::nn::Module {
   Normalization normalization_;
 };
 TORCH_MODULE(ConvUnit);
+
+/// The shapes of the network's parameters and buffers, by their names, without building it. Throws
+/// ConfigError for invalid options.
+std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(const StructureNetOptions& options);
 
 /// The layers of the network.
 struct PaperNetLayers {
@@ -59,7 +64,6 @@ class PaperNetImpl : public StructureNetImpl {
   NetworkOutput ForwardWithAttention(const at::Tensor& input) override;
 
  private:
-  ConvUnit Add(const std::string& name, int in, int out, int kernel);
   at::Tensor Relu(ConvUnit& unit, const at::Tensor& x);
 
   PaperNetLayers layers_;

@@ -4,12 +4,14 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/json/strict_json.h"
@@ -36,7 +38,7 @@ int ParseTurns(const JsonObject& object) {
     if (turns >= 0 && turns <= 3) return static_cast<int>(turns);
   }
   throw DataError(fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor \"auto\"",
-                              object.where(), value.dump()));
+                              object.where(), ShownJson(value)));
 }
 
 std::string ParseName(const JsonObject& object) {
@@ -45,7 +47,7 @@ std::string ParseName(const JsonObject& object) {
     throw DataError(
         fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes, beside "
                     "overview and merged: use another plain word",
-                    object.where(), Printable(name), kMostNameBytes));
+                    object.where(), Shortened(name, kMostNameBytes), kMostNameBytes));
   }
   return name;
 }
@@ -58,7 +60,7 @@ std::string ParseKind(const JsonObject& object) {
   if (HasControlCharacters(kind)) {
     throw DataError(fmt::format(
         "{}: sensor = {} has a control character; name the kind of device in plain text",
-        object.where(), Json(kind).dump()));
+        object.where(), ShownJson(kind)));
   }
   return kind;
 }
@@ -151,9 +153,9 @@ double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
         "{}: no depth_scale; give metres per unit for the capture or the sensor (0.001 for mm)",
         object.where()));
   }
-  if (!(*scale > 0)) {
-    throw DataError(
-        fmt::format("{}: depth_scale = {} violates depth_scale > 0", object.where(), *scale));
+  if (!(*scale > 0 && std::isfinite(*scale))) {
+    throw DataError(fmt::format("{}: depth_scale = {} is no finite number of metres above 0",
+                                object.where(), *scale));
   }
   return *scale;
 }
@@ -224,7 +226,7 @@ void ParseGroundTruth(const JsonObject& truth, const std::string& name,
 
 std::string ReadCaptureText(const std::filesystem::path& path) {
   try {
-    return ReadFile(path);
+    return ReadFile(path, kMaxTextBytes);
   } catch (const IoError& error) {
     throw IoError(
         fmt::format("{}; give a capture.json, which docs/formats.md describes", error.what()));

@@ -4,10 +4,10 @@
 #include <cctype>
 #include <cstdint>
 #include <iterator>
-#include <regex>
 #include <set>
 #include <system_error>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "infer/capture/capture.h"
@@ -21,18 +21,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kMaxTextBytes = 1 << 24;
-
 bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
   return extensions.count(Lower(path.extension().string())) > 0;
 }
 
 /// Whether a part of the name says that the image is something else.
 bool IsNamedOtherwise(const fs::path& path) {
-  static const std::regex words(
-      "(^|[^a-z])(ir|infrared|infra|colou?r|rgb|amplitude|confidence|labels?|masks?|sheet|preview|"
-      "normals?)([^a-z]|$)");
-  return std::regex_search(Lower(path.stem().string()), words);
+  static const std::set<std::string> others = {
+      "ir",    "infrared", "infra", "color", "colour", "rgb",     "amplitude", "confidence",
+      "label", "labels",   "mask",  "masks", "sheet",  "preview", "normal",    "normals"};
+  std::string words = Lower(path.stem().string());
+  for (char& c : words) {
+    if (c < 'a' || c > 'z') c = ' ';
+  }
+  const std::vector<std::string> parts = Split(words, ' ');
+  return std::any_of(parts.begin(), parts.end(),
+                     [&](const std::string& part) { return others.count(part) > 0; });
 }
 
 bool IsIntrinsicsFile(const fs::path& path) {
@@ -93,14 +97,22 @@ FolderContent LookInto(const std::filesystem::path& folder) {
 }
 
 std::optional<std::string> NameBesideDepth(const std::string& stem) {
-  static const std::regex after("^(.*?)[_\\-. ]*(depth|depthmap|z16)[_\\-. ]*[0-9]*$");
-  static const std::regex before("^(depth|depthmap|z16)[_\\-. ]+(.*)$");
-  std::smatch match;
+  constexpr char kBetween[] = "_-. ";
   const std::string lower = Lower(stem);
-  if (std::regex_match(lower, match, after))
-    return stem.substr(0, static_cast<std::size_t>(match.length(1)));
-  if (std::regex_match(lower, match, before))
-    return stem.substr(static_cast<std::size_t>(match.position(2)));
+  const auto skip = [&](std::size_t at, const char* letters) {
+    return std::min(lower.find_first_not_of(letters, at), lower.size());
+  };
+  for (std::size_t at = 0; at < lower.size(); ++at) {
+    for (const std::string word : {"depth", "depthmap", "z16"}) {
+      if (lower.compare(at, word.size(), word) != 0) continue;
+      if (skip(skip(at + word.size(), kBetween), "0123456789") == lower.size())
+        return stem.substr(0, stem.substr(0, at).find_last_not_of(kBetween) + 1);
+    }
+  }
+  for (const std::string word : {"depth", "depthmap", "z16"}) {
+    const std::size_t rest = skip(word.size(), kBetween);
+    if (lower.compare(0, word.size(), word) == 0 && rest > word.size()) return stem.substr(rest);
+  }
   return std::nullopt;
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/text.h"
@@ -99,7 +100,7 @@ EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sens
     }
   }
   item.identity = WriteConfig(rig) + ReadStructure(rig.structure).Hash() +
-                  Sha256(ReadFile(FindInputFile(rig.intrinsics)));
+                  Sha256(ReadFile(FindInputFile(rig.intrinsics), kMaxTextBytes));
   item.load = [rig, renderer] { return StillOf(RenderPlacements(rig, *renderer)); };
   return item;
 }
@@ -108,10 +109,10 @@ EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& s
   const Capture capture = ReadCapture(path);
   EvaluationItem item;
   item.rig = path.string();
-  item.identity = Sha256(ReadFile(path));
+  item.identity = Sha256(ReadFile(path, kMaxTextBytes));
   for (const SensorFrame& frame : capture.sensors) {
     for (const std::string& file : frame.depth_files) {
-      item.identity += Sha256(ReadFile(path.parent_path() / file));
+      item.identity += Sha256(ReadFile(path.parent_path() / file, kMaxRecordingBytes));
     }
     // They may come from another file than the capture.
     const Intrinsics& k = frame.intrinsics;

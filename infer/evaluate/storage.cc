@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/json/json_archive.h"
 #include "infer/evaluate/statistics.h"
@@ -128,7 +129,7 @@ void WriteEvaluation(const std::filesystem::path& path, const std::vector<Evalua
 
 std::vector<EvaluatedCase> ReadEvaluation(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const nlohmann::json document = ParseStrictJson(ReadFile(path), name);
+  const nlohmann::json document = ParseStrictJson(ReadFile(path, kMaxResultBytes), name);
   const JsonObject root(document, name);
   if (!root.Has("format") || root.Text("format") != kEvaluationFormat) {
     throw DataError(

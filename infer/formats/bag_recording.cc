@@ -26,19 +26,24 @@ class BagReader : public ByteReader {
   }
 };
 
-void Collect(const BagConnection& connection, std::string_view message, int max_frames,
+/// Says whether the message has brought a frame or a camera that was not there.
+bool Collect(const BagConnection& connection, std::string_view message, int max_frames,
              const std::string& name, RosContent* content) {
   if (connection.type == "sensor_msgs/Image") {
     const RosImage image = ReadImage(BagReader(message, name));
-    if (!IsDepth(connection.topic, image.encoding)) return;
+    if (!IsDepth(connection.topic, image.encoding)) return false;
     RecordedDepth& stream = content->streams[connection.topic];
     stream.stream = connection.topic;
-    if (static_cast<int>(stream.frames.size()) < max_frames)
-      stream.frames.push_back(DecodeImage(image, name));
     if (image.encoding == "32FC1") stream.depth_scale = 1;
-  } else if (connection.type == "sensor_msgs/CameraInfo") {
-    content->infos.emplace(connection.topic, ReadCameraInfo(BagReader(message, name), name));
-  } else if (connection.type == "std_msgs/Float32") {
+    if (static_cast<int>(stream.frames.size()) >= max_frames) return false;
+    stream.frames.push_back(DecodeImage(image, name));
+    return true;
+  }
+  if (connection.type == "sensor_msgs/CameraInfo") {
+    return content->infos.emplace(connection.topic, ReadCameraInfo(BagReader(message, name), name))
+        .second;
+  }
+  if (connection.type == "std_msgs/Float32") {
     if (IsDepthUnits(connection.topic))
       content->units[connection.topic] = BagReader(message, name).Value<float>();
   } else if (connection.type == "diagnostic_msgs/KeyValue" && IsDeviceInfo(connection.topic)) {
@@ -46,6 +51,7 @@ void Collect(const BagConnection& connection, std::string_view message, int max_
     const std::string key = reader.Text();
     content->devices[connection.topic].emplace(key, reader.Text());
   }
+  return false;
 }
 
 /// Whether nothing more is to come: every image topic that may be depth has all its frames.
@@ -72,8 +78,9 @@ std::vector<RecordedDepth> ReadBagRecording(const std::filesystem::path& path, i
   RosBag bag(path);
   RosContent content;
   bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
-    Collect(connection, message, max_frames, name, &content);
-    return !IsComplete(content, bag, max_frames);
+    // Asked after what may complete it alone: it goes through all connections.
+    return !Collect(connection, message, max_frames, name, &content) ||
+           !IsComplete(content, bag, max_frames);
   });
   return DescribeStreams(std::move(content), name);
 }

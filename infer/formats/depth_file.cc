@@ -6,14 +6,13 @@
 #include <cstdint>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 
 namespace volalign {
 
 namespace {
-
-constexpr std::uint64_t kMaxDepthFileBytes = std::uint64_t{1} << 29;  // 2^26 pixels of 8 bytes
 
 bool BeginsWith(const std::string& bytes, const std::string& magic) {
   return bytes.compare(0, magic.size(), magic) == 0;
@@ -54,7 +53,7 @@ void Clean(const std::string& name, StoredDepth* depth) {
 StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
   using namespace formats_internal;
   const std::string name = path.string();
-  const std::string bytes = ReadFile(path, kMaxDepthFileBytes);
+  const std::string bytes = ReadFile(path, kMaxImageBytes);
   StoredDepth depth;
   if (BeginsWith(bytes, "\x93NUMPY")) {
     depth = DecodeNpy(bytes, name);

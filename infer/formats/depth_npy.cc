@@ -2,43 +2,40 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <regex>
 #include <string>
+#include <string_view>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/depth_file.h"
+#include "infer/formats/text_scanner.h"
 
 namespace volalign::formats_internal {
 
 namespace {
+
+constexpr std::size_t kMostDimensionDigits = 9;  // of a dimension
 
 struct NpyHeader {
   bool big_endian = false;
   char kind = 0;         // u, i or f
   std::size_t size = 0;  // bytes of a value
   bool fortran_order = false;
-  long long rows = 0, columns = 0;
+  int rows = 0, columns = 0;
   std::size_t data_at = 0;
 };
 
-std::string Printable(std::string text) {
-  for (char& c : text)
-    if (c < ' ' || c > '~') c = '?';
-  return text;
-}
-
-/// The value of `key` in the header's Python dictionary, by `pattern` with one group.
-std::smatch Find(const std::string& dictionary, const std::string& pattern, const char* what,
-                 const std::string& name) {
-  std::smatch match;
-  if (!std::regex_search(dictionary, match, std::regex(pattern))) {
-    throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
-                                Printable(dictionary.substr(0, 200))));
-  }
-  return match;
+/// Behind the `key` of the header, a Python dictionary, and blanks.
+TextScanner Behind(const std::string& dictionary, const std::string& key) {
+  const std::size_t at = dictionary.find(key);
+  TextScanner scanner(std::string_view(dictionary).substr(std::min(at, dictionary.size())));
+  scanner.Take(key);
+  scanner.SkipBlanks();
+  return scanner;
 }
 
 NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
@@ -55,20 +52,39 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   std::string dictionary = bytes.substr(8 + length_bytes, length);
   dictionary.erase(dictionary.find_last_not_of(" \n") + 1);  // padding
 
-  const std::smatch type =
-      Find(dictionary, "'descr':\\s*'([<>|=])([uif])([1248])'",
-           "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')", name);
-  header.big_endian = type[1] == ">";
-  header.kind = type[2].str()[0];
-  header.size = static_cast<std::size_t>(std::stoi(type[3]));
+  const auto require = [&](bool found, const char* what) {
+    if (found) return;
+    throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
+                                Shortened(dictionary)));
+  };
+  TextScanner type = Behind(dictionary, "'descr':");
+  const bool quoted = type.Take("'");
+  const char order = type.TakeOneOf("<>|=");
+  header.kind = type.TakeOneOf("uif");
+  const char size = type.TakeOneOf("1248");
+  require(quoted && order && header.kind && size && type.Take("'"),
+          "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
+  header.big_endian = order == '>';
+  header.size = static_cast<std::size_t>(size - '0');
   if (header.kind == 'f' && header.size < 2) throw DataError(name + ": bad NPY header: f1");
-  header.fortran_order =
-      Find(dictionary, "'fortran_order':\\s*(True|False)", "'fortran_order'", name)[1] == "True";
-  const std::smatch shape =
-      Find(dictionary, "'shape':\\s*\\(\\s*(\\d{1,9})\\s*,\\s*(\\d{1,9})\\s*,?\\s*\\)",
-           "'shape' of two dimensions (height, width)", name);
-  header.rows = std::stoll(shape[1]);
-  header.columns = std::stoll(shape[2]);
+
+  TextScanner fortran = Behind(dictionary, "'fortran_order':");
+  header.fortran_order = fortran.Take("True");
+  require(header.fortran_order || fortran.Take("False"), "'fortran_order'");
+
+  TextScanner shape = Behind(dictionary, "'shape':");
+  const bool opened = shape.Take("(");
+  shape.SkipBlanks();
+  header.rows = shape.TakeNumber(kMostDimensionDigits);
+  shape.SkipBlanks();
+  const bool two = shape.Take(",");
+  shape.SkipBlanks();
+  header.columns = shape.TakeNumber(kMostDimensionDigits);
+  shape.SkipBlanks();
+  shape.Take(",");
+  shape.SkipBlanks();
+  require(opened && two && header.rows >= 0 && header.columns >= 0 && shape.Take(")"),
+          "'shape' of two dimensions (height, width)");
   return header;
 }
 
@@ -108,7 +124,7 @@ float Decode(const NpyHeader& header, const char* bytes) {
 StoredDepth DecodeNpy(const std::string& bytes, const std::string& name) {
   const NpyHeader header = ParseHeader(bytes, name);
   RequireSize(header.columns, header.rows, name);
-  const int width = static_cast<int>(header.columns), height = static_cast<int>(header.rows);
+  const int width = header.columns, height = header.rows;
   const std::size_t count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   if (bytes.size() - header.data_at < count * header.size) {
     throw DataError(fmt::format("{}: truncated NPY: {} bytes hold no {}x{} values of {} bytes",

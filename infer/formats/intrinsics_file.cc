@@ -4,16 +4,21 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <initializer_list>
 #include <optional>
-#include <regex>
+#include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
+#include "infer/formats/text_scanner.h"
 
 namespace volalign {
 
@@ -21,11 +26,30 @@ using formats_internal::NamedLens;
 
 namespace {
 
-constexpr std::uint64_t kMaxIntrinsicsBytes = 1 << 24;
 constexpr char kForms[] =
     "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
     "or ROS's camera_matrix, RealSense's ppx and coeffs, or the Azure Kinect's "
     "CalibrationInformation";
+
+/// Each alone says that a text is one of intrinsics.
+constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
+                                             "intrinsic_matrix",
+                                             "ppx",
+                                             "camera_matrix",
+                                             "cameraMatrix",
+                                             "K",
+                                             "k",
+                                             "fx"};
+
+std::string_view WithoutBlanksBehind(std::string_view text) {
+  return text.substr(0, text.find_last_not_of(formats_internal::TextScanner::kBlanks) + 1);
+}
+
+bool EndsWith(std::string_view text, std::string_view end) {
+  return text.size() >= end.size() && text.substr(text.size() - end.size()) == end;
+}
+
+bool IsOfWord(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
 
 /// The first of `keys` that the map has.
 YAML::Node FirstOf(const YAML::Node& map, std::initializer_list<const char*> keys) {
@@ -153,8 +177,8 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
   const std::string type = given["ModelType"].as<std::string>();
   const std::vector<double> p = Numbers(given["ModelParameters"]);
   if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
-    throw DataError(
-        fmt::format("{}: ModelType {} with {} parameters is unknown", name, type, p.size()));
+    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
+                                Shortened(type), p.size()));
   // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's side.
   if (p[10] != 0 || p[11] != 0)
     throw DataError(name + ": codx and cody, the centre of distortion, are not 0");
@@ -172,7 +196,7 @@ Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const Fra
 YAML::Node Load(const std::string& text) {
   std::size_t begin = 0;
   if (text.compare(0, 5, "%YAML") == 0) begin = std::min(text.find('\n'), text.size());
-  return YAML::Load(text.substr(begin));
+  return LoadYaml(text.substr(begin));
 }
 
 Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
@@ -212,13 +236,27 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
 }
 
 Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
-  return ParseIntrinsicsText(ReadFile(path, kMaxIntrinsicsBytes), path.string(), frame);
+  return ParseIntrinsicsText(ReadFile(path, kMaxTextBytes), path.string(), frame);
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {
-  static const std::regex words(
-      R"re("?\b(CalibrationInformation|intrinsic_matrix|ppx|camera_matrix|cameraMatrix|K|k|fx)\b"?\s*:|Intrinsic of "Depth"|\]\s+f\[)re");
-  return std::regex_search(text, words);
+  if (text.find("Intrinsic of \"Depth\"") != std::string::npos) return true;
+  const std::string_view view = text;
+  // pyrealsense2's `]  f[`, and a key, perhaps in quotes, before a colon.
+  for (std::size_t at = view.find("f["); at != view.npos; at = view.find("f[", at + 1)) {
+    const std::string_view before = WithoutBlanksBehind(view.substr(0, at));
+    if (before.size() < at && EndsWith(before, "]")) return true;
+  }
+  for (std::size_t at = view.find(':'); at != view.npos; at = view.find(':', at + 1)) {
+    std::string_view key = WithoutBlanksBehind(view.substr(0, at));
+    if (EndsWith(key, "\"")) key.remove_suffix(1);
+    for (const std::string_view word : kTellingKeys) {
+      if (EndsWith(key, word) &&
+          (key.size() == word.size() || !IsOfWord(key[key.size() - word.size() - 1])))
+        return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace volalign

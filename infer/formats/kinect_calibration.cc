@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/config/bounded_yaml.h"
 #include "infer/formats/poses/sensor_pose.h"
 
 namespace volalign {
@@ -14,8 +16,6 @@ namespace {
 
 using formats_internal::FindKinectCamera;
 using formats_internal::KinectCamera;
-
-constexpr std::uint64_t kMaxCalibrationBytes = 1 << 24;
 
 /// "Rt" of a camera: the rotation row by row, and metres. Rt of every camera maps points of one
 /// frame, which the cameras of a device share, into its own (extrinsic_transformation.c of the
@@ -58,9 +58,9 @@ YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const s
 
 Pose ReadColourFromDepth(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const std::string text = ReadFile(path, kMaxCalibrationBytes);
+  const std::string text = ReadFile(path, kMaxTextBytes);
   try {
-    const YAML::Node root = YAML::Load(text);
+    const YAML::Node root = LoadYaml(text);
     if (!root.IsMap() || !root["CalibrationInformation"]) {
       throw DataError(name +
                       ": no raw calibration of an Azure Kinect (a JSON file that begins with "

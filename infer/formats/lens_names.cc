@@ -42,7 +42,7 @@ std::vector<double> NamedLens(const std::string& model, const std::vector<double
   throw DataError(fmt::format(
       "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown Conrady); "
       "rectify the frames, or calibrate with one of these",
-      name, model));
+      name, Shortened(model)));
 }
 
 }  // namespace volalign::formats_internal

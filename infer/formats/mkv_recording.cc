@@ -35,6 +35,7 @@ namespace mkv = libmatroska;
 
 constexpr double kKinectUnit = 0.001;  // m
 constexpr std::uint64_t kMaxElement = std::uint64_t{1} << 28;
+constexpr std::uint64_t kMaxTags = std::uint64_t{1} << 15;  // tags hold tags, read by recursion
 
 struct Track {
   std::uint64_t number = 0;
@@ -83,6 +84,10 @@ void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
   if (!video || !number || !codec) return;
   Track track;
   track.number = static_cast<std::uint64_t>(*number);
+  // A number belongs to one track, or each frame would be kept several times.
+  for (const Track& other : content->tracks) {
+    if (other.number == track.number) return;
+  }
   track.codec = std::string(*codec);
   track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry)),
                         Bytes(Child<mkv::KaxVideoColourSpace>(*video)));
@@ -222,7 +227,20 @@ Element FindSegment(libebml::EbmlStream* stream) {
   }
 }
 
+/// Throws DataError for a part of the segment that is larger than any recorder writes. A cluster
+/// that was written live says no size; it ends at the latest where the file does.
+void RequireBounded(const libebml::EbmlElement& part, std::uint64_t left, const std::string& name) {
+  const bool is_cluster = libebml::EbmlId(part) == EBML_ID(mkv::KaxCluster);
+  if (!part.IsFiniteSize() && !is_cluster)
+    throw DataError(name + ": damaged: a part without a size");
+  const bool is_tags = libebml::EbmlId(part) == EBML_ID(mkv::KaxTags);
+  const std::uint64_t size = part.IsFiniteSize() ? part.GetSize() : left;
+  if (size > (is_tags ? kMaxTags : kMaxElement))
+    throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, size));
+}
+
 Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name) {
+  const std::uint64_t file_size = std::filesystem::file_size(path);
   libebml::StdIOCallback file(path.c_str(), MODE_READ);
   libebml::EbmlStream stream(file);
   const Element segment = FindSegment(&stream);
@@ -233,11 +251,15 @@ Content ReadContent(const std::filesystem::path& path, int max_frames, const std
   while (part && upper <= 0) {
     Element beyond;
     if (IsWanted(*part, content, max_frames)) {
-      if (part->IsFiniteSize() && part->GetSize() > kMaxElement)
-        throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, part->GetSize()));
+      RequireBounded(*part, file_size - std::min(file_size, file.getFilePointer()), name);
       libebml::EbmlElement* found = nullptr;
       part->Read(stream, EBML_CONTEXT(part), upper, found, true);
-      beyond.reset(found);
+      // What was found beyond the part is the caller's; else the part has it already. One level
+      // above its children is the next part.
+      if (upper > 0) {
+        beyond.reset(found);
+        --upper;
+      }
       AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, name, &content);
       if (!content.calibration.empty() && !content.tags.empty() &&
           HasAllFrames(content, max_frames))

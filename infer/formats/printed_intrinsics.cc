@@ -2,16 +2,21 @@
 
 #include <fmt/format.h>
 
-#include <regex>
 #include <sstream>
+#include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/lens_names.h"
+#include "infer/formats/text_scanner.h"
 
 namespace volalign::formats_internal {
 
 namespace {
+
+constexpr std::size_t kMostSizeDigits = 5;  // of a width or height
+constexpr std::size_t kLongestPrint = 1000;
 
 std::vector<double> NumbersOfText(const std::string& text) {
   std::istringstream stream(text);
@@ -22,29 +27,66 @@ std::vector<double> NumbersOfText(const std::string& text) {
 
 /// The text after `key` up to the end of its line.
 std::string After(const std::string& block, const std::string& key, const std::string& name) {
-  std::smatch m;
-  if (!std::regex_search(block, m, std::regex("(?:^|\n)\\s*" + key + ":\\s*([^\n]*)")))
-    throw DataError(fmt::format("{}: {} is missing", name, key));
-  return m[1];
+  for (const std::string& line : Split(block, '\n')) {
+    TextScanner scanner(line);
+    scanner.SkipBlanks();
+    if (!scanner.Take(key) || !scanner.Take(":")) continue;
+    scanner.SkipBlanks();
+    return std::string(scanner.rest());
+  }
+  throw DataError(fmt::format("{}: {} is missing", name, key));
+}
+
+/// "640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0]", with a bracket around
+/// it of which the first is taken already.
+struct Printed {
+  int width = 0, height = 0;
+  std::string_view centre, focal, model, distortion;
+};
+std::optional<Printed> TakePrinted(TextScanner scanner) {
+  Printed printed;
+  scanner.SkipBlanks();
+  printed.width = scanner.TakeNumber(kMostSizeDigits);
+  if (printed.width < 0 || !scanner.Take("x")) return std::nullopt;
+  printed.height = scanner.TakeNumber(kMostSizeDigits);
+  if (printed.height < 0 || !scanner.SkipBlanks() || !scanner.Take("p[") ||
+      !scanner.TakeUntil(']', &printed.centre) || !scanner.SkipBlanks() || !scanner.Take("f[") ||
+      !scanner.TakeUntil(']', &printed.focal) || !scanner.TakeUntil('[', &printed.model) ||
+      !scanner.TakeUntil(']', &printed.distortion))
+    return std::nullopt;
+  scanner.SkipBlanks();
+  if (!scanner.Take("]")) return std::nullopt;
+  return printed;
+}
+
+std::string WithoutBlanksAround(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(TextScanner::kBlanks);
+  if (begin == std::string_view::npos) return "";
+  return std::string(text.substr(begin, text.find_last_not_of(TextScanner::kBlanks) + 1 - begin));
 }
 
 }  // namespace
 
 std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
-  static const std::regex pattern(
-      R"(\[\s*(\d{1,5})x(\d{1,5})\s+p\[(\S+) (\S+)\]\s+f\[(\S+) (\S+)\]\s+([\w ]+?)\s*\[([^\]]*)\]\s*\])");
-  std::smatch m;
-  if (!std::regex_search(text, m, pattern)) return std::nullopt;
-  const std::vector<double> k =
-      NumbersOfText(m[3].str() + " " + m[4].str() + " " + m[5].str() + " " + m[6].str());
-  if (k.size() != 4) throw DataError(name + ": p[...] and f[...] have two numbers each");
-  return Intrinsics{std::stoi(m[1]),
-                    std::stoi(m[2]),
-                    k[2],
-                    k[3],
-                    k[0],
-                    k[1],
-                    NamedLens(m[7], NumbersOfText(m[8]), name)};
+  for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
+    // Of a part of the text, so that many open brackets do not each look through all of it.
+    const std::optional<Printed> printed =
+        TakePrinted(TextScanner(std::string_view(text).substr(at + 1, kLongestPrint)));
+    if (!printed) continue;
+    const std::vector<double> c = NumbersOfText(std::string(printed->centre)),
+                              f = NumbersOfText(std::string(printed->focal));
+    if (c.size() != 2 || f.size() != 2)
+      throw DataError(name + ": p[...] and f[...] have two numbers each");
+    return Intrinsics{printed->width,
+                      printed->height,
+                      f[0],
+                      f[1],
+                      c[0],
+                      c[1],
+                      NamedLens(WithoutBlanksAround(printed->model),
+                                NumbersOfText(std::string(printed->distortion)), name)};
+  }
+  return std::nullopt;
 }
 
 std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::string& name,
@@ -60,8 +102,7 @@ std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::st
       return numbers[0];
     };
     if (number("Width") != frame.width || number("Height") != frame.height) continue;
-    std::string model = After(block, "Distortion", name);
-    model.erase(model.find_last_not_of(" \t\r") + 1);
+    const std::string model = WithoutBlanksAround(After(block, "Distortion", name));
     return Intrinsics{frame.width,
                       frame.height,
                       number("Fx"),

@@ -16,8 +16,14 @@ struct Kind {
   const char* magic;
   std::vector<RecordedDepth> (*read)(const std::filesystem::path& path, int max_frames);
 };
+std::vector<RecordedDepth> ReadRos2(const std::filesystem::path& path, int max_frames) {
+  // Of a bag of a million messages and a hundred topics.
+  constexpr std::int64_t kMostSteps = 1'000'000'000;
+  return formats_internal::ReadRos2Recording(path, max_frames, kMostSteps);
+}
+
 constexpr Kind kKinds[] = {{"#ROSBAG V", formats_internal::ReadBagRecording},
-                           {"SQLite format 3", formats_internal::ReadRos2Recording},
+                           {"SQLite format 3", ReadRos2},
                            {"\x1a\x45\xdf\xa3", formats_internal::ReadMkvRecording}};
 
 std::string FirstBytes(const std::filesystem::path& path) {
@@ -55,6 +61,11 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
   std::vector<RecordedDepth> streams = kind->read(path, max_frames);
   if (streams.empty())
     throw DataError(path.string() + ": the recording has no depth stream with a frame");
+  // They are printed.
+  for (RecordedDepth& stream : streams) {
+    for (std::string* text : {&stream.stream, &stream.device, &stream.serial})
+      *text = Shortened(*text);
+  }
   return streams;
 }
 

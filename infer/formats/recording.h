@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -10,7 +11,8 @@
 
 namespace volalign {
 
-/// A depth stream of a recording: its first frames, and what the recording says about them.
+/// A depth stream of a recording: its first frames, and what the recording says about them, in
+/// texts that are Shortened.
 struct RecordedDepth {
   std::string stream;  ///< the recording's own name: a topic, a track
   std::string device;  ///< "Intel RealSense D415"; empty where the recording does not say
@@ -41,7 +43,9 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
 namespace formats_internal {
 
 std::vector<RecordedDepth> ReadBagRecording(const std::filesystem::path& path, int max_frames);
-std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames);
+/// Gives up, with DataError, after `most_steps` of SQLite's machine: some 10^8 a second.
+std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames,
+                                             std::int64_t most_steps);
 std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames);
 
 /// The name in configs/intrinsics.yaml of a device's own name, or "".

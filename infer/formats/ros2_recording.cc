@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <cstdlib>
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +24,9 @@ namespace {
 
 constexpr char kLittleEndian[] = "\x00\x01\x00\x00";  // the encapsulation's header
 constexpr std::size_t kHeader = 4;
+constexpr int kMaxLength = 1 << 28;  // bytes of a message
+constexpr std::size_t kMaxTopics = 1000;
+constexpr int kStepsAtATime = 1000;
 /// Of compressed_depth_image_transport, before the PNG: a number and two floats.
 constexpr std::size_t kDepthHeader = 12;
 
@@ -62,8 +68,8 @@ StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
   reader.SkipHeader();
   const std::string format = reader.Text();
   if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos)
-    throw DataError(
-        fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name, format));
+    throw DataError(fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name,
+                                Shortened(format)));
   ByteReader data(reader.Bytes(), name);
   data.Take(kDepthHeader);
   const Image16 png = DecodeDepth(std::string(data.Take(data.left())), name);
@@ -112,8 +118,7 @@ void Collect(const Topic& topic, std::string_view message, int max_frames, const
     content->infos.emplace(topic.name, ReadCameraInfo(CdrReader(message, name), name));
   } else if (topic.type == "std_msgs/msg/String" && IsDepthUnits(topic.name)) {
     const std::string text = CdrReader(message, name).Text();
-    const double unit = std::strtod(text.c_str(), nullptr);
-    if (unit > 0) content->units[topic.name] = unit;
+    content->units[topic.name] = std::strtod(text.c_str(), nullptr);
   } else if (topic.type == "std_msgs/msg/String" && IsDeviceInfo(topic.name)) {
     content->devices.emplace(topic.name, ParsePairs(CdrReader(message, name).Text()));
   }
@@ -134,8 +139,8 @@ void ForEachRow(sqlite3* database, const char* sql, const std::vector<sqlite3_in
     if (status == SQLITE_ROW) use(raw);
   }
   if (status != SQLITE_DONE)
-    throw DataError(
-        fmt::format("{}: not a readable bag of ROS 2: {}", name, sqlite3_errmsg(database)));
+    throw DataError(fmt::format("{}: not a readable bag of ROS 2: {}", name,
+                                Shortened(sqlite3_errmsg(database))));
 }
 
 std::string Column(sqlite3_stmt* row, int column) {
@@ -144,14 +149,39 @@ std::string Column(sqlite3_stmt* row, int column) {
   return bytes ? std::string(bytes, static_cast<std::size_t>(size)) : std::string();
 }
 
+/// Limits what a database may cost, and what of it may run: a view, or what a column is made of.
+/// The limits hold as long as `steps`.
+void Restrain(sqlite3* database, std::int64_t* steps, const std::string& name) {
+  sqlite3_limit(database, SQLITE_LIMIT_LENGTH, kMaxLength);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_progress_handler(
+      database, kStepsAtATime,
+      [](void* left) { return (*static_cast<std::int64_t*>(left) -= kStepsAtATime) < 0 ? 1 : 0; },
+      steps);
+  std::set<std::string> tables;
+  ForEachRow(database, "SELECT name, sql FROM sqlite_master WHERE type = 'table'", {}, name,
+             [&](sqlite3_stmt* row) {
+               if (Column(row, 1).rfind("CREATE TABLE", 0) == 0) tables.insert(Column(row, 0));
+             });
+  for (const char* table : {"topics", "messages"}) {
+    if (tables.count(table) == 0) {
+      throw DataError(
+          fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)", name, table));
+    }
+  }
+}
+
 }  // namespace
 
-std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames) {
+std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames,
+                                             std::int64_t most_steps) {
   const std::string name = path.string();
   sqlite3* raw = nullptr;
   const int opened = sqlite3_open_v2(path.c_str(), &raw, SQLITE_OPEN_READONLY, nullptr);
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> database(raw, sqlite3_close);
   if (opened != SQLITE_OK) throw IoError(name + ": cannot be opened as a bag of ROS 2");
+  Restrain(raw, &most_steps, name);
   std::vector<std::pair<sqlite3_int64, Topic>> topics;
   ForEachRow(raw, "SELECT id, name, type, serialization_format FROM topics", {}, name,
              [&](sqlite3_stmt* row) {
@@ -159,6 +189,10 @@ std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, 
                  throw DataError(name + ": a topic whose id is no whole number");
                if (Column(row, 3) == "cdr")
                  topics.push_back({sqlite3_column_int64(row, 0), {Column(row, 1), Column(row, 2)}});
+               if (topics.size() > kMaxTopics) {
+                 throw DataError(fmt::format("{}: more than the {} topics that are read of a bag",
+                                             name, kMaxTopics));
+               }
              });
   RosContent content;
   for (const auto& [id, topic] : topics) {

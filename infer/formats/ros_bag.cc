@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/byte_reader.h"
 
 namespace volalign::formats_internal {
@@ -14,7 +15,9 @@ namespace volalign::formats_internal {
 namespace {
 
 constexpr char kMagic[] = "#ROSBAG V2.0\n";
-constexpr std::uint32_t kMaxChunk = std::uint32_t{1} << 28;  // bytes, unpacked
+constexpr std::uint32_t kMaxChunk = std::uint32_t{1} << 28;  // bytes, packed or unpacked
+constexpr std::uint32_t kMaxHeader = std::uint32_t{1} << 20;
+constexpr std::size_t kMaxConnections = 1000;
 
 // What a record is: its header's field "op".
 enum Op : std::uint8_t { kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
@@ -87,8 +90,8 @@ std::string Unpack(const Fields& header, std::string data, const std::string& na
   if (compression == "none") return data;
   if (compression == "bz2") return UnpackBz2(data, size, name);
   if (compression == "lz4") return UnpackLz4(data, size, name);
-  throw DataError(
-      fmt::format("{}: chunks are packed by \"{}\", which is unknown", name, compression));
+  throw DataError(fmt::format("{}: chunks are packed by \"{}\", which is unknown", name,
+                              Shortened(compression)));
 }
 
 }  // namespace
@@ -124,11 +127,13 @@ bool RosBag::ReadRecord(Record* record) {
   if (at_ >= size_) return false;
   stream_.clear();
   stream_.seekg(static_cast<std::streamoff>(at_));
-  const auto block = [&](std::string* bytes) {
+  const auto block = [&](std::string* bytes, std::uint32_t most) {
     std::uint32_t length = 0;
     stream_.read(reinterpret_cast<char*>(&length), sizeof(length));
     at_ += sizeof(length);
     if (!stream_ || length > size_ - at_) return false;
+    if (length > most)
+      throw DataError(fmt::format("{}: damaged: a record of {} bytes", name_, length));
     bytes->resize(length);
     stream_.read(bytes->data(), length);
     at_ += length;
@@ -136,7 +141,7 @@ bool RosBag::ReadRecord(Record* record) {
   };
   std::string header;
   // A recording that was cut off ends in the middle of a record: what is whole still serves.
-  if (!block(&header) || !block(&record->data)) {
+  if (!block(&header, kMaxHeader) || !block(&record->data, kMaxChunk)) {
     at_ = size_;
     return false;
   }
@@ -148,6 +153,10 @@ bool RosBag::ReadRecord(Record* record) {
 void RosBag::AddConnection(const Fields& header, std::string_view data) {
   connections_[Field<std::uint32_t>(header, "conn", name_)] = {
       TextField(header, "topic"), TextField(ParseFields(data, name_), "type")};
+  if (connections_.size() > kMaxConnections) {
+    throw DataError(
+        fmt::format("{}: more than the {} topics that are read of a bag", name_, kMaxConnections));
+  }
 }
 
 bool RosBag::VisitChunk(const Record& chunk, const Visit& visit) {

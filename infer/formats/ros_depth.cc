@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <utility>
 
@@ -53,13 +55,16 @@ const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& to
 }
 
 /// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513.
-double AsWritten(double unit) { return std::stod(fmt::format("{:.6g}", unit)); }
+double AsWritten(double unit) { return std::strtod(fmt::format("{:.6g}", unit).c_str(), nullptr); }
 
 void Describe(const RosContent& content, const std::string& name, RecordedDepth* stream) {
   if (const CameraInfo* info = Nearest(content.infos, stream->stream))
     stream->intrinsics = IntrinsicsOf(*info, stream->stream, name);
   if (const double* unit = Nearest(content.units, stream->stream)) {
-    stream->depth_scale = AsWritten(*unit);
+    const double written = AsWritten(*unit);
+    // What is no unit is none that is stated, and has to be given.
+    stream->depth_scale.reset();
+    if (written > 0 && std::isfinite(written)) stream->depth_scale = written;
     stream->depth_scale_source = "the recording's option Depth Units";
   } else {
     stream->depth_scale = stream->depth_scale.value_or(kMillimetre);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/parallel_for.h"
 #include "core/formats/image_io.h"
@@ -161,7 +162,7 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
   std::set<std::filesystem::path> files;
   if (!std::filesystem::exists(path)) return files;
   try {
-    const nlohmann::json document = ParseStrictJson(ReadFile(path), path.string());
+    const nlohmann::json document = ParseStrictJson(ReadFile(path, kMaxResultBytes), path.string());
     const JsonObject root(document, path.string());
     if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return files;
     // A name that leads elsewhere is none that volalign wrote.

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/json/json_archive.h"
@@ -200,7 +201,7 @@ void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrin
 }
 
 Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
-  auto extrinsics = ReadDescribed<Extrinsics>(ReadFile(path), path.string());
+  auto extrinsics = ReadDescribed<Extrinsics>(ReadFile(path, kMaxResultBytes), path.string());
   for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
     RequirePlainName(sensor.name, path.string());
   return extrinsics;

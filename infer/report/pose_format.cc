@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/config/config_word.h"
@@ -17,8 +18,6 @@ namespace volalign {
 namespace {
 
 using namespace poses_internal;
-
-constexpr std::uint64_t kMostBytes = 64u << 20;  // of a file of poses, or of COLMAP's images
 
 bool IsLivescan(PoseFormat format) {
   return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
@@ -58,7 +57,7 @@ Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
   for (std::filesystem::directory_iterator it(path, error), end; !error && it != end;
        it.increment(error)) {
     if (wanted(it->path()))
-      files[it->path().filename().string()] = ReadFile(it->path(), kMostBytes);
+      files[it->path().filename().string()] = ReadFile(it->path(), kMaxResultBytes);
   }
   if (error) throw IoError(fmt::format("{}: {}", path.string(), error.message()));
   return files;
@@ -102,7 +101,7 @@ std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat fo
     if (IsLivescan(format)) return ReadLivescan(files, LivescanCamera(format, options));
     return format == PoseFormat::kColmap ? ReadColmap(files) : ReadVolumetricCapture(files);
   }
-  return CodecOf(format).read(ReadFile(path, kMostBytes), path.string());
+  return CodecOf(format).read(ReadFile(path, kMaxResultBytes), path.string());
 }
 
 bool HoldsIntrinsics(PoseFormat format) {

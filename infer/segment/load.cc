@@ -8,6 +8,7 @@
 #include <map>
 #include <utility>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/nn/checkpoint.h"
@@ -29,7 +30,7 @@ class TorchSegmenter : public NetworkSegmenter {
       : device_(device),
         model_(LoadCheckpoint(checkpoint)),
         file_(checkpoint.string()),
-        sha256_(Sha256(ReadFile(FindInputFile(checkpoint.string())))) {
+        sha256_(Sha256(ReadFile(FindInputFile(checkpoint.string()), kMaxModelBytes))) {
     if (structure) CheckStructure(model_.meta, *structure);
     model_.net->to(device_);
     // With channels last, a forward pass on two cores takes two thirds of the time.

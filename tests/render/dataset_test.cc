@@ -272,6 +272,13 @@ TEST(Dataset, SaysWhatIsWrongWithAFolder) {
   expect(rows, good_rows.substr(0, good_rows.find('\n') + 1),
          {rows.string(), "sample 9 is missing"});
   expect(rows, good_rows.substr(good_rows.find('\n') + 1), {rows.string(), "sample 9, not 8"});
+  for (const fs::path& elsewhere :
+       {fs::absolute(depth), fs::path("..") / "000001" / depth.filename()}) {
+    std::string changed = good_rows;
+    const std::string name = depth.filename().string();
+    changed.replace(changed.find(name), name.size(), elsewhere.string());
+    expect(rows, changed, {rows.string() + ":2", "not in the row's folder"});
+  }
   expect(rows, "{\n" + good_rows, {rows.string() + ":1", "not valid JSON"});
   EXPECT_EQ(dataset.Read(8, 4).size(), 4u);
   fs::remove(labels);

@@ -26,6 +26,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
+#include "tests/core/base/read_file.h"
 
 namespace volalign::golden_test {
 namespace {

@@ -23,6 +23,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/read_file.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::rig_test {

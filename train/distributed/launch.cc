@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/interrupt.h"
 #include "core/base/text.h"
@@ -137,7 +138,7 @@ int LaunchProcesses(int count, const std::vector<std::string>& command, double g
 }
 
 std::vector<std::string> OwnCommandWithout(const std::string& name) {
-  std::vector<std::string> command = Split(ReadFile("/proc/self/cmdline"), '\0');
+  std::vector<std::string> command = Split(ReadFile("/proc/self/cmdline", kMaxTextBytes), '\0');
   command.pop_back();  // what stands behind the last zero
   std::vector<std::string> without = {"/proc/self/exe"};
   for (std::size_t i = 1; i < command.size(); ++i) {

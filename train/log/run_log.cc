@@ -8,8 +8,10 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/statistics.h"
+#include "core/base/text.h"
 
 namespace volalign {
 namespace {
@@ -29,6 +31,9 @@ bool IsRun(const fs::path& dir) {
 
 void AddRow(const json& row, LoggedRun* run) {
   const std::string prefix = row.at("type").get<std::string>() + "/";
+  if (!row.at("samples").is_number_integer())
+    throw DataError(
+        fmt::format("samples = {} is no whole number", Shortened(row["samples"].dump())));
   const auto samples = row.at("samples").get<std::int64_t>();
   run->samples = std::max(run->samples, samples);
   run->last_rows[prefix] = samples;
@@ -64,16 +69,16 @@ LoggedRun ReadRun(const fs::path& dir) {
     run.config[key] = leaf.is_sequence ? fmt::format("[{}]", fmt::join(leaf.values, ", "))
                                        : fmt::format("{}", fmt::join(leaf.values, ", "));
   }
-  std::istringstream rows(ReadFile(dir / "metrics.jsonl"));
+  std::istringstream rows(ReadFile(dir / "metrics.jsonl", kMaxLogBytes));
   int number = 0;
   for (std::string text; std::getline(rows, text);) {
     ++number;
     try {
       AddRow(json::parse(text), &run);
-    } catch (const json::exception& e) {
+    } catch (const std::exception& e) {
       if (rows.eof()) break;  // half a row of a run that was killed
       throw DataError(fmt::format("{}:{}: not a row of a training log ({})",
-                                  (dir / "metrics.jsonl").string(), number, e.what()));
+                                  (dir / "metrics.jsonl").string(), number, Shortened(e.what())));
     }
   }
   return run;

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 
 namespace volalign {
@@ -28,10 +29,12 @@ JsonlSink::JsonlSink(const std::filesystem::path& path, std::int64_t samples)
     : path_(path.string()) {
   std::string kept;
   if (samples > 0 && std::filesystem::exists(path)) {
-    std::istringstream rows(ReadFile(path));
+    std::istringstream rows(ReadFile(path, kMaxLogBytes));
     for (std::string row; std::getline(rows, row);) {
       const json j = json::parse(row, nullptr, /*allow_exceptions=*/false);
-      if (j.is_object() && j.value("samples", std::int64_t{0}) <= samples) kept += row + "\n";
+      if (!j.is_object()) continue;
+      const json at = j.value("samples", json(0));
+      if (at.is_number_integer() && at.get<std::int64_t>() <= samples) kept += row + "\n";
     }
   }
   WriteFileAtomically(path, kept);

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/config/config.h"
 
@@ -22,7 +23,7 @@ MethodSet::MethodSet(const SuiteConfig& suite, std::string program)
     if (!HasModel(method)) continue;
     Entry entry{method, nullptr, ""};
     if (!method.model.empty()) {
-      entry.sha256 = Sha256(ReadFile(method.model));
+      entry.sha256 = Sha256(ReadFile(method.model, kMaxModelBytes));
       std::shared_ptr<Shared>& shared = networks[entry.sha256];
       if (!shared) shared = std::make_shared<Shared>();
       entry.shared = shared;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/geometry/visibility.h"
 #include "core/json/json_archive.h"
@@ -175,7 +176,7 @@ void WriteScores(const std::filesystem::path& path, const CaptureScores& scores)
 }
 
 CaptureScores ReadScores(const std::filesystem::path& path) {
-  return ReadDescribed<CaptureScores>(ReadFile(path), path.string());
+  return ReadDescribed<CaptureScores>(ReadFile(path, kMaxResultBytes), path.string());
 }
 
 std::string FormatScores(const std::vector<CaptureScores>& scores) {

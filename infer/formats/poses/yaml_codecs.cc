@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/error.h"
+#include "core/config/bounded_yaml.h"
 #include "infer/formats/poses/codecs.h"
 
 namespace volalign::poses_internal {
@@ -137,7 +138,7 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
     throw DataError(name + ": no file of OpenCV's FileStorage");
   return Reading(name, [&] {
     Poses poses;
-    for (const YAML::Node& sensor : YAML::Load(text.substr(begin))["sensors"]) {
+    for (const YAML::Node& sensor : LoadYaml(text.substr(begin))["sensors"]) {
       SensorPose pose;
       pose.name = sensor["name"].as<std::string>();
       const std::string place = fmt::format("{}: {}", name, pose.name);
@@ -169,7 +170,7 @@ std::string WriteRos(const Poses& poses) {
 Poses ReadRos(const std::string& text, const std::string& name) {
   return Reading(name, [&] {
     Poses poses;
-    for (const YAML::Node& node : YAML::Load(text)) {
+    for (const YAML::Node& node : LoadYaml(text)) {
       std::string child = node["child_frame_id"].as<std::string>();
       const std::string parent = node["header"]["frame_id"].as<std::string>();
       const std::string place = fmt::format("{}: {}", name, child);

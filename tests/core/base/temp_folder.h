@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "tests/core/base/read_file.h"
+
 namespace volalign {
 
 /// A new, empty folder that goes with the object.

@@ -52,6 +52,16 @@ TEST(Text, TellsControlCharacters) {
                            "che"));
 }
 
+TEST(Shortened, KeepsMessagesShortAndPlain) {
+  EXPECT_EQ(Shortened("a\nb"), "a\\x0ab");
+  EXPECT_EQ(Shortened(std::string(200, 'a')), std::string(200, 'a'));
+  EXPECT_EQ(Shortened(std::string(1000000, 'a')), std::string(200, 'a') + "...");
+  EXPECT_EQ(Shortened("K\xc3\xbc"
+                      "che",
+                      2),
+            "K...");
+}
+
 TEST(RequirePlainName, RefusesWhatATerminalOrATableWouldMisread) {
   EXPECT_NO_THROW(RequirePlainName(std::string(kMostNameBytes, 'a'), "x"));
   EXPECT_NO_THROW(RequirePlainName("images/left 1.png", "x"));

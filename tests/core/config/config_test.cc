@@ -213,6 +213,10 @@ TEST(ReadConfig, AHugeIndexIsAnError) {
   }
 }
 
+TEST(NearestKey, IsNotSoughtOfAKeyOfAMegabyte) {
+  EXPECT_EQ(NearestKey(std::string(1 << 20, 'a'), {std::string(1 << 20, 'a') + "b"}), "");
+}
+
 TEST(NearestKey, GoesByEditDistance) {
   EXPECT_EQ(NearestKey("kitten", {"sitting", "mitten", "xyz"}), "mitten");
   EXPECT_EQ(NearestKey("train.lambda", {"train.lr", "loss.lambda", "train.lambada"}),

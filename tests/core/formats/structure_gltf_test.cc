@@ -1,6 +1,7 @@
 #include "core/formats/structure_gltf.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <cstring>
@@ -97,8 +98,8 @@ struct Glb {
     glb.binary = bytes.substr(28 + json_size, binary_size);
     return glb;
   }
-  std::string Bytes() const {
-    std::string text = content.dump();
+  std::string Bytes() const { return Bytes(content.dump()); }
+  std::string Bytes(std::string text) const {
     while (text.size() % 4) text += ' ';
     const auto word = [](std::size_t x) {
       std::string bytes;
@@ -345,7 +346,7 @@ TEST_F(StructureGltf, RejectsWrongGeometry) {
   ExpectBadAfter([](Glb& glb) { Primitive(glb, 0, 0)["extras"]["side"] = "up"; },
                  {file, "two sides 'up'"});
   ExpectBadAfter([](Glb& glb) { Primitive(glb, 0, 0)["extras"]["side"] = "north"; },
-                 {file, "'front'"});
+                 {file, "'north'"});
   ExpectBadAfter([](Glb& glb) { glb.content["meshes"][2]["primitives"].erase(4); },
                  {file, "'mid_top'", "'right'"});
   // A box moved as a whole, its keypoints not.
@@ -413,6 +414,78 @@ TEST_F(StructureGltf, RejectsWrongGeometry) {
                  {file, "POSITION"});
   ExpectBadAfter([](Glb& glb) { Primitive(glb, 0, 0)["attributes"]["POSITION"] = 9999; },
                  {file, "POSITION"});
+}
+
+// tinygltf would open what a file names: a buffer's or an image's file, a pipe.
+TEST_F(StructureGltf, OpensNoOtherFile) {
+  const std::string secret = folder_.Write("secret", "0123456789").string();
+  for (const char* list : {"buffers", "images"}) {
+    ExpectBadAfter(
+        [&](Glb& glb) {
+          glb.content[list].push_back({{"uri", secret}, {"byteLength", 4}});
+        },
+        {"names another file", "secret", "one .glb"});
+    ExpectBadAfter(
+        [&](Glb& glb) {
+          glb.content[list].push_back({{"uri", 3}});
+        },
+        {"names another file"});
+  }
+  ::mkfifo((folder_ / "pipe").c_str(), 0600);
+  ExpectBadAfter(
+      [&](Glb& glb) {
+        glb.content["buffers"][0] = {{"uri", (folder_ / "pipe").string()}, {"byteLength", 4}};
+      },
+      {"names another file"});
+}
+
+// Written as text: a value that is so deep would end this program, too.
+TEST_F(StructureGltf, LimitsDepth) {
+  constexpr std::size_t kDeep = 100000;
+  Glb glb = PaperGlb();
+  const auto with = [&](json& place, const std::string& text) {
+    place = "@";
+    std::string whole = glb.content.dump();
+    whole.replace(whole.find("\"@\""), 3, text);
+    return glb.Bytes(whole);
+  };
+  json& more = glb.content["scenes"][0]["extras"]["more"];
+  ExpectBad(with(more, std::string(kDeep, '[') + std::string(kDeep, ']')), {"64 levels"});
+  more = 0;
+  glb.content["scenes"][0]["nodes"] = {0};
+  const auto chain = [](std::size_t length) {
+    std::string nodes = "[";
+    for (std::size_t i = 1; i < length; ++i) nodes += "{\"children\":[" + std::to_string(i) + "]},";
+    return nodes + "{}]";
+  };
+  ExpectBad(with(glb.content["nodes"], chain(10)), {"no side has a label"});
+  ExpectBad(with(glb.content["nodes"], chain(kDeep)), {"64 levels"});
+}
+
+TEST_F(StructureGltf, LimitsPoints) {
+  // One buffer of zeros, which a side and a hundred thousand others could go through each.
+  ExpectBadAfter(
+      [](Glb& glb) {
+        glb.binary.resize(glb.binary.size() + 12 * 10001);
+        glb.content["buffers"][0]["byteLength"] = glb.binary.size();
+        json& accessor =
+            glb.content["accessors"]
+                       [Primitive(glb, 0, 0)["attributes"]["POSITION"].get<std::size_t>()];
+        const std::size_t view = accessor["bufferView"].get<std::size_t>();
+        glb.content["bufferViews"][view]["byteLength"] = 12 * 10001;
+        accessor["count"] = 10001;
+      },
+      {"10001 points"});
+  ExpectBadAfter(
+      [](Glb& glb) {
+        for (json& primitive : glb.content["meshes"][0]["primitives"])
+          primitive["extras"]["label"] = 0;
+        for (int i = 0; i < 60; ++i) {
+          glb.content["scenes"][0]["nodes"].push_back(glb.content["nodes"].size());
+          glb.content["nodes"].push_back({{"mesh", 0}});
+        }
+      },
+      {"more than 51 boxes"});
 }
 
 TEST_F(StructureGltf, RejectsWrongScenes) {

@@ -296,6 +296,9 @@ TEST(Structure, RejectsBadBoxes) {
       {"'a'"});
   ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("")}); }, {"empty"});
   ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("a/b")}); }, {"'a/b'"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s", {UnitBox("a\x1b[31m")}); },
+                         {"a box", "a\\x1b[31m"});
+  ExpectError<DataError>([] { Structure::FromBoxes("s\n", {UnitBox("a")}); }, {"a structure"});
   Box flat = UnitBox("flat");
   flat.size.y() = 0;
   ExpectError<DataError>([&] { Structure::FromBoxes("s", {flat}); }, {"'flat'"});
@@ -306,6 +309,35 @@ TEST(Structure, RejectsBadBoxes) {
   Box nowhere = UnitBox("nowhere");
   nowhere.structure_from_box.translation().x() = std::numeric_limits<double>::quiet_NaN();
   ExpectError<DataError>([&] { Structure::FromBoxes("s", {nowhere}); }, {"'nowhere'"});
+}
+
+// A file in micrometres, or in metres, is no structure of some kilometres or micrometres.
+TEST(Structure, LimitsEdges) {
+  const auto with_edge = [](double edge) {
+    Box box = UnitBox("a");
+    box.size.z() = edge;
+    return Structure::FromBoxes("s", {box, UnitBox("b", 1)});
+  };
+  EXPECT_EQ(with_edge(0.01).boxes().size(), 2u);
+  EXPECT_EQ(with_edge(100).boxes().size(), 2u);
+  for (const double edge : {0.0005, 0.00999, 100.1, 2e5, 1e300}) {
+    ExpectError<DataError>([&] { with_edge(edge); },
+                           {"'a' is 1000 x 1000 x ", "10 mm to 100 m", "millimetres"});
+  }
+  Box far = UnitBox("far");
+  far.structure_from_box.translation().x() = 1e300;
+  ExpectError<DataError>([&] { Structure::FromBoxes("s", {far}); }, {"'far'", "1000 m away"});
+}
+
+// A side of 100 m under a box that stands askew is cut into strips, but not into any number.
+TEST(Structure, LimitsStrips) {
+  Box askew = Box::FromMinMax("askew", {0, 0, 0}, {100, 100, 100});
+  askew.structure_from_box.linear() = RotationExp(0.3 * Vector3d::UnitY());
+  const Structure structure =
+      Structure::FromBoxes("s", {Box::FromMinMax("low", {0, -100, 0}, {100, 0, 100}), askew});
+  const std::vector<Pose> offsets(2, Pose::Identity());
+  EXPECT_NEAR(structure.Displaced(offsets, 1e4).sides()[2].exposed_area,
+              1e8 * structure.sides()[2].exposed_area, 1e8);
 }
 
 TEST(Structure, RejectsBadLabelOrders) {
@@ -464,15 +496,22 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("boxes:\n  - {x: [0, 10], y: [0, 20], z: [0, 30]}\n", {path_ + ":2", "'name'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [20, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, .nan], y: [0, 1], z: [0, 30]}\n", {path_ + ":2", "'x'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, .nan], y: [0, 10], z: [0, 30]}\n", {path_ + ":2", "'x'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, .inf], y: [0, 1], z: [0, 30]}\n", {path_});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10, 20], y: [0, 1], z: [0, 30]}\n",
             {path_ + ":2", "'x'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, ten], y: [0, 1], z: [0, 30]}\n", {path_ + ":2"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw: 3}\n",
             {path_ + ":2", "'yaw'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw_deg: .nan}\n",
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: .nan}\n",
             {path_, "'a'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 0.5], y: [0, 0.3], z: [0, 0.4]}\n",
+            {path_, "'a' is 0.5 x 0.3 x 0.4 mm", "millimetres"});
+  ExpectBad(
+      "boxes:\n  - {name: a, x: [0, 2e8], y: [0, 2e8], z: [0, 2e8]}\n"
+      "  - {name: b, x: [0, 2e8], y: [2e8, 4e8], z: [0, 2e8], yaw_deg: 20}\n",
+      {path_, "'a'", "100 m"});
+  ExpectBad("name: " + std::string(300, '[') + std::string(300, ']'), {path_, "64 levels"});
   ExpectBad("boxes:\n" + box_ + box_, {path_, "two boxes are named 'a'"});
   ExpectBad("boxes:\n" + box_ + "sides: {front: +z}\n", {path_ + ":3", "front +x"});
   ExpectBad("boxes:\n" + box_ + "sides: {north: +x}\n", {path_ + ":3"});

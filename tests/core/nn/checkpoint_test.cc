@@ -11,10 +11,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/nn/zip.h"
 
 namespace volalign::checkpoint_test {
 namespace {
@@ -141,6 +143,18 @@ TEST_F(CheckpointTest, RefusesOtherPicklesWithoutRunningThem) {
   WriteFileAtomically(bad, std::string_view(list.data(), list.size()));
   LoadError<DataError>(bad);
 
+  // What makes LibTorch's own unpickler take values from before its stack, or recurse.
+  for (const std::string& pickle :
+       {std::string(")R."), std::string("\x85."), std::string("R."), std::string("b"),
+        std::string("Q."), ")" + std::string(3000000, '\x85') + ".",
+        std::string("cos\nsystem\n(X\x04\x00\x00\x00truetR.", 24), std::string("(e."),
+        std::string("h\xff.")}) {
+    WriteFileAtomically(bad, Zip({{"archive/data.pkl", "\x80\x02" + pickle}}), false);
+    LoadError<DataError>(bad);
+  }
+  WriteFileAtomically(bad, Zip({{"archive/data.pkl", "\x80\x02}."}}, /*method=*/8), false);
+  EXPECT_NE(LoadError<DataError>(bad).find("compressed"), std::string::npos);
+
   WriteTensorFile(bad, {"volalign.checkpoint/999", "{}", {}});
   EXPECT_NE(LoadError<DataError>(bad).find("volalign.checkpoint/999"), std::string::npos);
   WriteTensorFile(bad, {kCheckpointFormat, "{}", {}});
@@ -149,12 +163,49 @@ TEST_F(CheckpointTest, RefusesOtherPicklesWithoutRunningThem) {
 
 // The shipped models' metadata were written field by field: the same keys and values come back.
 TEST_F(CheckpointTest, WritesTheMetadataThatItReads) {
-  for (const char* path : {"models/m05-lite.pt", "models/paper-lite/m01.pt"}) {
+  std::vector<fs::path> paths = {"models/m05-lite.pt"};
+  for (const fs::directory_entry& entry : fs::directory_iterator("models/paper-lite")) {
+    if (entry.path().extension() == ".pt") paths.push_back(entry.path());
+  }
+  EXPECT_EQ(paths.size(), 9u);
+  for (const fs::path& path : paths) {
     const std::string stored = ReadTensorFile(path, kCheckpointFormat).meta;
     EXPECT_EQ(nlohmann::json::parse(MetaToJson(LoadCheckpoint(path).meta)),
               nlohmann::json::parse(stored))
         << path;
   }
+}
+
+// Metadata may not ask for more memory than the file's tensors are.
+TEST_F(CheckpointTest, ComparesTheMetadataBeforeItBuildsTheNetwork) {
+  const fs::path path = folder_ / "a.pt";
+  SaveCheckpoint(path, net_, meta_, false);
+  const TensorFile good = ReadTensorFile(path, kCheckpointFormat);
+  const auto error_with = [&](int channels, int blocks) {
+    nlohmann::ordered_json meta = nlohmann::ordered_json::parse(good.meta);
+    meta["network"]["base_channels"] = channels;
+    meta["network"]["residual_blocks"] = blocks;
+    WriteTensorFile(path, {good.format, meta.dump(), good.tensors});
+    return LoadError<DataError>(path);
+  };
+  EXPECT_NE(error_with(1200, 1).find("base_channels in [1, 1024]"), std::string::npos);
+  EXPECT_NE(error_with(2, 2000000).find("residual_blocks in [0, 64]"), std::string::npos);
+  EXPECT_NE(error_with(1024, 64).find("instead of ["), std::string::npos);
+  EXPECT_NE(error_with(2, 2).find("'residual2_1.norm_bias' is missing"), std::string::npos);
+  EXPECT_EQ(error_with(2, 0).find("not a whole file"), std::string::npos);
+}
+
+// A structure of two boxes of 200 km, and metadata of lists in lists.
+TEST_F(CheckpointTest, LimitsTheMetadata) {
+  const fs::path path = folder_ / "a.pt";
+  SaveCheckpoint(path, net_, meta_, false);
+  const TensorFile good = ReadTensorFile(path, kCheckpointFormat);
+  nlohmann::ordered_json meta = nlohmann::ordered_json::parse(good.meta);
+  meta["structure"]["boxes"][0]["size"] = {2e5, 2e5, 2e5};
+  WriteTensorFile(path, {good.format, meta.dump(), good.tensors});
+  EXPECT_NE(LoadError<DataError>(path).find("10 mm to 100 m"), std::string::npos);
+  WriteTensorFile(path, {good.format, std::string(200000, '[') + std::string(200000, ']'), {}});
+  EXPECT_NE(LoadError<DataError>(path).find("64 levels"), std::string::npos);
 }
 
 TEST_F(CheckpointTest, NamesTheTensorThatDoesNotFit) {

@@ -56,6 +56,10 @@ TEST(NameBesideDepth, IsTheSensorsOfTheFile) {
   EXPECT_EQ(NameBesideDepth("depth_Cam2"), "Cam2");
   EXPECT_EQ(NameBesideDepth("Depth12"), "");
   EXPECT_EQ(NameBesideDepth("cam2_z16"), "cam2");
+  EXPECT_EQ(NameBesideDepth("a.depthmap - 12"), "a");
+  EXPECT_EQ(NameBesideDepth("depth depth_x"), "depth_x");
+  EXPECT_EQ(NameBesideDepth("depth_depth_1"), "depth");
+  EXPECT_FALSE(NameBesideDepth("depthx"));
   EXPECT_FALSE(NameBesideDepth("frame_0007"));
   EXPECT_EQ(WithoutNumber("frame_0007"), "frame_");
   EXPECT_EQ(WithoutNumber("a1b"), "a1b");

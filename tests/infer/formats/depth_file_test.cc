@@ -248,6 +248,13 @@ TEST_F(DepthFileTest, Npy) {
                          {"a.npy", "two dimensions"});
   ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("|O", "False", shape, rows)); },
                          {"a.npy", "descr"});
+  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "Maybe", shape, rows)); },
+                         {"a.npy", "fortran_order"});
+  // A header of blanks, which a backtracking search would go through by recursion.
+  const std::string blanks(60000, ' ');
+  ExpectFilled(WriteNpy("<f4", blanks + "False", shape, rows), false, 0.001);
+  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "False", blanks, rows)); },
+                         {"a.npy", "shape"});
   ExpectError<DataError>(
       [&] { ReadStoredDepth(WriteNpy("<f4", "False", "(99999999, 99999999)", rows)); },
       {"a.npy", "no size"});

@@ -174,6 +174,30 @@ TEST(IntrinsicsFileTest, AzureKinect) {
       {"file", "Rational6KT"});
 }
 
+// `capture init` looks into every text of a folder.
+TEST(LooksLikeIntrinsics, KnowsTheKeysAndEndsWithAnyText) {
+  for (const char* text : {"fx: 1", "{\"ppx\" : 3}", "K:", "a\n  camera_matrix \t: 1",
+                           "x[1 2]  f[3 4]", "Intrinsic of \"Depth\" /"})
+    EXPECT_TRUE(LooksLikeIntrinsics(text)) << text;
+  for (const char* text : {"", "fx", "pfx: 1", "fx_: 1", "k\"\": 1", "x[1 2]f[3 4]", "ppx 1:"})
+    EXPECT_FALSE(LooksLikeIntrinsics(text)) << text;
+  constexpr std::size_t kLong = 400000;
+  for (const std::string& text : {"fx" + std::string(kLong, ' '), "]" + std::string(kLong, ' '),
+                                  std::string(kLong, ':'), std::string(kLong, '\n') + ":"})
+    EXPECT_FALSE(LooksLikeIntrinsics(text));
+}
+
+TEST(IntrinsicsFileTest, EndsWithAliasesOfAliases) {
+  std::string text = "width: 1\nheight: 1\na0: &a0 [1]\n";
+  for (int level = 1; level <= 10; ++level) {
+    const std::string alias = "*a" + std::to_string(level - 1);
+    text += "a" + std::to_string(level) + ": &a" + std::to_string(level) + " [" + alias;
+    for (int i = 0; i < 9; ++i) text += ", " + alias;
+    text += "]\n";
+  }
+  ExpectBad(text + "K: *a10\n", {"file", "alias", "1000000"});
+}
+
 TEST(IntrinsicsFileTest, SaysWhatItExpected) {
   ExpectBad("hello: world\n", {"file", "camera_matrix", "ppx"});
   ExpectBad("K: [1, 2\n", {"file", "line"});

@@ -22,6 +22,28 @@ TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
       {"file", "Ftheta"});
 }
 
+// Blanks and brackets without end, which a backtracking search would go through by recursion, or
+// from each bracket anew.
+TEST(FromPyrealsense, EndsWithAnyText) {
+  constexpr std::size_t kLong = 400000;
+  std::string brackets;
+  for (std::size_t i = 0; i < kLong / 10; ++i) brackets += "[1x1 p[1 1";
+  for (const std::string& text : {"[" + std::string(kLong, ' '), std::string(kLong, '['), brackets,
+                                  "[1x1  p[1 1] f[1 1] " + std::string(kLong, 'a') + "[0] ]"})
+    EXPECT_FALSE(FromPyrealsense(text, "file"));
+  ExpectError<DataError>([] { FromPyrealsense("[ 9x9  p[1 2 3]  f[4]  None [0] ]", "file"); },
+                         {"two numbers each"});
+}
+
+TEST(FromRsEnumerate, EndsWithAnyText) {
+  constexpr std::size_t kLong = 400000;
+  ExpectError<DataError>(
+      [] {
+        FromRsEnumerate("Intrinsic of \"Depth\"\n" + std::string(kLong, ' '), "file", {1, 1});
+      },
+      {"file", "Width is missing"});
+}
+
 TEST(FromRsEnumerate, TakesTheDepthStreamOfTheFramesSize) {
   const auto block = [](const std::string& stream, int width, const std::string& fx) {
     return "Intrinsic of \"" + stream + "\" / {Z16}\n  Width: \t" + std::to_string(width) +

@@ -67,20 +67,75 @@ TEST(RecordingTest, DamagedDb3) {
   ExpectError<DataError>([&] { ReadRecording(folder / "png.db3", 3); }, {"png.db3"});
 }
 
+/// A bag that holds what the statements make of it.
+std::string Db3Of(const TempFolder& folder, const std::string& sql) {
+  const std::string path = (folder / "made.db3").string();
+  std::filesystem::remove(path);
+  sqlite3* database = nullptr;
+  EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(database);
+  return path;
+}
+
+constexpr char kTopics[] =
+    "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT);"
+    "INSERT INTO topics VALUES(1, '/depth', 'sensor_msgs/msg/Image', 'cdr');";
+constexpr char kMessages[] =
+    "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB);";
+
 // What a bag says is data, never a part of a statement.
 TEST(RecordingTest, Db3WithAStatementForAnId) {
   const TempFolder folder;
-  const std::string path = (folder / "injected.db3").string();
-  sqlite3* database = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
-  constexpr char kContent[] =
-      "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
-      "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB);"
-      "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
-      "'sensor_msgs/msg/Image', 'cdr');";
-  ASSERT_EQ(sqlite3_exec(database, kContent, nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(database);
-  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"injected.db3", "topic", "id"});
+  const std::string path = Db3Of(
+      folder, std::string(kMessages) +
+                  "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
+                  "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
+                  "'sensor_msgs/msg/Image', 'cdr');");
+  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"made.db3", "topic", "id"});
+}
+
+// A view runs what it likes, for ever; a table's column may be made up, too.
+TEST(RecordingTest, Db3OfViews) {
+  const TempFolder folder;
+  constexpr char kForEver[] =
+      "CREATE VIEW messages(id, topic_id, timestamp, data) AS WITH RECURSIVE n(i) AS "
+      "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, 2, i, 'x' FROM n;";
+  ExpectError<DataError>([&] { ReadRecording(Db3Of(folder, std::string(kTopics) + kForEver), 3); },
+                         {"made.db3", "table messages"});
+  ExpectError<DataError>(
+      [&] {
+        ReadRecording(Db3Of(folder, std::string(kMessages) +
+                                        "CREATE VIEW topics AS SELECT 1 AS id, '/depth' AS name, "
+                                        "'' AS type, 'cdr' AS serialization_format;"),
+                      3);
+      },
+      {"made.db3", "table topics"});
+  ExpectError<DataError>(
+      [&] {
+        ReadRecording(Db3Of(folder, std::string(kTopics) +
+                                        "CREATE TABLE messages(id INTEGER, topic_id INTEGER, "
+                                        "timestamp INTEGER, data AS (zeroblob(900000000)));"
+                                        "INSERT INTO messages VALUES(1, 1, 1);"),
+                      3);
+      },
+      {"made.db3", "too big"});
+}
+
+TEST(RecordingTest, Db3HasLimits) {
+  const TempFolder folder;
+  std::string sql = std::string(kTopics) + kMessages + "BEGIN;";
+  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO messages VALUES(1, 2, 3, 'x');";
+  const std::string many = Db3Of(folder, sql + "COMMIT;");
+  const auto read = [&](std::int64_t steps) {
+    return formats_internal::ReadRos2Recording(many, 3, steps);
+  };
+  EXPECT_TRUE(read(1000000).empty());
+  ExpectError<DataError>([&] { read(2000); }, {"made.db3", "interrupted"});
+  sql = std::string(kTopics) + kMessages + "BEGIN;";
+  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO topics VALUES(1, '/a', 'b', 'cdr');";
+  const std::string topics = Db3Of(folder, sql + "COMMIT;");
+  ExpectError<DataError>([&] { ReadRecording(topics, 3); }, {"made.db3", "1000 topics"});
 }
 
 TEST(RecordingTest, AzureKinectMkv) {
@@ -139,10 +194,107 @@ TEST(RecordingTest, ACaptureNeedsNothingButTheRecording) {
       {"sensor \"R\"", "\"x\"", "Depth_0"});
 }
 
+std::string Sized(const std::string& id, std::uint64_t size) {
+  std::string bytes = id + "\x01";
+  for (int byte = 6; byte >= 0; --byte) bytes += static_cast<char>(size >> (8 * byte));
+  return bytes;
+}
+constexpr char kTagsId[] = "\x12\x54\xc3\x67", kTagId[] = "\x73\x73", kSimpleTagId[] = "\x67\xc8",
+               kClusterId[] = "\x1f\x43\xb6\x75", kTracksId[] = "\x16\x54\xae\x6b",
+               kSegmentId[] = "\x18\x53\x80\x67";
+
+/// Where a part of kMkv begins. Its list of parts, which ends before byte 134, has their ids, too.
+std::size_t PartAt(const std::string& bytes, const char* id) { return bytes.find(id, 134); }
+
+/// kMkv with other parts, in a segment of their size.
+std::string MkvOf(const std::string& parts) {
+  const std::string whole = ReadFile(kMkv);
+  return whole.substr(0, whole.find(kSegmentId)) + Sized(kSegmentId, parts.size()) + parts;
+}
+
+std::vector<RecordedDepth> ReadMkv(const TempFolder& folder, const std::string& bytes,
+                                   int frames = 2) {
+  return ReadRecording(folder.Write("a.mkv", bytes), frames);
+}
+
+// A tag that is said to be longer than it is has the next one in it, which libebml hands out as
+// found and keeps, too: it was freed twice.
+TEST(RecordingTest, MkvWithATagThatIsTooLong) {
+  const TempFolder folder;
+  const std::string whole = ReadFile(kMkv);
+  const std::size_t size_at = whole.find(kTagId, PartAt(whole, kTagsId)) + 2;
+  for (const char more : {3, 4, 5, 8, 16}) {
+    std::string bytes = whole;
+    bytes[size_at] = static_cast<char>(bytes[size_at] + more);
+    EXPECT_EQ(ReadMkv(folder, bytes)[0].frames.size(), 1u);
+  }
+}
+
+TEST(RecordingTest, TextsOfARecordingArePlain) {
+  const TempFolder folder;
+  std::string bytes = ReadFile(kMkv);
+  const std::string serial = "000123492812";
+  bytes.replace(bytes.find(serial), 4, "\x1b[1m");
+  EXPECT_EQ(ReadMkv(folder, bytes)[0].serial, "\\x1b[1m23492812");
+}
+
+// Tags hold tags, and libebml reads them by recursion.
+TEST(RecordingTest, MkvWithTagsInTags) {
+  const TempFolder folder;
+  const std::string whole = ReadFile(kMkv);
+  const std::size_t parts_at = whole.find(kSegmentId) + 12, tags_at = PartAt(whole, kTagsId);
+  const auto with = [&](std::uint64_t depth) {
+    std::string tags;
+    for (std::uint64_t i = depth; i-- > 0;) tags += Sized(kSimpleTagId, 10 * i);
+    tags = Sized(kTagId, tags.size()) + tags;
+    return MkvOf(whole.substr(parts_at, tags_at - parts_at) + Sized(kTagsId, tags.size()) + tags);
+  };
+  EXPECT_EQ(ReadMkv(folder, with(100)).size(), 1u);
+  ExpectError<DataError>([&] { ReadMkv(folder, with(100000)); }, {"a.mkv", "a part of"});
+}
+
+// As a recorder that writes live leaves it: clusters without a size.
+TEST(RecordingTest, MkvWithClustersWithoutSize) {
+  const TempFolder folder;
+  const std::string whole = ReadFile(kMkv);
+  const std::size_t parts_at = whole.find(kSegmentId) + 12, cluster_at = PartAt(whole, kClusterId);
+  const std::size_t head = 7;  // its id, and a size of three bytes
+  std::uint64_t size = 0;
+  for (std::size_t i = 4; i < head; ++i)
+    size = size << 8 | (static_cast<unsigned char>(whole[cluster_at + i]) & (i == 4 ? 0x1f : 0xff));
+  const std::string cluster = std::string(kClusterId) + "\x01\xff\xff\xff\xff\xff\xff\xff" +
+                              whole.substr(cluster_at + head, size);
+  const std::string before = whole.substr(parts_at, cluster_at - parts_at);
+  const std::string after = whole.substr(cluster_at + head + size);
+  const auto streams = ReadMkv(folder, MkvOf(before + cluster + cluster + cluster + after), 5);
+  EXPECT_EQ(streams[0].frames.size(), 3u);
+  EXPECT_EQ(streams[0].serial, "000123492812");  // of the tags behind them
+  // Other parts state theirs.
+  const std::size_t tags_at = after.find(kTagsId);
+  const std::string endless = after.substr(0, tags_at) + kTagsId +
+                              "\x01\xff\xff\xff\xff\xff\xff\xff" + after.substr(tags_at + 6);
+  ExpectError<DataError>([&] { ReadMkv(folder, MkvOf(before + cluster + endless), 5); },
+                         {"a.mkv", "without a size"});
+}
+
+// Tracks of one number would each keep a copy of every frame.
+TEST(RecordingTest, MkvWithATrackTwice) {
+  const TempFolder folder;
+  const std::string whole = ReadFile(kMkv);
+  const std::size_t parts_at = whole.find(kSegmentId) + 12, tracks_at = PartAt(whole, kTracksId);
+  const std::size_t entry_at = tracks_at + 6, size = 144;
+  const std::string entry = whole.substr(entry_at, size);
+  const std::string tracks = entry + entry + entry;
+  const std::string bytes =
+      MkvOf(whole.substr(parts_at, tracks_at - parts_at) + Sized(kTracksId, tracks.size()) +
+            tracks + whole.substr(entry_at + size));
+  EXPECT_EQ(ReadMkv(folder, bytes).size(), 1u);
+}
+
 /// Wherever a recording ends or a byte is wrong: an error in one line, or what is left; no crash.
 TEST(RecordingTest, DamagedRecordings) {
   const TempFolder folder;
-  for (const char* name : {kBag, kMkv}) {
+  for (const char* name : {kBag, kMkv, kDb3}) {
     const std::string whole = ReadFile(name);
     const std::filesystem::path path = folder / "damaged";
     int errors = 0, reads = 0;

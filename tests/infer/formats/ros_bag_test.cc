@@ -94,6 +94,14 @@ TEST(RosBag, GivesTheMessagesOfItsChunksInOrder) {
   EXPECT_EQ(MessagesOf(cut), std::vector<std::string>{all[0]});
 }
 
+TEST(RosBag, LimitsConnections) {
+  const TempFolder folder;
+  std::string records;
+  for (std::uint32_t i = 0; i < 1001; ++i) records += Connection(i, "/a", "b/C");
+  RosBag bag(folder.Write("a.bag", Bag(records)));
+  ExpectError<DataError>([&] { MessagesOf(bag); }, {"a.bag", "1000 topics"});
+}
+
 TEST(RosBag, SaysWhatIsDamaged) {
   const TempFolder folder;
   const auto expect = [&](const std::string& records, const std::string& part) {

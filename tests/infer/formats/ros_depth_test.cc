@@ -93,6 +93,18 @@ TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
   EXPECT_EQ(streams[1].device, "");
 }
 
+// No unit of a recording: the capture has to state one.
+TEST(DescribeStreams, AUnitThatIsNoneIsNotTaken) {
+  for (const double unit : {0.0, -1.0, std::nan(""), HUGE_VAL, 1e-320}) {
+    RosContent content;
+    content.streams["/a/depth"].stream = "/a/depth";
+    content.streams["/a/depth"].depth_scale = 1;
+    content.units["/a/option/Depth Units/value"] = unit;
+    const std::optional<double> scale = DescribeStreams(content, "file")[0].depth_scale;
+    EXPECT_EQ(scale.has_value(), unit == 1e-320) << unit;
+  }
+}
+
 TEST(DescribeStreams, ARectifiedImageHasTheCameraWithoutTheLens) {
   for (const char* name : {"image_rect", "image_raw"}) {
     RosContent content;

@@ -21,6 +21,7 @@
 #include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/read_file.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_format_test {

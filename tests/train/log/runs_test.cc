@@ -44,6 +44,17 @@ void WriteRun(const std::filesystem::path& dir, int seed, double lr, double miou
   WriteFileAtomically(dir / "metrics.jsonl", rows + "{\"type\":\"tr");
 }
 
+TEST(Runs, RowsOfOtherValuesNameTheLine) {
+  const TempFolder folder;
+  WriteRun(folder / "a", 1, 0.001, 0.5);
+  const std::filesystem::path log = folder / "a" / "metrics.jsonl";
+  for (const std::string row : {R"({"type":"train","samples":"x"})", R"({"type":1,"samples":1})",
+                                R"({"type":"train","samples":1e300})", "[]"}) {
+    WriteFileAtomically(log, row + "\n{}\n");
+    ExpectError<DataError>([&] { ReadRuns({folder.path().string()}); }, {log.string() + ":1"});
+  }
+}
+
 TEST(Runs, AreListedComparedAndPlotted) {
   const TempFolder folder;
   WriteRun(folder / "a1", 1, 0.001, 0.5);

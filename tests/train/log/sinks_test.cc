@@ -71,7 +71,10 @@ TEST(JsonlSink, ContinuesAfterTheRowsUpToAState) {
     JsonlSink sink(path, 0);
     for (const int samples : {10, 20, 30}) sink.Train(RowAt(samples));
   }
-  WriteFileAtomically(path, ReadFile(path) + "{\"type\":\"tr");  // killed in the middle of a row
+  // Rows that no sink wrote, and one in the middle of which the run was killed.
+  WriteFileAtomically(path, ReadFile(path) +
+                                "{\"samples\":\"x\"}\n{\"samples\":1e300}\n[1]\n"
+                                "{\"type\":\"tr");
   {
     JsonlSink sink(path, 20);
     sink.Train(RowAt(25));

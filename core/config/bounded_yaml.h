@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace YAML {
+class Node;
+}
+
+namespace volalign {
+
+/// No document of volalign's, nor of the programs that it reads files of, comes near these. What
+/// an alias (*name) stands for counts each time: a few hundred bytes of aliases of aliases are
+/// billions of nodes, and an alias inside its own anchor has no end.
+inline constexpr std::size_t kMaxYamlNodes = 1'000'000;
+inline constexpr int kMaxYamlDepth = 64;
+
+/// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException, as that does,
+/// with the line and, beyond a limit, the limit. The one way to YAML in volalign.
+YAML::Node LoadYaml(const std::string& text);
+
+}  // namespace volalign
