@@ -201,7 +201,7 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
         continue;
       }
       const FaceInfo& face = infos[matched->faces[i] - 1U];
-      const float x = input.view.rays.rays[i].x(), y = input.view.rays.rays[i].y();
+      const float x = input.view.rays->rays[i].x(), y = input.view.rays->rays[i].y();
       const float disparity = image_fb / z;
       const float column = static_cast<float>(u) - disparity;
       const bool occluded = column > covered + margin;

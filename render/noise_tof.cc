@@ -257,7 +257,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
         continue;
       }
       const TofFace& face = infos[view.faces[i] - 1U];
-      const float x = view.rays.rays[i].x(), y = view.rays.rays[i].y();
+      const float x = view.rays->rays[i].x(), y = view.rays->rays[i].y();
       const float ray = std::sqrt(x * x + y * y + 1);
       const float range = z * ray;
       const float cosine = std::max(face.height / range, 0.01F);

@@ -65,6 +65,7 @@ TESTED_FOLDERS = ("infer", "render", "train")
 DEPTH_FILE = "declared in depth_file.h, tested by tests/infer/formats/depth_file_test.cc"
 NOISE_MODEL = "one of the models of noise.h, tested by tests/render/noise_test.cc"
 POSE_FORMAT = "one of the formats that tests/infer/report/pose_format_test.cc writes and reads back"
+KERNELS = "the kernels of one instruction set, tested by tests/render/tiles/tile_kernels_test.cc"
 RECORDING = "declared in recording.h, tested by tests/infer/formats/recording_test.cc"
 REASONS = {
     "infer/evaluate/suite/table_format.cc": "declared in table_data.h, tested by tests/infer/evaluate/suite/table_data_test.cc",
@@ -83,6 +84,9 @@ REASONS = {
     "render/noise_paper.cc": NOISE_MODEL,
     "render/noise_stereo.cc": NOISE_MODEL,
     "render/noise_tof.cc": NOISE_MODEL,
+    "render/tiles/tile_kernels_avx2.cc": KERNELS,
+    "render/tiles/tile_kernels_avx512.cc": KERNELS,
+    "render/tiles/tile_kernels_baseline.cc": KERNELS,
     "train/run.cc": "what Train() of trainer.h does, tested by tests/train/trainer_test.cc",
 }
 
