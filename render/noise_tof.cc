@@ -158,8 +158,7 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
   const int width = clean.depth.width(), height = clean.depth.height();
   const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
-  ForEachNeighbourPair(width, height, [&](int u, int v, int p, int q, std::uint64_t pair) {
-    if (clean.faces(u, v) == clean.faces(p, q)) return;
+  ForEachFaceEdge(clean.faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = clean.depth(u, v), b = clean.depth(p, q);
     const float jump = std::abs(a - b);
     if (a == 0 || b == 0 || jump < kLeastJump) return;
@@ -188,23 +187,18 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
 /// The vendor invalidates most pixels that mix two surfaces: at mid-depth between neighbours.
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
   const PixelRandom pixel(random);
-  const auto mixed = [](float a, float m, float b) {
-    const float jump = b - a;
-    if (std::abs(jump) < kMixedJump || a <= 0 || b <= 0) return false;
-    const float share = (m - a) / jump;
-    return share > kMixedLow && share < kMixedHigh;
-  };
+  const int width = depth.width();
+  std::vector<std::uint8_t> mixed(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      const float m = depth(u, v);
-      const bool found =
-          (u > 0 && u + 1 < depth.width() && mixed(depth(u - 1, v), m, depth(u + 1, v))) ||
-          (v > 0 && v + 1 < depth.height() && mixed(depth(u, v - 1), m, depth(u, v + 1)));
-      if (!found) continue;
-      const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(depth.width()) +
+    const float* const row = &depth(0, v);
+    noise::Kernels().mixed(v > 0 ? row - width : nullptr, row,
+                           v + 1 < depth.height() ? row + width : nullptr, width, kMixedJump,
+                           kMixedLow, kMixedHigh, mixed.data());
+    ForEachSet(mixed, width, [&](int u) {
+      const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
                      static_cast<std::uint64_t>(u);
       if (pixel.Uniform(i) < kMixedDetected) (*keep)(u, v) = 0;
-    }
+    });
   }
 }
 
@@ -233,7 +227,7 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
   frame.grain = Image<float>(width, height);
-  for (std::size_t k = 0; k < frame.grain.size(); ++k) frame.grain[k] = pixel.Normal(k);
+  noise::Kernels().normal(pixel.key(), 0, static_cast<int>(frame.grain.size()), frame.grain.data());
   SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
   return frame;
 }
@@ -248,40 +242,54 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
   const Eigen::Vector3f eye = input.structure_from_sensor.translation().cast<float>();
   const auto floor = static_cast<float>(input.structure.FloorHeight());
-  std::size_t i = 0;
+  constexpr noise::TofFigures kFigures = {kWhiteNoise, kWhiteNoiseSlope, kLeastNoiseCosine,
+                                          kPatchWave, kFarthest};
+  const int width = depth->width();
+  const auto columns = static_cast<std::size_t>(width);
+  std::vector<float> of_faces(3 * columns), error(columns);
+  noise::TofRow row{};
+  row.count = width;
+  row.height = of_faces.data();
+  row.reflectivity = of_faces.data() + columns;
+  row.patch_limit = of_faces.data() + 2 * columns;
+  row.bias = device.bias;
+  row.warp_rms = device.warp_rms;
+  row.white = device.white;
+  row.threshold = device.threshold;
   for (int v = 0; v < depth->height(); ++v) {
-    for (int u = 0; u < depth->width(); ++u, ++i) {
-      const float z = view.depth[i];
-      if (view.faces[i] == 0) {
-        (*keep)[i] = 0;
-        continue;
-      }
-      const TofFace& face = infos[view.faces[i] - 1U];
-      const float x = view.rays->rays[i].x(), y = view.rays->rays[i].y();
-      const float ray = std::sqrt(x * x + y * y + 1);
-      const float range = z * ray;
-      const float cosine = std::max(face.height / range, 0.01F);
-      const float inverse = 1 / std::max(cosine, kLeastNoiseCosine);
-      const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
-      float error = device.bias + device.warp_rms * device.warp[i] +
-                    device.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * frame.grain[i];
+    const std::size_t first = static_cast<std::size_t>(v) * columns;
+    row.faces = &view.faces[first];
+    row.depth = &view.depth[first];
+    row.rays = view.rays->rays[first].data();
+    row.warp = &device.warp[first];
+    row.grain = &frame.grain[first];
+    row.patches = &frame.patches[first];
+    FillByFace(
+        row.faces, width, [&](std::size_t face) { return infos[face].height; }, of_faces.data());
+    FillByFace(
+        row.faces, width, [&](std::size_t face) { return infos[face].reflectivity; },
+        of_faces.data() + columns);
+    FillByFace(
+        row.faces, width,
+        [&](std::size_t face) {
+          return infos[face].is_structure ? frame.patch_limit + kStructurePatchLimit
+                                          : frame.patch_limit;
+        },
+        of_faces.data() + 2 * columns);
+    noise::Kernels().measure(row, kFigures, error.data(), &(*keep)[first]);
+    for (std::size_t u = 0; u < columns; ++u) {
+      if (row.faces[u] == 0) continue;
+      const TofFace& face = infos[row.faces[u] - 1U];
+      const float z = row.depth[u];
       if (face.meets_floor || face.seam_boxes != 0) {
-        const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(x, y, 1));
+        const Eigen::Vector2f& ray = view.rays->rays[first + u];
+        const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(ray.x(), ray.y(), 1));
         float seam = SeamDistance(boxes, face.seam_boxes, p);
         if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error += device.multipath * (1 - seam / kMultipathReach) -
-                 device.fill * std::max(1 - seam / kFillReach, 0.0F);
+        error[u] += device.multipath * (1 - seam / kMultipathReach) -
+                    device.fill * std::max(1 - seam / kFillReach, 0.0F);
       }
-      (*depth)[i] = z + error;
-
-      const float amplitude = face.reflectivity * cosine / (range * range);
-      const float limit =
-          face.is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit;
-      const float wave = 1 + kPatchWave * frame.patches[i];
-      if (amplitude < device.threshold * wave * wave * wave * wave || frame.patches[i] > limit ||
-          z > kFarthest) {
-        (*keep)[i] = 0;
-      }
+      (*depth)[first + u] = z + error[u];
     }
   }
 }
