@@ -43,6 +43,28 @@ struct TofFigures {
   float white_noise, white_noise_slope, least_cosine, patch_wave, farthest;
 };
 
+/// A box in its own frame.
+struct SeamBox {
+  float rotation[9];    ///< box_from_structure, row by row
+  float centre[3];      ///< in the structure's frame, m
+  float half[3];        ///< half its size, m
+  float reach_squared;  ///< of the sphere about the centre, beyond which no seam is near
+};
+
+/// Pixels side by side that show one face, before which boxes rise.
+struct SeamRow {
+  int count;
+  const float *depth, *rays;
+  float rotation[9], eye[3];  ///< structure_from_sensor, row by row
+  const SeamBox* boxes;
+  int num_boxes;
+  std::uint64_t rising;  ///< bit b: box b rises before the face
+  bool meets_floor;
+  float floor;                       ///< its height, m
+  float multipath, multipath_reach;  ///< m: error at a seam, distance at which it is 0
+  float fill, fill_reach;            ///< the same of the filter that rounds corners
+};
+
 /// Loops over rows of pixels, each compiled for every instruction set; all give the same to the
 /// last bit as the plain loops that they stand for (tests/render/noise_kernels_test.cc).
 struct NoiseKernels {
@@ -63,8 +85,10 @@ struct NoiseKernels {
   /// holds 3 `count` numbers.
   void (*match)(const MatchRow&, const MatchFigures&, float* depth, std::uint8_t* keep,
                 float* scratch);
-  /// error[u] in depth, m, without that of seams; clears `keep` where too little light comes back.
+  /// error[u] in depth, m, but for that of seams; clears `keep` where too little light comes back.
   void (*measure)(const TofRow&, const TofFigures&, float* error, std::uint8_t* keep);
+  /// Adds to error[u] what the nearest seam does. `scratch` holds 4 `count` numbers.
+  void (*seams)(const SeamRow&, float* error, float* scratch);
   /// mixed[u]: whether `here` lies between both neighbours of its row, or of its column, whose
   /// difference is `jump` at least: at more than `low` and less than `high` of it. `above` and
   /// `below` may be null.

@@ -61,6 +61,8 @@ struct TofFace {
   std::uint64_t seam_boxes = 0;  // bit b: box b rises in front of this face, a concave seam
 };
 
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
 /// A box of the structure in its own frame, to find the concave seams near a point.
 struct SeamBox {
   Eigen::Matrix3f box_from_structure;
@@ -71,6 +73,14 @@ struct SeamBox {
   /// How far the box reaches along n, from the origin, m.
   float Support(const Eigen::Vector3f& n) const {
     return n.dot(centre) + (box_from_structure * n).cwiseAbs().dot(half);
+  }
+  noise::SeamBox ForKernels() const {
+    noise::SeamBox box{};
+    Eigen::Map<RowMajor3f>(box.rotation) = box_from_structure;
+    Eigen::Map<Eigen::Vector3f>(box.centre) = centre;
+    Eigen::Map<Eigen::Vector3f>(box.half) = half;
+    box.reach_squared = reach_squared;
+    return box;
   }
 };
 
@@ -122,22 +132,6 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
     }
   }
   return infos;
-}
-
-/// Distance from a point to the nearest of the boxes that rise in front of its face,
-/// kMultipathReach at most.
-float SeamDistance(const std::vector<SeamBox>& boxes, std::uint64_t seam_boxes,
-                   const Eigen::Vector3f& p) {
-  float nearest = kMultipathReach;
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    if ((seam_boxes >> b & 1) == 0) continue;
-    const Eigen::Vector3f d = boxes[b].centre - p;
-    if (d.squaredNorm() > boxes[b].reach_squared) continue;
-    const Eigen::Vector3f outside =
-        ((boxes[b].box_from_structure * d).cwiseAbs() - boxes[b].half).cwiseMax(0.0F);
-    nearest = std::min(nearest, outside.norm());
-  }
-  return nearest;
 }
 
 void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
@@ -239,14 +233,23 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const TofDevice& device = frame.device;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<TofFace> infos = TofFaces(input, boxes);
-  const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
-  const Eigen::Vector3f eye = input.structure_from_sensor.translation().cast<float>();
-  const auto floor = static_cast<float>(input.structure.FloorHeight());
+  std::vector<noise::SeamBox> seam_boxes;
+  for (const SeamBox& box : boxes) seam_boxes.push_back(box.ForKernels());
+  noise::SeamRow seam{};
+  Eigen::Map<RowMajor3f>(seam.rotation) = input.structure_from_sensor.linear().cast<float>();
+  Eigen::Map<Eigen::Vector3f>(seam.eye) = input.structure_from_sensor.translation().cast<float>();
+  seam.boxes = seam_boxes.data();
+  seam.num_boxes = static_cast<int>(seam_boxes.size());
+  seam.floor = static_cast<float>(input.structure.FloorHeight());
+  seam.multipath = device.multipath;
+  seam.multipath_reach = kMultipathReach;
+  seam.fill = device.fill;
+  seam.fill_reach = kFillReach;
   constexpr noise::TofFigures kFigures = {kWhiteNoise, kWhiteNoiseSlope, kLeastNoiseCosine,
                                           kPatchWave, kFarthest};
   const int width = depth->width();
   const auto columns = static_cast<std::size_t>(width);
-  std::vector<float> of_faces(3 * columns), error(columns);
+  std::vector<float> of_faces(3 * columns), error(columns), scratch(4 * columns);
   noise::TofRow row{};
   row.count = width;
   row.height = of_faces.data();
@@ -277,19 +280,22 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
         },
         of_faces.data() + 2 * columns);
     noise::Kernels().measure(row, kFigures, error.data(), &(*keep)[first]);
-    for (std::size_t u = 0; u < columns; ++u) {
-      if (row.faces[u] == 0) continue;
-      const TofFace& face = infos[row.faces[u] - 1U];
-      const float z = row.depth[u];
+    for (int u = 0; u < width;) {
+      const int begin = u;
+      while (u < width && row.faces[u] == row.faces[begin]) ++u;
+      if (row.faces[begin] == 0) continue;
+      const TofFace& face = infos[row.faces[begin] - 1U];
       if (face.meets_floor || face.seam_boxes != 0) {
-        const Eigen::Vector2f& ray = view.rays->rays[first + u];
-        const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(ray.x(), ray.y(), 1));
-        float seam = SeamDistance(boxes, face.seam_boxes, p);
-        if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error[u] += device.multipath * (1 - seam / kMultipathReach) -
-                    device.fill * std::max(1 - seam / kFillReach, 0.0F);
+        seam.count = u - begin;
+        seam.depth = row.depth + begin;
+        seam.rays = row.rays + 2 * begin;
+        seam.rising = face.seam_boxes;
+        seam.meets_floor = face.meets_floor;
+        noise::Kernels().seams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
       }
-      (*depth)[first + u] = z + error[u];
+      for (int k = begin; k < u; ++k) {
+        (*depth)(k, v) = row.depth[k] + error[static_cast<std::size_t>(k)];
+      }
     }
   }
 }
