@@ -21,6 +21,7 @@
 #include "render/preview.h"
 #include "render/rig.h"
 #include "render/sample.h"
+#include "train/compute.h"
 #include "train/train_config.h"
 
 namespace volalign {
@@ -177,6 +178,7 @@ int RunRender(const RenderOptions& options) {
     throw ConfigError(
         "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
   }
+  KeepFreedMemory();
   const ConfigSource source =
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
   const auto choose = [&](const std::string& renderer) {

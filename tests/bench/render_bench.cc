@@ -1,9 +1,13 @@
 #include <benchmark/benchmark.h>
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 
 #include "core/geometry/image_size.h"
 #include "render/egl/egl_context.h"
@@ -158,6 +162,11 @@ BENCHMARK(BM_SampleStream)
 
 int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
+#if defined(__GLIBC__)
+  // As `train` and `render` do (KeepFreedMemory): otherwise images come from new pages each time.
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+#endif
   benchmark::Initialize(&argc, argv);
   benchmark::RunSpecifiedBenchmarks();
   return 0;
