@@ -31,13 +31,14 @@ void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& 
   }
 }
 
-/// Numbers of a row of pixels that depend on the face which each shows, 0 where it shows none.
-template <class Value>
-void FillByFace(const std::uint16_t* faces, int count, const Value& of_face, float* row) {
-  for (int u = 0; u < count;) {
-    const std::uint16_t face = faces[u];
-    const float value = face == 0 ? 0.0F : of_face(face - 1U);
-    for (; u < count && faces[u] == face; ++u) row[u] = value;
+/// Calls visit(begin, end, face) for each run of pixels that show one face, an index into the
+/// mesh's; not for those that show none.
+template <class Visit>
+void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
+  for (int begin = 0, end = 0; begin < count; begin = end) {
+    const std::uint16_t face = faces[begin];
+    while (end < count && faces[end] == face) ++end;
+    if (face != 0) visit(begin, end, static_cast<std::size_t>(face - 1));
   }
 }
 

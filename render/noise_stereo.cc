@@ -202,13 +202,13 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
     row.coarse = &confidence.coarse()[first];
     row.fine = &confidence.fine()[first];
     row.disparity_error = &disparity_error[first];
-    const auto fill = [&](float FaceInfo::*member, float* to) {
-      FillByFace(
-          row.faces, width, [&](std::size_t face) { return infos[face].*member; }, to);
-    };
-    fill(&FaceInfo::height, of_faces.data());
-    fill(&FaceInfo::confidence, of_faces.data() + columns);
-    fill(&FaceInfo::distance_loss, of_faces.data() + 2 * columns);
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      const FaceInfo& info = infos[face];
+      float* const to = of_faces.data() + begin;
+      std::fill_n(to, end - begin, info.height);
+      std::fill_n(to + columns, end - begin, info.confidence);
+      std::fill_n(to + 2 * columns, end - begin, info.distance_loss);
+    });
     noise::Kernels().match(row, kFigures, &depth[first], &(*keep)[first], scratch.data());
   }
 }

@@ -267,36 +267,28 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
     row.warp = &device.warp[first];
     row.grain = &frame.grain[first];
     row.patches = &frame.patches[first];
-    FillByFace(
-        row.faces, width, [&](std::size_t face) { return infos[face].height; }, of_faces.data());
-    FillByFace(
-        row.faces, width, [&](std::size_t face) { return infos[face].reflectivity; },
-        of_faces.data() + columns);
-    FillByFace(
-        row.faces, width,
-        [&](std::size_t face) {
-          return infos[face].is_structure ? frame.patch_limit + kStructurePatchLimit
-                                          : frame.patch_limit;
-        },
-        of_faces.data() + 2 * columns);
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      float* const to = of_faces.data() + begin;
+      std::fill_n(to, end - begin, infos[face].height);
+      std::fill_n(to + columns, end - begin, infos[face].reflectivity);
+      std::fill_n(
+          to + 2 * columns, end - begin,
+          infos[face].is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit);
+    });
     noise::Kernels().measure(row, kFigures, error.data(), &(*keep)[first]);
-    for (int u = 0; u < width;) {
-      const int begin = u;
-      while (u < width && row.faces[u] == row.faces[begin]) ++u;
-      if (row.faces[begin] == 0) continue;
-      const TofFace& face = infos[row.faces[begin] - 1U];
-      if (face.meets_floor || face.seam_boxes != 0) {
-        seam.count = u - begin;
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      if (infos[face].meets_floor || infos[face].seam_boxes != 0) {
+        seam.count = end - begin;
         seam.depth = row.depth + begin;
         seam.rays = row.rays + 2 * begin;
-        seam.rising = face.seam_boxes;
-        seam.meets_floor = face.meets_floor;
+        seam.rising = infos[face].seam_boxes;
+        seam.meets_floor = infos[face].meets_floor;
         noise::Kernels().seams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
       }
-      for (int k = begin; k < u; ++k) {
-        (*depth)(k, v) = row.depth[k] + error[static_cast<std::size_t>(k)];
+      for (int u = begin; u < end; ++u) {
+        (*depth)(u, v) = row.depth[u] + error[static_cast<std::size_t>(u)];
       }
-    }
+    });
   }
 }
 
