@@ -20,7 +20,7 @@
 #include "core/base/input_file.h"
 #include "core/formats/structure_gltf.h"
 #include "core/nn/checkpoint.h"
-#include "render/egl/egl_context.h"
+#include "render/egl/renderers.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/refine/ceres_version.h"
 #endif
@@ -91,10 +91,10 @@ void CheckProcessor(Findings* findings) {
 
 void CheckRenderer(Findings* findings) {
   try {
-    findings->Say("renderer", EglContext().Describe());
+    findings->Say("renderer", ChooseRenderers("egl").description);
   } catch (const Error& error) {
-    findings->Miss("renderer", fmt::format("{} (needed by render, train, validate and evaluate, "
-                                           "not by calibrate)",
+    findings->Miss("renderer", fmt::format("{} (render, train, validate and evaluate can do "
+                                           "without: renderer=cpu)",
                                            error.what()));
   }
 }

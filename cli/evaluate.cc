@@ -24,8 +24,7 @@
 #include "infer/evaluate/suite/write_suite.h"
 #include "infer/evaluate/tables.h"
 #include "infer/segment/load.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 
 namespace volalign {
 
@@ -35,6 +34,7 @@ struct EvaluateOptions {
   std::string output, config, seeds, compare;
   std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
+  std::string renderer = "egl";
   int egl_device = -1;
   std::string suite, suite_config = "configs/paper/suite.yaml";
   int workers = 1, max_captures = 0;
@@ -92,6 +92,10 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_flag("--keep-yaw", options->rigs.keep_yaw,
                 "leave the structure as the rig turns it; else each seed turns it by the golden "
                 "angle more");
+  app->add_option("--renderer", options->renderer,
+                  "egl, cpu or auto, see data.renderer (docs/config.md)")
+      ->check(CLI::IsMember({"egl", "cpu", "auto"}))
+      ->capture_default_str();
   app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
   AddSuiteOptions(app, options);
@@ -138,7 +142,9 @@ int RunPaperSuite(const EvaluateOptions& options) {
     RemoveTemporaries(run.output / "captures" / dataset.name);
   run.program = Sha256(ReadFile("/proc/self/exe", kMaxModelBytes));
   run.workers = options.workers;
-  run.device = options.egl_device;
+  run.make_renderer = [&options] {
+    return ChooseRenderers(options.renderer, {options.egl_device}).make();
+  };
   run.max_captures = options.max_captures;
   run.progress = PrintProgress;
   SetTorchThreads(options.workers > 1 ? 1 : 2);
@@ -179,16 +185,13 @@ int RunEvaluate(const EvaluateOptions& options) {
     NetworkSegmenter* network = networks.back().get();
     models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
   }
-  std::optional<EglContext> egl;
-  std::optional<GlDepthRenderer> renderer;
+  std::unique_ptr<DepthRenderer> renderer;
   std::vector<EvaluationItem> items;
   if (!rigs.empty()) {
-    EglContextOptions context_options;
-    context_options.device = options.egl_device;
-    egl.emplace(context_options);
-    renderer.emplace();
-    fmt::print(stderr, "renderer: {}\n", egl->Describe());
-    items = RigItems(rigs, series, &*renderer);
+    const Renderers chosen = ChooseRenderers(options.renderer, {options.egl_device});
+    fmt::print(stderr, "renderer: {}\n", chosen.description);
+    renderer = chosen.make();
+    items = RigItems(rigs, series, renderer.get());
   }
   for (const std::string& capture : options.captures) {
     items.push_back(CaptureItem(capture, networks.front()->structure()));

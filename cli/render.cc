@@ -17,11 +17,11 @@
 #include "core/base/folder.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/preview.h"
 #include "render/rig.h"
 #include "render/sample.h"
+#include "train/compute.h"
 #include "train/train_config.h"
 
 namespace volalign {
@@ -38,6 +38,7 @@ struct RenderOptions {
   bool preview = false;
   std::string real_frames;
   double real_depth_scale = 0.001;
+  std::string renderer;
   int egl_device = -1;
 };
 
@@ -72,6 +73,10 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
       ->needs(preview)
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app->add_option("--renderer", options->renderer,
+                  "egl, cpu or auto, see data.renderer (docs/config.md); the "
+                  "recipe's, and egl for a rig, without it")
+      ->check(CLI::IsMember({"egl", "cpu", "auto"}));
   app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
 }
@@ -114,9 +119,9 @@ std::string WriteStills(const std::filesystem::path& draft, const std::string& o
 }
 
 /// Each turn of the structure in a folder of its own, where there are several.
-void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
+void RenderRigTurns(const RenderOptions& options, const ConfigSource& source,
+                    DepthRenderer& renderer) {
   const ResultFolder folder(options.output);
-  GlDepthRenderer renderer;
   const std::vector<Rig> turns = Turns(ReadRig(source));
   std::string said;
   for (std::size_t k = 0; k < turns.size(); ++k) {
@@ -134,10 +139,10 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source) {
   fmt::print("{}", said);
 }
 
-void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
+void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed,
+                   DepthRenderer& renderer) {
   constexpr std::uint64_t kMostSamples = 10000;
   const ResultFolder folder(options.output);
-  GlDepthRenderer renderer;
   const PreviewOptions preview{seed, options.index,
                                static_cast<int>(std::min(options.count, kMostSamples)),
                                options.real_frames, options.real_depth_scale};
@@ -148,7 +153,8 @@ void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std:
   fmt::print("\n{}written: {}/preview.png, config.yaml\n", statistics, options.output);
 }
 
-void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed) {
+void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed,
+                   const RendererFactory& make_renderer) {
   DatasetOptions dataset;
   dataset.seed = seed;
   dataset.first_index = options.index;
@@ -156,7 +162,7 @@ void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std:
   dataset.num_threads = options.threads > 0
                             ? options.threads
                             : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  dataset.make_renderer = GlRenderers({options.egl_device});
+  dataset.make_renderer = make_renderer;
   dataset.progress = true;
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(recipe.data, recipe.run.batch_size));
@@ -172,20 +178,28 @@ int RunRender(const RenderOptions& options) {
     throw ConfigError(
         "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
   }
+  KeepFreedMemory();
   const ConfigSource source =
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
-  const EglContext egl({options.egl_device});
-  fmt::print("renderer: {}\n", egl.Describe());
+  const auto choose = [&](const std::string& renderer) {
+    Renderers chosen = ChooseRenderers(renderer, {options.egl_device});
+    fmt::print("renderer: {}\n", chosen.description);
+    return chosen;
+  };
   if (!options.rig.empty()) {
-    RenderRigTurns(options, source);
+    const Renderers chosen = choose(options.renderer.empty() ? "egl" : options.renderer);
+    RenderRigTurns(options, source, *chosen.make());
     return 0;
   }
-  const TrainConfig recipe = ReadTrainConfig(source);
+  TrainConfig recipe = ReadTrainConfig(source);
+  const Renderers chosen =
+      choose(options.renderer.empty() ? recipe.data.renderer : options.renderer);
+  recipe.data.renderer = chosen.name;
   const std::uint64_t seed = options.seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
   if (options.preview) {
-    RenderPreview(options, recipe, seed);
+    RenderPreview(options, recipe, seed, *chosen.make());
   } else {
-    RenderDataset(options, recipe, seed);
+    RenderDataset(options, recipe, seed, chosen.make);
     SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
   }
   return 0;

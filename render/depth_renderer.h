@@ -15,8 +15,9 @@ struct RenderedView {
   DepthImage depth;   ///< m along the optical axis, 0 where nothing is
   LabelImage labels;  ///< 0 for background
   Image16 faces;      ///< 1 + index into SceneMesh::faces, 0 where nothing is
-  /// Of every pixel; zero where a lens has folded over, where nothing is seen either.
-  RayTable rays;
+  /// Of every pixel; zero where a lens has folded over, where nothing is seen either. Pictures of
+  /// the same intrinsics share one table.
+  std::shared_ptr<const RayTable> rays;
 };
 
 /// Draws depth, labels and face indices.
@@ -35,5 +36,15 @@ class DepthRenderer {
 
 /// Makes a renderer for the thread that calls it, which must also destroy it.
 using RendererFactory = std::function<std::unique_ptr<DepthRenderer>()>;
+
+/// Throws Error for a picture without a size or larger than `most_size`, and for more faces than 16
+/// bits of a pixel can name.
+void RequireDrawable(const SceneMesh& mesh, int width, int height, int most_size);
+
+/// Gives the images the intrinsics' size, and leaves them as they are where they have it.
+void FitImages(const Intrinsics& intrinsics, RenderedView* view);
+
+/// ComputeRays' table as a view has it, with zero for NaN.
+std::shared_ptr<const RayTable> ViewRays(RayTable rays);
 
 }  // namespace volalign

@@ -46,7 +46,7 @@ Radiance Shade(const RenderedView& view, const SceneMesh& mesh, const Structure&
       const double z = view.depth(u, v);
       if (!(z > 0)) continue;
       const SceneFace& face = mesh.faces[view.faces(u, v) - 1U];
-      const Eigen::Vector2f& ray = view.rays.at(u, v);
+      const Eigen::Vector2f& ray = view.rays->at(u, v);
       const Eigen::Vector3d from_sensor(z * ray.x(), z * ray.y(), z);
       double reflectivity = mesh.objects[static_cast<std::size_t>(face.object)].reflectivity;
       const int label = view.labels(u, v);

@@ -21,7 +21,8 @@ struct Hit {
   std::uint32_t id = 0;
 };
 
-/// Depth at which the ray (x, y, 1) meets the plane of the face, as DepthRenderer's shader has it.
+/// Depth at which the ray (x, y, 1) meets the plane of the face. Outside its polygon (OpenGL snaps
+/// corners to 1/256 px) a plane seen edge-on may reach anywhere: z stays in the face's range.
 float DepthOf(const FaceCorner& face, const Eigen::Vector3f& ray) {
   const float inverse = face.inverse_plane.dot(ray);
   return inverse > 0 ? std::clamp(1 / inverse, face.z_min, face.z_max) : face.z_max;
@@ -72,6 +73,10 @@ class LensPainter {
     return best.id == 0 ? Hit{0, 0} : best;
   }
 
+  Hit HitOf(std::uint32_t id, const Eigen::Vector3f& ray) const {
+    return id == 0 ? Hit{0, 0} : Hit{DepthOf(*CornersOf(id), ray), id};
+  }
+
  private:
   std::uint32_t Id(int u, int v) const {
     return ids_[static_cast<std::size_t>(v) * static_cast<std::size_t>(pinhole_.width) +
@@ -79,9 +84,6 @@ class LensPainter {
   }
   const FaceCorner* CornersOf(std::uint32_t id) const {
     return &corners_[first_corner_[(id & 0xFFFFU) - 1]];
-  }
-  Hit HitOf(std::uint32_t id, const Eigen::Vector3f& ray) const {
-    return id == 0 ? Hit{0, 0} : Hit{DepthOf(*CornersOf(id), ray), id};
   }
 
   const Intrinsics& pinhole_;
@@ -93,7 +95,10 @@ class LensPainter {
 }  // namespace
 
 LensPicture PlanLensPicture(const Intrinsics& lens) {
-  LensPicture picture{lens, {}, ComputeRays(lens)};
+  LensPicture picture{lens, lens, ComputeRays(lens), {}};
+  picture.pinhole.distortion.clear();
+  picture.view_rays = ViewRays(picture.rays);
+  if (lens.distortion.empty()) return picture;
   Eigen::Array2f low = Eigen::Array2f::Zero(), high = Eigen::Array2f::Zero();
   for (const Eigen::Vector2f& ray : picture.rays.rays) {
     if (!ray.allFinite()) continue;
@@ -114,12 +119,13 @@ void DrawThroughLens(const LensPicture& picture, const std::vector<std::uint32_t
                      const std::vector<FaceCorner>& corners,
                      const std::vector<std::uint32_t>& first_corner, RenderedView* view) {
   const LensPainter painter(picture, ids, corners, first_corner);
-  view->rays = picture.rays;
+  view->rays = picture.view_rays;
+  const bool is_pinhole = picture.lens.distortion.empty();
   for (std::size_t i = 0; i < view->depth.size(); ++i) {
-    Eigen::Vector2f& ray = view->rays.rays[i];
-    const bool seen = ray.allFinite();
-    if (!seen) ray.setZero();
-    const Hit hit = seen ? painter.At(ray) : Hit{0, 0};
+    const Eigen::Vector2f& ray = picture.rays.rays[i];
+    const Hit hit = is_pinhole        ? painter.HitOf(ids[i], ray.homogeneous())
+                    : ray.allFinite() ? painter.At(ray)
+                                      : Hit{0, 0};
     view->depth[i] = hit.depth;
     view->labels[i] = static_cast<std::uint8_t>(hit.id >> 16);
     view->faces[i] = static_cast<std::uint16_t>(hit.id);

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/geometry/camera.h"
@@ -19,21 +20,24 @@ struct FaceCorner {
   std::uint32_t id;               ///< label << 16 | 1 + face index
 };
 
-/// How a camera with a lens is drawn: a pinhole picture of its whole field of view says which faces
-/// a pixel may see, and the pixel's own ray which one it does see, and where.
+/// How a camera is drawn from a picture that names the face of each pixel: without a lens from its
+/// own; with one, a pinhole picture of its whole field of view says which faces a pixel may see,
+/// and the pixel's own ray which one it does see, and where.
 struct LensPicture {
   Intrinsics lens;
-  Intrinsics pinhole;  ///< of the pinhole picture
-  RayTable rays;       ///< of the lens; NaN beyond its fold
+  Intrinsics pinhole;                         ///< of the pinhole picture
+  RayTable rays;                              ///< of the lens; NaN beyond its fold
+  std::shared_ptr<const RayTable> view_rays;  ///< RenderedView::rays
 };
 
 /// Throws DataError for a lens that ComputeRays cannot invert.
 LensPicture PlanLensPicture(const Intrinsics& lens);
 
-/// Fills the picture through the lens. `ids` are FaceCorner::id of the pinhole picture's pixels, 0
-/// where nothing is; the face of index i has its four corners in `corners` from first_corner[i] on.
-/// Depth is where a pixel's ray meets the face's plane, exact to float rounding, and silhouettes
-/// are those of the faces' polygons, but for what is smaller than a pixel of the pinhole picture.
+/// Fills the view, whose images have the lens's size. `ids` are FaceCorner::id of the pinhole
+/// picture's pixels, 0 where nothing is; the face of index i has its four corners in `corners` from
+/// first_corner[i] on. Depth is where a pixel's ray meets the face's plane, exact to float
+/// rounding, and silhouettes are those of the faces' polygons, but for what is smaller than a pixel
+/// of the pinhole picture.
 void DrawThroughLens(const LensPicture& picture, const std::vector<std::uint32_t>& ids,
                      const std::vector<FaceCorner>& corners,
                      const std::vector<std::uint32_t>& first_corner, RenderedView* view);

@@ -90,14 +90,8 @@ std::string SensorModelNames() {
 }
 
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
-  for (std::size_t i = 0; i < keep.size(); ++i) {
-    if (!keep[i] || view->depth[i] <= 0) {
-      view->depth[i] = 0;
-      view->labels[i] = 0;
-    } else {
-      view->depth[i] = std::nearbyint(view->depth[i] * 1000) * 0.001F;
-    }
-  }
+  noise::Kernels().round(keep.data(), static_cast<int>(keep.size()), view->depth.data(),
+                         view->labels.data());
 }
 
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <cstring>
 #include <optional>
+#include <vector>
 
 #include "core/base/random.h"
 #include "render/noise.h"
+#include "render/noise_kernels.h"
 
 namespace volalign {
 
@@ -14,6 +17,49 @@ NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomS
 /// Rounds depths to the millimetre, as sensors deliver them. Where `keep` is 0 or the depth is not
 /// positive, depth and label become 0.
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view);
+
+/// Calls visit(i) for each i < count whose byte is not 0. There are seven bytes more, which are 0.
+template <class Visit>
+void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& visit) {
+  for (int first = 0; first < count; first += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, &bytes[static_cast<std::size_t>(first)], sizeof eight);
+    if (eight == 0) continue;
+    for (int i = first; i < first + 8; ++i) {
+      if (bytes[static_cast<std::size_t>(i)]) visit(i);
+    }
+  }
+}
+
+/// Calls visit(begin, end, face) for each run of pixels that show one face, an index into the
+/// mesh's; not for those that show none.
+template <class Visit>
+void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
+  for (int begin = 0, end = 0; begin < count; begin = end) {
+    const std::uint16_t face = faces[begin];
+    while (end < count && faces[end] == face) ++end;
+    if (face != 0) visit(begin, end, static_cast<std::size_t>(face - 1));
+  }
+}
+
+/// ForEachNeighbourPair, but for pairs that show one face.
+template <class Visit>
+void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
+  const int width = faces.width(), height = faces.height();
+  std::vector<std::uint8_t> edges(static_cast<std::size_t>(width) + 7);
+  for (int v = 0; v < height; ++v) {
+    const std::uint16_t* const row = &faces(0, v);
+    noise::Kernels().face_edges(row, v + 1 < height ? row + width : row, width, edges.data());
+    ForEachSet(edges, width, [&](int u) {
+      const std::uint8_t edge = edges[static_cast<std::size_t>(u)];
+      const std::uint64_t pair =
+          2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
+               static_cast<std::uint64_t>(u));
+      if (edge & 1) visit(u, v, u + 1, v, pair);
+      if (edge & 2) visit(u, v, u, v + 1, pair + 1);
+    });
+  }
+}
 
 /// Time of flight (docs/sensor-models.md): white noise that grows with distance and
 /// incidence, a smooth warp, a bias of the frame, multipath in concave corners, gaps and few flying

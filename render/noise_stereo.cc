@@ -47,29 +47,31 @@ struct MatchedView {
 MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStream& random,
                    StereoDevice* device) {
   const int width = view.depth.width(), height = view.depth.height();
-  MatchedView out{{DepthImage(width, height), LabelImage(width, height)}, Image16(width, height)};
+  MatchedView out{{view.depth, view.labels}, view.faces};
   if (!known) {
     device->outline_u = SmoothField(width, height, kFattenCorrelation * scale, random);
     device->outline_v = SmoothField(width, height, kFattenCorrelation * scale, random);
   }
   const Image<float>&du = device->outline_u, &dv = device->outline_v;
   const PixelRandom pixel(random);
-  std::size_t i = 0;
+  const auto columns = static_cast<std::size_t>(width);
+  std::vector<float> dither(columns);
+  std::vector<std::int32_t> source(columns);
+  std::vector<std::uint8_t> nearer(columns + 7);
   for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u, ++i) {
-      const auto reach = static_cast<float>(scale);
-      const float dither = pixel.Uniform(i) - 0.5F;
-      const int p =
-          std::clamp(u + static_cast<int>(std::nearbyint(reach * du[i] + dither)), 0, width - 1);
-      const int q =
-          std::clamp(v + static_cast<int>(std::nearbyint(reach * dv[i] + dither)), 0, height - 1);
-      const float here = view.depth[i], there = view.depth(p, q);
-      const bool take = there > 0 && (here == 0 || there < here - kForegroundStep) &&
-                        view.faces(p, q) != view.faces[i];
-      out.view.depth[i] = take ? there : here;
-      out.view.labels[i] = take ? view.labels(p, q) : view.labels[i];
-      out.faces[i] = take ? view.faces(p, q) : view.faces[i];
-    }
+    const std::size_t first = static_cast<std::size_t>(v) * columns;
+    noise::Kernels().uniform(pixel.key(), first, width, dither.data());
+    noise::Kernels().fatten(view.depth.data(), width, height, v, &du[first], &dv[first],
+                            dither.data(), static_cast<float>(scale), kForegroundStep,
+                            source.data(), nearer.data());
+    ForEachSet(nearer, width, [&](int u) {
+      const std::size_t i = first + static_cast<std::size_t>(u);
+      const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(u)]);
+      if (view.faces[from] == view.faces[i]) return;
+      out.view.depth[i] = view.depth[from];
+      out.view.labels[i] = view.labels[from];
+      out.faces[i] = view.faces[from];
+    });
   }
   return out;
 }
@@ -84,8 +86,7 @@ void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
   const int width = depth.width(), height = depth.height();
   const Image<float> edge_loss = SmoothField(width, height, kEdgeLossCorrelation * scale, random);
   const PixelRandom edge_dice(random);
-  ForEachNeighbourPair(width, height, [&](int u, int v, int p, int q, std::uint64_t pair) {
-    if (faces(u, v) == faces(p, q)) return;
+  ForEachFaceEdge(faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = depth(u, v), b = depth(p, q);
     if (a == 0 || b == 0 || std::abs(a - b) < kEdgeStep) return;
     const int far_u = a > b ? u : p, far_v = a > b ? v : q;
@@ -115,7 +116,7 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
   const Image<float>& warp = device->warp;
   const PixelRandom pixel(random);
   Image<float> error(width, height);
-  for (std::size_t i = 0; i < error.size(); ++i) error[i] = pixel.Normal(i);
+  noise::Kernels().normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
   SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
   for (std::size_t i = 0; i < error.size(); ++i) {
     error[i] = static_cast<float>(device->local_sigma) * error[i] +
@@ -126,22 +127,10 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
 
 /// Of a face, what the matcher depends on.
 struct FaceInfo {
-  float height;  // distance of the eye from the plane, m
-  float texture;
-  bool is_structure;
+  float height;         // distance of the eye from the plane, m
+  float confidence;     // before distance and incidence
+  float distance_loss;  // of confidence, a metre
 };
-
-std::vector<FaceInfo> FaceInfos(const NoiseInput& input) {
-  const Eigen::Vector3d eye = input.structure_from_sensor.translation();
-  std::vector<FaceInfo> infos(input.mesh.faces.size());
-  for (std::size_t i = 0; i < infos.size(); ++i) {
-    const SceneFace& face = input.mesh.faces[i];
-    const SceneObject& object = input.mesh.objects[static_cast<std::size_t>(face.object)];
-    infos[i] = {static_cast<float>(face.normal.dot(eye) - face.offset), object.texture,
-                object.is_structure};
-  }
-  return infos;
-}
 
 /// Whether a pixel finds its match: texture has to outweigh distance, incidence and two random
 /// fields.
@@ -158,16 +147,24 @@ class MatchConfidence {
         structure_quality_(
             static_cast<float>(random.Uniform(kStructureQuality[0], kStructureQuality[1]))) {}
 
-  /// Of the pixel with index i that shows `face` at depth z, m; negative: no match.
-  float At(std::size_t i, const FaceInfo& face, float z, float cosine) const {
-    const float offset = face.is_structure
-                             ? structure_quality_
-                             : quality_ + kTextureGain * (face.texture - kMeanTexture) -
-                                   kDistanceLoss * std::max(z - kFullQualityDistance, 0.0F);
-    return offset - kGrazingLoss * std::max(kGrazingCosine - cosine, 0.0F) -
-           kSteepLoss * std::max(kSteepCosine - cosine, 0.0F) + kCoarseWeight * coarse_[i] +
-           kFineWeight * fine_[i];
+  std::vector<FaceInfo> OfFaces(const NoiseInput& input) const {
+    const Eigen::Vector3d eye = input.structure_from_sensor.translation();
+    std::vector<FaceInfo> infos;
+    infos.reserve(input.mesh.faces.size());
+    for (const SceneFace& face : input.mesh.faces) {
+      const SceneObject& object = input.mesh.objects[static_cast<std::size_t>(face.object)];
+      const auto height = static_cast<float>(face.normal.dot(eye) - face.offset);
+      if (object.is_structure) {
+        infos.push_back({height, structure_quality_, 0});
+      } else {
+        infos.push_back(
+            {height, quality_ + kTextureGain * (object.texture - kMeanTexture), kDistanceLoss});
+      }
+    }
+    return infos;
   }
+  const Image<float>& coarse() const { return coarse_; }
+  const Image<float>& fine() const { return fine_; }
 
  private:
   Image<float> coarse_, fine_;
@@ -181,39 +178,38 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
            MatchedView* matched, Image<std::uint8_t>* keep) {
   DepthImage& depth = matched->view.depth;
   const int width = depth.width(), height = depth.height();
-  const std::vector<FaceInfo> infos = FaceInfos(input);
-  const auto native_fb = static_cast<float>(model.focal_baseline);
-  const auto image_fb =
-      static_cast<float>(model.focal_baseline * width / model.native_width);  // px of this image
-  const auto largest_disparity =
-      static_cast<float>(model.largest_disparity * width / model.native_width);
-  const auto margin = static_cast<float>(kOcclusionMargin * scale);
-  for (int v = 0; v < height; ++v) {
-    // Column of the right image that a surface further right covers already: what lies behind it is
-    // seen by the left camera alone.
-    float covered = 1e9F;
-    for (int u = width - 1; u >= 0; --u) {
-      const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
-                            static_cast<std::size_t>(u);
-      const float z = depth[i];
-      if (matched->faces[i] == 0 || z <= 0) {
-        (*keep)[i] = 0;
-        continue;
-      }
-      const FaceInfo& face = infos[matched->faces[i] - 1U];
-      const float x = input.view.rays.rays[i].x(), y = input.view.rays.rays[i].y();
-      const float disparity = image_fb / z;
-      const float column = static_cast<float>(u) - disparity;
-      const bool occluded = column > covered + margin;
-      covered = std::min(covered, column);
-      const float cosine = std::min(face.height / (z * std::sqrt(x * x + y * y + 1)), 1.0F);
-      if (occluded || column < 0 || confidence.At(i, face, z, cosine) < 0 ||
-          disparity > largest_disparity || v == 0) {
-        (*keep)[i] = 0;
-        continue;
-      }
-      depth[i] = native_fb / std::max(native_fb / z + disparity_error[i], kLeastDisparity);
-    }
+  const std::vector<FaceInfo> infos = confidence.OfFaces(input);
+  constexpr noise::MatchFigures kFigures = {kFullQualityDistance, kGrazingLoss,   kGrazingCosine,
+                                            kSteepLoss,           kSteepCosine,   kCoarseWeight,
+                                            kFineWeight,          kLeastDisparity};
+  const auto columns = static_cast<std::size_t>(width);
+  std::vector<float> of_faces(3 * columns), scratch(3 * columns);
+  noise::MatchRow row{};
+  row.count = width;
+  row.height = of_faces.data();
+  row.confidence = of_faces.data() + columns;
+  row.distance_loss = of_faces.data() + 2 * columns;
+  row.native_fb = static_cast<float>(model.focal_baseline);
+  row.image_fb = static_cast<float>(model.focal_baseline * width / model.native_width);
+  row.largest_disparity = static_cast<float>(model.largest_disparity * width / model.native_width);
+  row.margin = static_cast<float>(kOcclusionMargin * scale);
+  // The matcher has nothing to compare the first row with.
+  std::fill_n(keep->begin(), width, std::uint8_t{0});
+  for (int v = 1; v < height; ++v) {
+    const std::size_t first = static_cast<std::size_t>(v) * columns;
+    row.faces = &matched->faces[first];
+    row.rays = input.view.rays->rays[first].data();
+    row.coarse = &confidence.coarse()[first];
+    row.fine = &confidence.fine()[first];
+    row.disparity_error = &disparity_error[first];
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      const FaceInfo& info = infos[face];
+      float* const to = of_faces.data() + begin;
+      std::fill_n(to, end - begin, info.height);
+      std::fill_n(to + columns, end - begin, info.confidence);
+      std::fill_n(to + 2 * columns, end - begin, info.distance_loss);
+    });
+    noise::Kernels().match(row, kFigures, &depth[first], &(*keep)[first], scratch.data());
   }
 }
 

@@ -61,6 +61,8 @@ struct TofFace {
   std::uint64_t seam_boxes = 0;  // bit b: box b rises in front of this face, a concave seam
 };
 
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
 /// A box of the structure in its own frame, to find the concave seams near a point.
 struct SeamBox {
   Eigen::Matrix3f box_from_structure;
@@ -71,6 +73,14 @@ struct SeamBox {
   /// How far the box reaches along n, from the origin, m.
   float Support(const Eigen::Vector3f& n) const {
     return n.dot(centre) + (box_from_structure * n).cwiseAbs().dot(half);
+  }
+  noise::SeamBox ForKernels() const {
+    noise::SeamBox box{};
+    Eigen::Map<RowMajor3f>(box.rotation) = box_from_structure;
+    Eigen::Map<Eigen::Vector3f>(box.centre) = centre;
+    Eigen::Map<Eigen::Vector3f>(box.half) = half;
+    box.reach_squared = reach_squared;
+    return box;
   }
 };
 
@@ -124,22 +134,6 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
   return infos;
 }
 
-/// Distance from a point to the nearest of the boxes that rise in front of its face,
-/// kMultipathReach at most.
-float SeamDistance(const std::vector<SeamBox>& boxes, std::uint64_t seam_boxes,
-                   const Eigen::Vector3f& p) {
-  float nearest = kMultipathReach;
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    if ((seam_boxes >> b & 1) == 0) continue;
-    const Eigen::Vector3f d = boxes[b].centre - p;
-    if (d.squaredNorm() > boxes[b].reach_squared) continue;
-    const Eigen::Vector3f outside =
-        ((boxes[b].box_from_structure * d).cwiseAbs() - boxes[b].half).cwiseMax(0.0F);
-    nearest = std::min(nearest, outside.norm());
-  }
-  return nearest;
-}
-
 void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
   const double su = kTofWidth / width, sv = kTofHeight / height;
   for (int v = 0; v < height; ++v) {
@@ -158,8 +152,7 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
   const int width = clean.depth.width(), height = clean.depth.height();
   const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
-  ForEachNeighbourPair(width, height, [&](int u, int v, int p, int q, std::uint64_t pair) {
-    if (clean.faces(u, v) == clean.faces(p, q)) return;
+  ForEachFaceEdge(clean.faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = clean.depth(u, v), b = clean.depth(p, q);
     const float jump = std::abs(a - b);
     if (a == 0 || b == 0 || jump < kLeastJump) return;
@@ -188,23 +181,18 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
 /// The vendor invalidates most pixels that mix two surfaces: at mid-depth between neighbours.
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
   const PixelRandom pixel(random);
-  const auto mixed = [](float a, float m, float b) {
-    const float jump = b - a;
-    if (std::abs(jump) < kMixedJump || a <= 0 || b <= 0) return false;
-    const float share = (m - a) / jump;
-    return share > kMixedLow && share < kMixedHigh;
-  };
+  const int width = depth.width();
+  std::vector<std::uint8_t> mixed(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      const float m = depth(u, v);
-      const bool found =
-          (u > 0 && u + 1 < depth.width() && mixed(depth(u - 1, v), m, depth(u + 1, v))) ||
-          (v > 0 && v + 1 < depth.height() && mixed(depth(u, v - 1), m, depth(u, v + 1)));
-      if (!found) continue;
-      const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(depth.width()) +
+    const float* const row = &depth(0, v);
+    noise::Kernels().mixed(v > 0 ? row - width : nullptr, row,
+                           v + 1 < depth.height() ? row + width : nullptr, width, kMixedJump,
+                           kMixedLow, kMixedHigh, mixed.data());
+    ForEachSet(mixed, width, [&](int u) {
+      const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
                      static_cast<std::uint64_t>(u);
       if (pixel.Uniform(i) < kMixedDetected) (*keep)(u, v) = 0;
-    }
+    });
   }
 }
 
@@ -233,7 +221,7 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
   frame.grain = Image<float>(width, height);
-  for (std::size_t k = 0; k < frame.grain.size(); ++k) frame.grain[k] = pixel.Normal(k);
+  noise::Kernels().normal(pixel.key(), 0, static_cast<int>(frame.grain.size()), frame.grain.data());
   SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
   return frame;
 }
@@ -245,44 +233,62 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const TofDevice& device = frame.device;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<TofFace> infos = TofFaces(input, boxes);
-  const Eigen::Matrix3f rotation = input.structure_from_sensor.linear().cast<float>();
-  const Eigen::Vector3f eye = input.structure_from_sensor.translation().cast<float>();
-  const auto floor = static_cast<float>(input.structure.FloorHeight());
-  std::size_t i = 0;
+  std::vector<noise::SeamBox> seam_boxes;
+  for (const SeamBox& box : boxes) seam_boxes.push_back(box.ForKernels());
+  noise::SeamRow seam{};
+  Eigen::Map<RowMajor3f>(seam.rotation) = input.structure_from_sensor.linear().cast<float>();
+  Eigen::Map<Eigen::Vector3f>(seam.eye) = input.structure_from_sensor.translation().cast<float>();
+  seam.boxes = seam_boxes.data();
+  seam.num_boxes = static_cast<int>(seam_boxes.size());
+  seam.floor = static_cast<float>(input.structure.FloorHeight());
+  seam.multipath = device.multipath;
+  seam.multipath_reach = kMultipathReach;
+  seam.fill = device.fill;
+  seam.fill_reach = kFillReach;
+  constexpr noise::TofFigures kFigures = {kWhiteNoise, kWhiteNoiseSlope, kLeastNoiseCosine,
+                                          kPatchWave, kFarthest};
+  const int width = depth->width();
+  const auto columns = static_cast<std::size_t>(width);
+  std::vector<float> of_faces(3 * columns), error(columns), scratch(4 * columns);
+  noise::TofRow row{};
+  row.count = width;
+  row.height = of_faces.data();
+  row.reflectivity = of_faces.data() + columns;
+  row.patch_limit = of_faces.data() + 2 * columns;
+  row.bias = device.bias;
+  row.warp_rms = device.warp_rms;
+  row.white = device.white;
+  row.threshold = device.threshold;
   for (int v = 0; v < depth->height(); ++v) {
-    for (int u = 0; u < depth->width(); ++u, ++i) {
-      const float z = view.depth[i];
-      if (view.faces[i] == 0) {
-        (*keep)[i] = 0;
-        continue;
+    const std::size_t first = static_cast<std::size_t>(v) * columns;
+    row.faces = &view.faces[first];
+    row.depth = &view.depth[first];
+    row.rays = view.rays->rays[first].data();
+    row.warp = &device.warp[first];
+    row.grain = &frame.grain[first];
+    row.patches = &frame.patches[first];
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      float* const to = of_faces.data() + begin;
+      std::fill_n(to, end - begin, infos[face].height);
+      std::fill_n(to + columns, end - begin, infos[face].reflectivity);
+      std::fill_n(
+          to + 2 * columns, end - begin,
+          infos[face].is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit);
+    });
+    noise::Kernels().measure(row, kFigures, error.data(), &(*keep)[first]);
+    ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
+      if (infos[face].meets_floor || infos[face].seam_boxes != 0) {
+        seam.count = end - begin;
+        seam.depth = row.depth + begin;
+        seam.rays = row.rays + 2 * begin;
+        seam.rising = infos[face].seam_boxes;
+        seam.meets_floor = infos[face].meets_floor;
+        noise::Kernels().seams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
       }
-      const TofFace& face = infos[view.faces[i] - 1U];
-      const float x = view.rays.rays[i].x(), y = view.rays.rays[i].y();
-      const float ray = std::sqrt(x * x + y * y + 1);
-      const float range = z * ray;
-      const float cosine = std::max(face.height / range, 0.01F);
-      const float inverse = 1 / std::max(cosine, kLeastNoiseCosine);
-      const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
-      float error = device.bias + device.warp_rms * device.warp[i] +
-                    device.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * frame.grain[i];
-      if (face.meets_floor || face.seam_boxes != 0) {
-        const Eigen::Vector3f p = eye + z * (rotation * Eigen::Vector3f(x, y, 1));
-        float seam = SeamDistance(boxes, face.seam_boxes, p);
-        if (face.meets_floor) seam = std::min(seam, std::max(p.y() - floor, 0.0F));
-        error += device.multipath * (1 - seam / kMultipathReach) -
-                 device.fill * std::max(1 - seam / kFillReach, 0.0F);
+      for (int u = begin; u < end; ++u) {
+        (*depth)(u, v) = row.depth[u] + error[static_cast<std::size_t>(u)];
       }
-      (*depth)[i] = z + error;
-
-      const float amplitude = face.reflectivity * cosine / (range * range);
-      const float limit =
-          face.is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit;
-      const float wave = 1 + kPatchWave * frame.patches[i];
-      if (amplitude < device.threshold * wave * wave * wave * wave || frame.patches[i] > limit ||
-          z > kFarthest) {
-        (*keep)[i] = 0;
-      }
-    }
+    });
   }
 }
 

@@ -89,6 +89,7 @@ struct SampleConfig {
   SampleSceneConfig scene;
   AssemblyConfig assembly;
   NoiseConfig noise;
+  std::string renderer = "egl";
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -105,6 +106,11 @@ struct SampleConfig {
     ar("scene", scene, "procedural room");
     ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
     ar("noise", noise, "sensor noise");
+    ar("renderer", renderer,
+       "egl (OpenGL), cpu (tiles on the processor: without a driver, the same but for pixels at "
+       "edges), or auto: cpu where OpenGL is software or missing or where training is on CUDA, "
+       "else egl; a run's config.yaml has what was chosen",
+       OneOf({"egl", "cpu", "auto"}));
   }
 };
 

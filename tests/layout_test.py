@@ -65,6 +65,8 @@ TESTED_FOLDERS = ("infer", "render", "train")
 DEPTH_FILE = "declared in depth_file.h, tested by tests/infer/formats/depth_file_test.cc"
 NOISE_MODEL = "one of the models of noise.h, tested by tests/render/noise_test.cc"
 POSE_FORMAT = "one of the formats that tests/infer/report/pose_format_test.cc writes and reads back"
+NOISE_KERNELS = "the kernels of one instruction set, tested by tests/render/noise_kernels_test.cc"
+TILE_KERNELS = "the kernels of one instruction set, tested by tests/render/tiles/tile_kernels_test.cc"
 RECORDING = "declared in recording.h, tested by tests/infer/formats/recording_test.cc"
 REASONS = {
     "infer/evaluate/suite/table_format.cc": "declared in table_data.h, tested by tests/infer/evaluate/suite/table_data_test.cc",
@@ -80,9 +82,15 @@ REASONS = {
     "infer/formats/poses/yaml_codecs.cc": POSE_FORMAT,
     "infer/formats/ros2_recording.cc": RECORDING,
     "infer/plan/target_picture.cc": "declared in target_report.h, tested by tests/infer/plan/target_report_test.cc",
+    "render/noise_kernels_avx2.cc": NOISE_KERNELS,
+    "render/noise_kernels_avx512.cc": NOISE_KERNELS,
+    "render/noise_kernels_baseline.cc": NOISE_KERNELS,
     "render/noise_paper.cc": NOISE_MODEL,
     "render/noise_stereo.cc": NOISE_MODEL,
     "render/noise_tof.cc": NOISE_MODEL,
+    "render/tiles/tile_kernels_avx2.cc": TILE_KERNELS,
+    "render/tiles/tile_kernels_avx512.cc": TILE_KERNELS,
+    "render/tiles/tile_kernels_baseline.cc": TILE_KERNELS,
     "train/run.cc": "what Train() of trainer.h does, tested by tests/train/trainer_test.cc",
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/egl/renderers.h"
 #include "train/compute.h"
 #include "train/rendered_source.h"
 
@@ -22,8 +23,9 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
   const Compute compute = ChooseCompute(config.run);
   model.net->to(compute.device);
   const TrainingLoss loss(config.loss, context->structure, compute.device);
-  RenderedSource source(context, config.run, static_cast<std::uint64_t>(config.run.validation_seed),
-                        0);
+  const Renderers renderers = ChooseRenderers(config.data.renderer, {}, compute.device.is_cuda());
+  RenderedSource source(context, config.run, renderers.make,
+                        static_cast<std::uint64_t>(config.run.validation_seed), 0);
   return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
                   source, samples, compute.device, compute.channels_last);
 }

@@ -13,14 +13,14 @@
 #include <sys/auxv.h>
 #endif
 
-#include "core/nn/simd/processor.h"
+#include "core/base/processor.h"
 #include "core/nn/torch_device.h"
 
 namespace volalign {
 
 bool ProcessorHasBf16() {
 #if defined(__x86_64__)
-  return simd::ThisProcessor().avx512_bf16;
+  return ThisProcessor().avx512_bf16;
 #elif defined(__aarch64__) && defined(HWCAP2_BF16)
   return (getauxval(AT_HWCAP2) & HWCAP2_BF16) != 0;
 #else

@@ -12,17 +12,16 @@ namespace volalign {
 namespace {
 
 /// Keys that may differ when a run is resumed: they change no sample, and no step but for the
-/// rounding of its sums, which run.threads and run.device change.
+/// rounding of its sums, which run.threads and run.device change. So does data.renderer, and few
+/// pixels at edges.
 const std::set<std::string>& FreeKeys() {
-  static const std::set<std::string> keys = {"run.samples",           "run.validation_samples",
-                                             "run.validate_every",    "run.checkpoint_every",
-                                             "run.keep_states",       "run.best_metric",
-                                             "run.patience",          "run.tensorboard",
-                                             "run.log_every",         "run.half_checkpoint",
-                                             "run.threads",           "run.loader_threads",
-                                             "run.prefetch",          "run.device",
-                                             "run.lost_after_s",      "run.dataset",
-                                             "run.validation_dataset"};
+  static const std::set<std::string> keys = {
+      "data.renderer",      "run.samples",          "run.validation_samples",
+      "run.validate_every", "run.checkpoint_every", "run.keep_states",
+      "run.best_metric",    "run.patience",         "run.tensorboard",
+      "run.log_every",      "run.half_checkpoint",  "run.threads",
+      "run.loader_threads", "run.prefetch",         "run.device",
+      "run.lost_after_s",   "run.dataset",          "run.validation_dataset"};
   return keys;
 }
 

@@ -21,7 +21,8 @@ using nlohmann::json;
 const std::set<std::string>& KeysOfTheMachine() {
   static const std::set<std::string> keys = {"run.device",         "run.threads",
                                              "run.loader_threads", "run.prefetch",
-                                             "run.dataset",        "run.validation_dataset"};
+                                             "run.dataset",        "run.validation_dataset",
+                                             "data.renderer"};
   return keys;
 }
 

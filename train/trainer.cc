@@ -44,7 +44,10 @@ std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& dat
 TrainResult Train(const TrainConfig& config, const TrainOptions& options) {
   const BatchSlice slice =
       options.world.size > 1 ? SliceOf(config.run.batch_size, options.world) : BatchSlice();
-  return TrainOn(OpenTrainingData(config, slice), config, options);
+  const TrainingData data = OpenTrainingData(config, slice);
+  TrainConfig chosen = config;
+  chosen.data.renderer = data.renderer;
+  return TrainOn(data, chosen, options);
 }
 
 TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
@@ -74,6 +77,7 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
   Run run(data, config, compute, group, folder ? &*folder : nullptr, std::move(state),
           options.quiet);
   run.Say(ToString(compute));
+  if (!data.drawn_by.empty()) run.Say("renderer: " + data.drawn_by);
   if (group.size() > 1) run.Say(fmt::format("{} processes", group.size()));
   for (const std::string& sentence : damaged) run.Say("warning: " + sentence);
   const std::int64_t samples = config.run.samples;

@@ -9,7 +9,7 @@
 
 #include "core/base/error.h"
 #include "render/dataset.h"
-#include "render/egl/egl_context.h"
+#include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "train/dataset_source.h"
 #include "train/rendered_source.h"
@@ -82,13 +82,14 @@ void RequireApart(const TrainConfig& config, const Dataset* training, const Data
 }
 
 /// Says at the start, and not hours later at the first validation, that nothing can be rendered.
-void RequireRendering() {
+Renderers RendererOf(const TrainConfig& config, bool only_validates) {
   try {
-    const EglContext egl;
-  } catch (const Error& e) {
+    return ChooseRenderers(config.data.renderer, {}, config.run.device.rfind("cuda", 0) == 0);
+  } catch (const IoError& e) {
+    if (!only_validates) throw;
     throw IoError(
         fmt::format("run.dataset needs no renderer, but validation does ({}): name a folder in "
-                    "run.validation_dataset, or set run.validation_samples=0",
+                    "run.validation_dataset, set run.validation_samples=0, or data.renderer=cpu",
                     e.what()));
   }
 }
@@ -96,11 +97,14 @@ void RequireRendering() {
 /// Samples of `seed` from a folder, or rendered where there is none.
 std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
                                          const std::shared_ptr<const SampleContext>& context,
-                                         const RunConfig& run, std::int64_t seed,
-                                         std::int64_t first_sample, const BatchSlice& slice) {
+                                         const RunConfig& run, const RendererFactory& renderers,
+                                         std::int64_t seed, std::int64_t first_sample,
+                                         const BatchSlice& slice) {
   const auto of = static_cast<std::uint64_t>(seed),
              first = static_cast<std::uint64_t>(first_sample);
-  if (!dataset) return std::make_unique<RenderedSource>(context, run, of, first, slice);
+  if (!dataset) {
+    return std::make_unique<RenderedSource>(context, run, renderers, of, first, slice);
+  }
   return std::make_unique<DatasetSource>(
       dataset,
       DatasetSource::Options{of, first, run.batch_size, run.loader_threads, run.prefetch, slice});
@@ -115,16 +119,22 @@ TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice
   const std::shared_ptr<const Dataset> training = OpenTrainingSet(config, *context);
   const std::shared_ptr<const Dataset> validation = OpenValidationSet(config, *context);
   RequireApart(config, training.get(), validation.get());
-  if (training && !validation && config.run.validation_samples > 0) RequireRendering();
-
   TrainingData data;
+  data.renderer = config.data.renderer;
+  RendererFactory make;
+  if (!training || (!validation && config.run.validation_samples > 0)) {
+    Renderers renderers = RendererOf(config, training != nullptr);
+    data.renderer = std::move(renderers.name);
+    data.drawn_by = std::move(renderers.description);
+    make = std::move(renderers.make);
+  }
   data.structure = context->structure;
   if (training) data.identity = training->header().Identity();
-  data.open_training = [training, context, run = config.run, slice](std::int64_t first_sample) {
-    return OpenSource(training, context, run, run.seed, first_sample, slice);
+  data.open_training = [training, context, run = config.run, make, slice](std::int64_t first) {
+    return OpenSource(training, context, run, make, run.seed, first, slice);
   };
-  data.open_validation = [validation, context, run = config.run, slice] {
-    return OpenSource(validation, context, run, run.validation_seed, 0, slice);
+  data.open_validation = [validation, context, run = config.run, make, slice] {
+    return OpenSource(validation, context, run, make, run.validation_seed, 0, slice);
   };
   return data;
 }

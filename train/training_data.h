@@ -18,6 +18,9 @@ struct TrainingData {
   /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
   /// where samples depend on configuration and seed alone.
   std::string identity;
+  /// What draws the samples, for people; empty where all are read. The name of the choice is in
+  /// `renderer`: data.renderer with `auto` decided.
+  std::string drawn_by, renderer;
   /// The run's samples from number `first_sample` on, a multiple of the batch size; of each batch
   /// the slice of this process.
   std::function<std::unique_ptr<SampleSource>(std::int64_t first_sample)> open_training;

@@ -15,6 +15,9 @@ class PixelRandom {
   explicit PixelRandom(RandomStream& random)
       : key_(static_cast<std::uint64_t>(random.NextU32()) << 32 | random.NextU32()) {}
 
+  /// For code that draws the same numbers (render/noise_kernels.h).
+  std::uint64_t key() const { return key_; }
+
   std::uint64_t Bits(std::uint64_t i) const {
     std::uint64_t x = key_ + (i + 1) * 0x9E3779B97F4A7C15ULL;
     x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;

@@ -149,6 +149,12 @@ EglContext::~EglContext() {
 
 void KeepSoftwareRenderingOnOneThread() { setenv("LP_NUM_THREADS", "0", /*overwrite=*/0); }
 
+bool EglContext::IsSoftware() const {
+  const std::string renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+  return renderer.find("llvmpipe") != std::string::npos ||
+         renderer.find("softpipe") != std::string::npos;
+}
+
 std::string EglContext::Describe() const {
   return fmt::format("{}, OpenGL {}, {}", reinterpret_cast<const char*>(glGetString(GL_RENDERER)),
                      reinterpret_cast<const char*>(glGetString(GL_VERSION)), platform_);

@@ -34,6 +34,9 @@ class EglContext {
   /// GL_RENDERER, GL_VERSION and the platform, for people.
   std::string Describe() const;
 
+  /// Whether Mesa draws on the processor.
+  bool IsSoftware() const;
+
  private:
   void* display_ = nullptr;  ///< EGLDisplay
   void* context_ = nullptr;  ///< EGLContext

@@ -16,46 +16,24 @@ namespace {
 
 using Vertex = FaceCorner;
 
-/// Lenses whose rays are kept, so that a pool's need not be inverted for each picture.
-constexpr std::size_t kMostPictures = 64;
-
-constexpr std::size_t kMostFaces = 65535;  // 16 bits of a pixel name its face
-
 // Window row 0 is image row 0, so no picture is ever flipped; z is reversed and infinite (1 at
 // kNear, 0 at infinity).
 const char* const kVertexShader = R"(#version 450 core
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 inverse_plane;
-layout(location = 2) in vec2 z_range;
-layout(location = 3) in uint id;
+layout(location = 1) in uint id;
 uniform vec4 projection;  // 2 fx / W, 2 fy / H, 2 (cx + .5) / W - 1, 2 (cy + .5) / H - 1
 uniform float near;
-flat out vec3 plane;
-flat out vec2 limits;
 flat out uint face_id;
 void main() {
   gl_Position = vec4(projection.xy * position.xy + projection.zw * position.z, near, position.z);
-  plane = inverse_plane;
-  limits = z_range;
   face_id = id;
 }
 )";
 
-// Outside its polygon (vertices are snapped to 1/256 px) a plane seen edge-on may reach anywhere: z
-// stays in the face's range.
 const char* const kFragmentShader = R"(#version 450 core
-flat in vec3 plane;
-flat in vec2 limits;
 flat in uint face_id;
-uniform vec4 camera;  // 1 / fx, 1 / fy, cx + .5, cy + .5
-layout(location = 0) out float depth;
-layout(location = 1) out uint id;
-void main() {
-  vec2 ray = (gl_FragCoord.xy - camera.zw) * camera.xy;
-  float inverse = dot(plane, vec3(ray, 1.0));
-  depth = inverse > 0.0 ? clamp(1.0 / inverse, limits.x, limits.y) : limits.y;
-  id = face_id;
-}
+layout(location = 0) out uint id;
+void main() { id = face_id; }
 )";
 
 GLuint Compile(GLenum kind, const char* source) {
@@ -95,21 +73,6 @@ GLuint LinkProgram() {
   return program;
 }
 
-/// Rays of a pinhole camera as the shader has them, computed in float.
-RayTable FloatRays(const Intrinsics& k) {
-  RayTable table{k.width, k.height, {}};
-  table.rays.reserve(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
-  const auto fx = static_cast<float>(k.fx), cx = static_cast<float>(k.cx);
-  const auto fy = static_cast<float>(k.fy), cy = static_cast<float>(k.cy);
-  for (int v = 0; v < k.height; ++v) {
-    const float y = (static_cast<float>(v) - cy) / fy;
-    for (int u = 0; u < k.width; ++u) {
-      table.rays.emplace_back((static_cast<float>(u) - cx) / fx, y);
-    }
-  }
-  return table;
-}
-
 }  // namespace
 
 GlDepthRenderer::GlDepthRenderer() {
@@ -119,7 +82,6 @@ GlDepthRenderer::GlDepthRenderer() {
                     epoxy_gl_version() / 10.0));
   }
   program_ = LinkProgram();
-  camera_location_ = glGetUniformLocation(program_, "camera");
   projection_location_ = glGetUniformLocation(program_, "projection");
   glUseProgram(program_);
   glUniform1f(glGetUniformLocation(program_, "near"), static_cast<float>(kNear));
@@ -134,10 +96,8 @@ GlDepthRenderer::GlDepthRenderer() {
   const auto offset = [](std::size_t bytes) { return reinterpret_cast<const void*>(bytes); };
   constexpr GLsizei kStride = sizeof(Vertex);
   glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, position)));
-  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, inverse_plane)));
-  glVertexAttribPointer(2, 2, GL_FLOAT, GL_FALSE, kStride, offset(offsetof(Vertex, z_min)));
-  glVertexAttribIPointer(3, 1, GL_UNSIGNED_INT, kStride, offset(offsetof(Vertex, id)));
-  for (GLuint i = 0; i < 4; ++i) glEnableVertexAttribArray(i);
+  glVertexAttribIPointer(1, 1, GL_UNSIGNED_INT, kStride, offset(offsetof(Vertex, id)));
+  for (GLuint i = 0; i < 2; ++i) glEnableVertexAttribArray(i);
   glGenFramebuffers(1, &framebuffer_);
   GLint limit = 0;
   glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
@@ -146,7 +106,6 @@ GlDepthRenderer::GlDepthRenderer() {
 
 GlDepthRenderer::~GlDepthRenderer() {
   glDeleteFramebuffers(1, &framebuffer_);
-  glDeleteTextures(1, &depth_texture_);
   glDeleteTextures(1, &id_texture_);
   glDeleteRenderbuffers(1, &z_buffer_);
   glDeleteBuffers(1, &vertex_buffer_);
@@ -157,12 +116,8 @@ GlDepthRenderer::~GlDepthRenderer() {
 
 void GlDepthRenderer::Resize(int width, int height) {
   if (width == width_ && height == height_) return;
-  glDeleteTextures(1, &depth_texture_);
   glDeleteTextures(1, &id_texture_);
   glDeleteRenderbuffers(1, &z_buffer_);
-  glGenTextures(1, &depth_texture_);
-  glBindTexture(GL_TEXTURE_2D, depth_texture_);
-  glTexStorage2D(GL_TEXTURE_2D, 1, GL_R32F, width, height);
   glGenTextures(1, &id_texture_);
   glBindTexture(GL_TEXTURE_2D, id_texture_);
   glTexStorage2D(GL_TEXTURE_2D, 1, GL_R32UI, width, height);
@@ -170,15 +125,13 @@ void GlDepthRenderer::Resize(int width, int height) {
   glBindRenderbuffer(GL_RENDERBUFFER, z_buffer_);
   glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT32F, width, height);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, depth_texture_, 0);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, id_texture_, 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, id_texture_, 0);
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, z_buffer_);
   const GLenum status = glCheckFramebufferStatus(GL_FRAMEBUFFER);
   if (status != GL_FRAMEBUFFER_COMPLETE) {
     width_ = height_ = 0;
-    throw Error(
-        fmt::format("OpenGL: no {}x{} framebuffer of R32F, R32UI and 32-bit depth (status {:#x})",
-                    width, height, status));
+    throw Error(fmt::format("OpenGL: no {}x{} framebuffer of R32UI and 32-bit depth (status {:#x})",
+                            width, height, status));
   }
   width_ = width;
   height_ = height;
@@ -235,27 +188,21 @@ void GlDepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& i
 
 void GlDepthRenderer::ClearTargets() {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
-  const GLenum targets[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
-  glDrawBuffers(2, targets);
+  glDrawBuffer(GL_COLOR_ATTACHMENT0);
   glViewport(0, 0, width_, height_);
   glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_GREATER);
   glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
-  const GLfloat no_depth[] = {0, 0, 0, 0};
   const GLuint no_id[] = {0, 0, 0, 0};
   const GLfloat far[] = {0};
-  glClearBufferfv(GL_COLOR, 0, no_depth);
-  glClearBufferuiv(GL_COLOR, 1, no_id);
+  glClearBufferuiv(GL_COLOR, 0, no_id);
   glClearBufferfv(GL_DEPTH, 0, far);
 }
 
 void GlDepthRenderer::SetCamera(const Intrinsics& intrinsics) {
   glUseProgram(program_);
-  glUniform4f(camera_location_, static_cast<float>(1 / intrinsics.fx),
-              static_cast<float>(1 / intrinsics.fy), static_cast<float>(intrinsics.cx + 0.5),
-              static_cast<float>(intrinsics.cy + 0.5));
   glUniform4f(projection_location_, static_cast<float>(2 * intrinsics.fx / intrinsics.width),
               static_cast<float>(2 * intrinsics.fy / intrinsics.height),
               static_cast<float>(2 * (intrinsics.cx + 0.5) / intrinsics.width - 1),
@@ -285,65 +232,28 @@ void GlDepthRenderer::DrawVertices() {
 void GlDepthRenderer::ReadIds() {
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   ids_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
-  glReadBuffer(GL_COLOR_ATTACHMENT1);
+  glReadBuffer(GL_COLOR_ATTACHMENT0);
   glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
 }
 
-void GlDepthRenderer::ReadBack(RenderedView* view) {
-  ReadIds();
-  glReadBuffer(GL_COLOR_ATTACHMENT0);
-  glReadPixels(0, 0, width_, height_, GL_RED, GL_FLOAT, view->depth.data());
-  for (std::size_t i = 0; i < ids_.size(); ++i) {
-    view->labels[i] = static_cast<std::uint8_t>(ids_[i] >> 16);
-    view->faces[i] = static_cast<std::uint16_t>(ids_[i]);
-  }
-}
-
-const LensPicture& GlDepthRenderer::PictureOf(const Intrinsics& lens) {
-  const auto known = std::find_if(pictures_.begin(), pictures_.end(),
-                                  [&](const LensPicture& p) { return p.lens == lens; });
-  if (known != pictures_.end()) return *known;
-  if (pictures_.size() == kMostPictures) pictures_.erase(pictures_.begin());
-  pictures_.push_back(PlanLensPicture(lens));
-  return pictures_.back();
-}
-
-void GlDepthRenderer::DrawPinhole(const SceneMesh& mesh, const Intrinsics& intrinsics,
-                                  const Pose& structure_from_sensor) {
-  const int width = intrinsics.width, height = intrinsics.height;
-  if (width <= 0 || height <= 0 || width > max_size_ || height > max_size_) {
-    throw Error(fmt::format("DepthRenderer: image size {}x{} violates 1 <= size <= {}", width,
-                            height, max_size_));
-  }
-  if (mesh.faces.size() > kMostFaces) {
-    throw Error(fmt::format("DepthRenderer: {} faces violate faces <= {}; draw fewer objects",
-                            mesh.faces.size(), kMostFaces));
-  }
-  Resize(width, height);
-  CollectVertices(mesh, intrinsics, structure_from_sensor);
+void GlDepthRenderer::DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole,
+                              const Pose& structure_from_sensor) {
+  RequireDrawable(mesh, pinhole.width, pinhole.height, max_size_);
+  Resize(pinhole.width, pinhole.height);
+  CollectVertices(mesh, pinhole, structure_from_sensor);
   ClearTargets();
-  SetCamera(intrinsics);
+  SetCamera(pinhole);
   DrawVertices();
+  ReadIds();
 }
 
 void GlDepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
                              const Pose& structure_from_sensor, RenderedView* view) {
-  if (view->depth.width() != intrinsics.width || view->depth.height() != intrinsics.height ||
-      view->faces.size() != view->depth.size() || view->labels.size() != view->depth.size()) {
-    view->depth = DepthImage(intrinsics.width, intrinsics.height);
-    view->labels = LabelImage(intrinsics.width, intrinsics.height);
-    view->faces = Image16(intrinsics.width, intrinsics.height);
-  }
-  if (intrinsics.distortion.empty()) {
-    DrawPinhole(mesh, intrinsics, structure_from_sensor);
-    ReadBack(view);
-    view->rays = FloatRays(intrinsics);
-  } else {
-    const LensPicture& picture = PictureOf(intrinsics);
-    DrawPinhole(mesh, picture.pinhole, structure_from_sensor);
-    ReadIds();
-    DrawThroughLens(picture, ids_, vertices_, first_vertex_, view);
-  }
+  RequireDrawable(mesh, intrinsics.width, intrinsics.height, max_size_);
+  const LensPicture& picture = pictures_.Get(intrinsics, PlanLensPicture);
+  FitImages(intrinsics, view);
+  DrawIds(mesh, picture.pinhole, structure_from_sensor);
+  DrawThroughLens(picture, ids_, vertices_, first_vertex_, view);
   const GLenum error = glGetError();
   if (error != GL_NO_ERROR) {
     throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error,

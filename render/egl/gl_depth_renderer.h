@@ -8,16 +8,17 @@
 #include "render/depth_renderer.h"
 #include "render/egl/egl_context.h"
 #include "render/lens_picture.h"
+#include "render/recent_lenses.h"
 #include "render/scene_mesh.h"
 
 namespace volalign {
 
-/// Draws depth, labels and face indices in one pass. Owns GL objects: needs a current OpenGL 4.5
-/// context (EglContext) from construction to destruction, always the same one.
+/// Draws which face each pixel shows. Owns GL objects: needs a current OpenGL 4.5 context
+/// (EglContext) from construction to destruction, always the same one.
 ///
-/// Depth does not depend on how the rasteriser interpolates: every face carries its plane n . p = h
-/// in the sensor frame, and a pixel's depth is z = 1 / ((n / h) . ((u - cx) / fx, (v - cy) / fy,
-/// 1)), exact to float rounding. So it is with a lens, by the ray of the pixel (LensPicture).
+/// Depth does not depend on how the rasteriser interpolates: every face has its plane n . p = h in
+/// the sensor frame, and depth is where the pixel's ray (x, y, 1) meets it, z = 1 / ((n / h) .
+/// (x, y, 1)), exact to float rounding, with a lens and without (LensPicture).
 class GlDepthRenderer : public DepthRenderer {
  public:
   GlDepthRenderer();
@@ -36,25 +37,21 @@ class GlDepthRenderer : public DepthRenderer {
   void ClearTargets();
   void SetCamera(const Intrinsics& intrinsics);
   void DrawVertices();
-  void DrawPinhole(const SceneMesh& mesh, const Intrinsics& intrinsics,
-                   const Pose& structure_from_sensor);
   void ReadIds();
-  void ReadBack(RenderedView* view);
-  const LensPicture& PictureOf(const Intrinsics& lens);
+  /// Fills ids_ with FaceCorner::id of a pinhole picture.
+  void DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole, const Pose& structure_from_sensor);
 
   std::vector<FaceCorner> vertices_;
   std::vector<std::uint32_t> first_vertex_;  // of each face of the mesh that is drawn
-  std::vector<LensPicture> pictures_;        // of the lenses drawn last
+  RecentLenses<LensPicture> pictures_;
   unsigned program_ = 0;
   unsigned vertex_array_ = 0;
   unsigned vertex_buffer_ = 0;
   unsigned index_buffer_ = 0;
   std::size_t indexed_faces_ = 0;
   unsigned framebuffer_ = 0;
-  unsigned depth_texture_ = 0;
   unsigned id_texture_ = 0;
   unsigned z_buffer_ = 0;
-  int camera_location_ = -1;
   int projection_location_ = -1;
   int width_ = 0;
   int height_ = 0;

@@ -1,13 +1,17 @@
 #include <benchmark/benchmark.h>
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 
 #include "core/geometry/image_size.h"
 #include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/noise.h"
 #include "render/pose_sampler.h"
 #include "render/sample.h"
@@ -25,6 +29,9 @@ constexpr std::uint64_t kDistinct = 256;  // samples that a benchmark goes round
 const char* const kSizes[] = {"320x180", "160x90", "320x288", "160x144"};
 const char* const kSensors[] = {"realsense_d415", "realsense_d415", "azure_kinect_nfov_binned",
                                 "azure_kinect_nfov_binned"};
+
+/// The renderers, by the last argument of a benchmark.
+const char* const kRenderers[] = {"egl", "cpu"};
 
 SampleContext MakeContext(std::int64_t size, int batch_size) {
   SampleConfig config;
@@ -75,32 +82,31 @@ void BM_Scene(benchmark::State& state) {
 }
 BENCHMARK(BM_Scene)->Arg(0)->Unit(benchmark::kMicrosecond);
 
-/// Vertices, rasterisation, and reading depth, labels and faces back.
+/// From a mesh to depth, labels and faces in memory.
 void BM_Render(benchmark::State& state) {
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const Renderers chosen = ChooseRenderers(kRenderers[state.range(1)]);
+  const std::unique_ptr<DepthRenderer> renderer = chosen.make();
   const SampleContext context = MakeContext(state.range(0), 1);
   const Stages stages(context);
   RenderedView view;
   std::uint64_t i = 0;
   for (auto _ : state) {
     const std::uint64_t k = i++ % kDistinct;
-    renderer.Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &view);
+    renderer->Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &view);
     benchmark::DoNotOptimize(view.depth.data());
   }
   state.SetItemsProcessed(state.iterations());
-  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + egl.Describe());
+  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + chosen.description);
 }
-BENCHMARK(BM_Render)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_Render)->ArgsProduct({{0, 1, 2, 3}, {0, 1}})->Unit(benchmark::kMicrosecond);
 
 void BM_SensorNoise(benchmark::State& state) {
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const std::unique_ptr<DepthRenderer> renderer = ChooseRenderers("cpu").make();
   const SampleContext context = MakeContext(state.range(0), 1);
   const Stages stages(context);
   std::vector<RenderedView> views(16);
   for (std::size_t k = 0; k < views.size(); ++k) {
-    renderer.Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &views[k]);
+    renderer->Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &views[k]);
   }
   std::uint64_t i = 0;
   for (auto _ : state) {
@@ -118,36 +124,37 @@ BENCHMARK(BM_SensorNoise)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
 
 /// Whole samples of one thread.
 void BM_Synthesize(benchmark::State& state) {
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const Renderers chosen = ChooseRenderers(kRenderers[state.range(1)]);
+  const std::unique_ptr<DepthRenderer> renderer = chosen.make();
   const SampleContext context = MakeContext(state.range(0), 1);
   std::uint64_t index = 0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(
-        Synthesize(context, renderer, kSeed, index++ % kDistinct).depth.data());
+        Synthesize(context, *renderer, kSeed, index++ % kDistinct).depth.data());
   }
   state.SetItemsProcessed(state.iterations());
-  state.SetLabel(kSizes[state.range(0)]);
+  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + chosen.name);
 }
-BENCHMARK(BM_Synthesize)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_Synthesize)->ArgsProduct({{0, 1, 2, 3}, {0, 1}})->Unit(benchmark::kMicrosecond);
 
-/// Whole samples through the stream, arguments: size, worker threads.
+/// Whole samples through the stream, arguments: size, worker threads, renderer.
 void BM_SampleStream(benchmark::State& state) {
   constexpr int kBatch = 16;
   SampleStream::Options options;
   options.seed = kSeed;
   options.num_threads = static_cast<int>(state.range(1));
-  options.make_renderer = GlRenderers();
+  options.make_renderer = ChooseRenderers(kRenderers[state.range(2)]).make;
   SampleStream stream(std::make_shared<const SampleContext>(MakeContext(state.range(0), kBatch)),
                       options);
   for (auto _ : state) benchmark::DoNotOptimize(stream.Next().data());
   state.SetItemsProcessed(state.iterations() * kBatch);
   state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + std::to_string(state.range(1)) +
-                 " threads");
+                 " threads, " + kRenderers[state.range(2)]);
 }
 BENCHMARK(BM_SampleStream)
-    ->ArgsProduct({{0, 1, 2, 3}, {1, 2}})
+    ->ArgsProduct({{0, 1, 2, 3}, {1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime();
 
 }  // namespace
@@ -155,6 +162,11 @@ BENCHMARK(BM_SampleStream)
 
 int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
+#if defined(__GLIBC__)
+  // As `train` and `render` do (KeepFreedMemory): otherwise images come from new pages each time.
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+#endif
   benchmark::Initialize(&argc, argv);
   benchmark::RunSpecifiedBenchmarks();
   return 0;

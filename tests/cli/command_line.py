@@ -37,6 +37,7 @@ def run(arguments, folder, **environment):
 NAMES = (
     (r"^(cpu, cuda)", "--device"),
     (r"^EGL device", "--egl-device"),
+    (r"^egl, cpu or auto", "--renderer"),
     (r"^threads", "--threads"),
     (r"^(folder for|file to write|folder to write|picture|TorchScript file to write|structure file to write|also write the scores)", "-o,--output"),
     (r"^KEY=VALUE over (the|a) (file|rig$|rig or|recipe|config|calibration)", "--set"),
@@ -52,6 +53,7 @@ WITH = {
     "--threads": "calibrate, check, evaluate, plan, render, train, validate",
     "--device": "calibrate, check, evaluate, train, validate",
     "--egl-device": "evaluate, render",
+    "--renderer": "evaluate, render",
     "--set": "calibrate, check, config show, evaluate, plan, render, train, validate",
     "--config": "calibrate, check, evaluate, render, train, validate",
     "--model": "calibrate, check, doctor, evaluate, export, validate",

@@ -18,7 +18,7 @@ class FrontRenderer : public DepthRenderer {
 
   void Render(const SceneMesh&, const Intrinsics& intrinsics, const Pose& structure_from_sensor,
               RenderedView* view) override {
-    view->rays = ComputeRays(intrinsics);
+    view->rays = ViewRays(ComputeRays(intrinsics));
     view->depth = DepthImage(intrinsics.width, intrinsics.height);
     view->labels = LabelImage(intrinsics.width, intrinsics.height);
     view->faces = Image16(intrinsics.width, intrinsics.height);
@@ -27,7 +27,7 @@ class FrontRenderer : public DepthRenderer {
       for (int u = 0; u < intrinsics.width; ++u) {
         const Eigen::Vector3d ray =
             structure_from_sensor.linear() *
-            Eigen::Vector3d(view->rays.at(u, v).x(), view->rays.at(u, v).y(), 1);
+            Eigen::Vector3d(view->rays->at(u, v).x(), view->rays->at(u, v).y(), 1);
         const double z = front_.normal.dot(front_.centre - eye) / front_.normal.dot(ray);
         const Eigen::Vector3d p = eye + z * ray;
         if ((front_.ClosestPoint(p) - p).norm() > 1e-6) continue;

@@ -91,7 +91,7 @@ TEST_F(TwoWalls, EachPixelShowsWhatItsOwnRayMeets) {
       EXPECT_NEAR(view_.depth(u, v), id == 0 ? 0 : id == kFar ? 2 : 1, 1e-6);
       EXPECT_EQ(view_.labels(u, v), id >> 16);
       EXPECT_EQ(view_.faces(u, v), id & 0xFFFFU);
-      EXPECT_EQ(view_.rays.at(u, v), picture_.rays.at(u, v));
+      EXPECT_EQ(view_.rays->at(u, v), picture_.rays.at(u, v));
       (id == 0 ? nothing : id == kFar ? far : near) += 1;
     }
   }
@@ -119,11 +119,12 @@ TEST_F(TwoWalls, AnInclinedFaceHasTheDepthOfItsPlane) {
 
 TEST_F(TwoWalls, WhereThereIsNoRayNothingIsSeen) {
   picture_.rays.rays[0].setConstant(std::nanf(""));
+  picture_.view_rays = ViewRays(picture_.rays);
   for (std::uint32_t& id : ids_) id = kFar;
   DrawThroughLens(picture_, ids_, corners_, first_corner_, &view_);
   EXPECT_EQ(view_.depth(0, 0), 0);
   EXPECT_EQ(view_.labels(0, 0), 0);
-  EXPECT_EQ(view_.rays.at(0, 0), Eigen::Vector2f(0, 0));
+  EXPECT_EQ(view_.rays->at(0, 0), Eigen::Vector2f(0, 0));
   EXPECT_EQ(view_.depth(1, 0), 2);
 }
 

@@ -12,7 +12,7 @@
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "render/dataset.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
@@ -49,7 +49,7 @@ void Write(const fs::path& dir, const TrainConfig& recipe, std::int64_t seed, st
   options.first_index = first_index;
   options.count = count;
   options.samples_per_folder = 10;
-  options.make_renderer = GlRenderers();
+  options.make_renderer = ChooseRenderers(recipe.data.renderer).make;
   WriteDataset(dir, Context(recipe), options);
 }
 

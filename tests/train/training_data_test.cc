@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "render/dataset.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
@@ -71,7 +71,7 @@ TEST(OpenTrainingData, RefusesAValidationOfSamplesInTheTrainingSet) {
   DatasetOptions options;
   options.seed = 5;
   options.count = 4;
-  options.make_renderer = GlRenderers();
+  options.make_renderer = ChooseRenderers(config.data.renderer).make;
   WriteDataset(config.run.dataset,
                std::make_shared<const SampleContext>(MakeSampleContext(config.data, 2)), options);
   config.run.validation_seed = 5;

@@ -1,6 +1,6 @@
 #include "core/nn/simd/winograd_kernels.h"
 
-#include "core/nn/simd/processor.h"
+#include "core/base/processor.h"
 
 namespace volalign::simd {
 

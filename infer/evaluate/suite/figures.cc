@@ -164,7 +164,7 @@ RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double p
 std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const SuiteRun& run) {
   MethodSet methods(suite, run.program);
   const Structure structure = ReadStructure(Rig().structure);
-  WorkerGl gl(run.device);
+  WorkerRenderer renderer(run.make_renderer);
   std::vector<std::filesystem::path> files;
   for (const SuiteFigure& figure : suite.figures) {
     std::vector<SuiteItem> items;
@@ -177,7 +177,7 @@ std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const 
       throw ConfigError(
           fmt::format("figures: {} is of {}, which no dataset has", figure.name, figure.capture));
     }
-    const SuiteStill still = LoadSuiteStill(*item, suite, gl);
+    const SuiteStill still = LoadSuiteStill(*item, suite, renderer);
     std::vector<RgbImage> pictures;
     std::size_t columns = 0;
     for (const std::string& name : figure.methods) {

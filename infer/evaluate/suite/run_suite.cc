@@ -79,8 +79,8 @@ CaptureScores Score(std::size_t method, const SuiteStill& still, const SuiteConf
 
 /// What every method says about a capture, computed where it is not known.
 std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& suite,
-                                   const SuiteRun& run, MethodSet& methods, WorkerGl& gl,
-                                   std::vector<CaptureScores>* fresh) {
+                                   const SuiteRun& run, MethodSet& methods,
+                                   WorkerRenderer& renderer, std::vector<CaptureScores>* fresh) {
   std::vector<CaptureScores> all;
   std::optional<SuiteStill> still;
   for (std::size_t i = 0; i < methods.size(); ++i) {
@@ -91,7 +91,7 @@ std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& sui
       all.push_back(std::move(*known));
       continue;
     }
-    if (!still) still = LoadSuiteStill(item, suite, gl);
+    if (!still) still = LoadSuiteStill(item, suite, renderer);
     CaptureScores scores = Score(i, *still, suite, run, methods);
     scores.fingerprint = fingerprint;
     scores.dataset = item.dataset;
@@ -120,10 +120,10 @@ std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& ru
   std::atomic<std::size_t> next{0};
   const auto workers = static_cast<std::size_t>(std::max(run.workers, 1));
   ParallelFor(workers, static_cast<int>(workers), [&](std::size_t) {
-    WorkerGl gl(run.device);
+    WorkerRenderer renderer(run.make_renderer);
     for (std::size_t i = next++; i < items.size(); i = next++) {
       std::vector<CaptureScores> fresh;
-      results[i] = RunItem(items[i], suite, run, methods, gl, &fresh);
+      results[i] = RunItem(items[i], suite, run, methods, renderer, &fresh);
       progress.Done(items[i], fresh);
     }
   });

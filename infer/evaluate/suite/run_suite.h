@@ -7,6 +7,7 @@
 
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/suite_config.h"
+#include "render/depth_renderer.h"
 
 namespace volalign {
 
@@ -14,8 +15,8 @@ struct SuiteRun {
   std::filesystem::path output;  ///< results go to captures/ in it; what is there is not done again
   std::string program;           ///< identifies the program's build
   int workers = 1;               ///< captures that are worked on at the same time
-  int device = -1;               ///< EGL device, see EglContextOptions
-  int max_captures = 0;          ///< of each dataset, evenly taken; 0: all
+  RendererFactory make_renderer;  ///< called by each worker that renders
+  int max_captures = 0;           ///< of each dataset, evenly taken; 0: all
   std::function<void(const std::string& line)> progress;
 };
 

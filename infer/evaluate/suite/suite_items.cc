@@ -60,7 +60,8 @@ std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& 
   return Some(ItemsOf(dataset, structure, infrared), most);
 }
 
-SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, WorkerGl& gl) {
+SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite,
+                          WorkerRenderer& renderer) {
   SuiteStill still;
   if (item.rig) {
     std::optional<InfraredRequest> infrared;
@@ -69,7 +70,7 @@ SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, Worke
           InfraredRequest{StructureMarkers(ReadStructure(item.rig->structure)), suite.infrared});
     }
     const std::vector<RigCapture> captures =
-        RenderPlacements(*item.rig, *gl.renderer(), infrared ? &*infrared : nullptr);
+        RenderPlacements(*item.rig, *renderer, infrared ? &*infrared : nullptr);
     still.still = StillOf(captures);
     for (const CapturedSensor& sensor : captures.front().sensors) {
       if (!infrared) break;

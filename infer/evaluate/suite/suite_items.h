@@ -1,15 +1,16 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/geometry/rig.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/suite_config.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/depth_renderer.h"
 
 namespace volalign {
 
@@ -28,25 +29,22 @@ struct SuiteItem {
 std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& structure,
                                   bool infrared, int most);
 
-/// A thread's GL, made when it is needed first; destroyed on the thread that made it.
-class WorkerGl {
+/// A thread's renderer, made when it is needed first; destroyed on the thread that made it.
+class WorkerRenderer {
  public:
-  explicit WorkerGl(int device) { options_.device = device; }
-  DepthRenderer* renderer() {
-    if (!egl_) {
-      egl_.emplace(options_);
-      renderer_.emplace();
-    }
-    return &*renderer_;
+  explicit WorkerRenderer(RendererFactory make) : make_(std::move(make)) {}
+  DepthRenderer& operator*() {
+    if (!renderer_) renderer_ = make_();
+    return *renderer_;
   }
 
  private:
-  EglContextOptions options_;
-  std::optional<EglContext> egl_;
-  std::optional<GlDepthRenderer> renderer_;
+  RendererFactory make_;
+  std::unique_ptr<DepthRenderer> renderer_;
 };
 
 /// Renders or reads a capture.
-SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite, WorkerGl& gl);
+SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite,
+                          WorkerRenderer& renderer);
 
 }  // namespace volalign

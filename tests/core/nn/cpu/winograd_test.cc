@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/nn/simd/processor.h"
+#include "core/base/processor.h"
 #include "core/nn/simd/winograd_kernels.h"
 
 #if defined(__x86_64__)
@@ -156,8 +156,8 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
 /// The kernels of float32 that this processor has but FindWinogradKernels does not choose, too.
 TEST(WinogradKernels, OfEachInstructionSet) {
   std::vector<simd::WinogradKernels> all;
-  if (simd::ThisProcessor().avx2) all.push_back(simd::avx2_winograd::GetWinograd());
-  if (simd::ThisProcessor().avx512) all.push_back(simd::avx512_winograd::GetWinograd());
+  if (ThisProcessor().avx2) all.push_back(simd::avx2_winograd::GetWinograd());
+  if (ThisProcessor().avx512) all.push_back(simd::avx512_winograd::GetWinograd());
   if (all.empty()) GTEST_SKIP() << "no kernels for this processor";
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);

@@ -10,6 +10,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "infer/evaluate/suite/write_suite.h"
+#include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -48,6 +49,7 @@ class ToySuite : public testing::Test {
     run_.output = folder_ / "results";
     run_.program = "1";
     run_.workers = 2;
+    run_.make_renderer = TileRenderers();
     run_.progress = [this](const std::string& line) { lines_.push_back(line); };
   }
 

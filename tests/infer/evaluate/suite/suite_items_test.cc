@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/base/error.h"
+#include "render/tiles/tile_renderer.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -57,8 +58,8 @@ TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
 
 TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
   const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
-  WorkerGl gl(EglContextOptions().device);
-  const SuiteStill first = LoadSuiteStill(items[0], SuiteConfig(), gl);
+  WorkerRenderer renderer(TileRenderers());
+  const SuiteStill first = LoadSuiteStill(items[0], SuiteConfig(), renderer);
   ASSERT_EQ(first.still.frames.size(), 2u);
   ASSERT_EQ(first.views.size(), 2u);
   EXPECT_TRUE(first.infrared.empty());
@@ -66,7 +67,7 @@ TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
     EXPECT_EQ(first.views[i].depth, first.still.frames[i].depth);
     EXPECT_TRUE(first.still.frames[i].ground_truth);
   }
-  const SuiteStill third = LoadSuiteStill(items[2], SuiteConfig(), gl);
+  const SuiteStill third = LoadSuiteStill(items[2], SuiteConfig(), renderer);
   EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
 }
 

@@ -1,10 +1,10 @@
-#include "core/nn/simd/processor.h"
+#include "core/base/processor.h"
 
 #if defined(__x86_64__)
 #include <cpuid.h>
 #endif
 
-namespace volalign::simd {
+namespace volalign {
 namespace {
 
 Processor Ask() {
@@ -28,4 +28,4 @@ const Processor& ThisProcessor() {
   return processor;
 }
 
-}  // namespace volalign::simd
+}  // namespace volalign

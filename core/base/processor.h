@@ -1,6 +1,6 @@
 #pragma once
 
-namespace volalign::simd {
+namespace volalign {
 
 /// Instructions that this processor has, of those that kernels are compiled for.
 struct Processor {
@@ -13,4 +13,4 @@ struct Processor {
 /// All false on other processors than x86-64.
 const Processor& ThisProcessor();
 
-}  // namespace volalign::simd
+}  // namespace volalign

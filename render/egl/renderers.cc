@@ -1,0 +1,37 @@
+#include "render/egl/renderers.h"
+
+#include <fmt/format.h>
+
+#include "core/base/error.h"
+#include "render/egl/gl_depth_renderer.h"
+#include "render/tiles/tile_renderer.h"
+
+namespace volalign {
+namespace {
+
+Renderers Tiles(const std::string& why) {
+  const std::string reason = why.empty() ? "" : fmt::format(" (auto: {})", why);
+  return {"cpu", "cpu, " + TileRenderer().Describe() + reason, TileRenderers()};
+}
+
+}  // namespace
+
+Renderers ChooseRenderers(const std::string& renderer, const EglContextOptions& options,
+                          bool cuda_trains) {
+  if (renderer == "cpu") return Tiles("");
+  const bool is_auto = renderer == "auto";
+  if (!is_auto && renderer != "egl") {
+    throw Error(fmt::format("renderer = {} violates renderer in {{egl, cpu, auto}}", renderer));
+  }
+  if (is_auto && cuda_trains) return Tiles("training has the GPU");
+  try {
+    const EglContext egl(options);
+    if (is_auto && egl.IsSoftware()) return Tiles("OpenGL is software");
+    return {"egl", "egl, " + egl.Describe(), GlRenderers(options)};
+  } catch (const IoError&) {
+    if (!is_auto) throw;
+    return Tiles("no OpenGL");
+  }
+}
+
+}  // namespace volalign

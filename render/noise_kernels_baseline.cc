@@ -1,0 +1,2 @@
+#define VOLALIGN_SET baseline
+#include "render/noise_kernels.inc"

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include "core/geometry/camera.h"
+
+namespace volalign {
+
+/// What a renderer has worked out for the intrinsics that it drew last, so that a pool's lenses
+/// need not be inverted for each picture.
+template <class T>
+class RecentLenses {
+ public:
+  /// `make` gives the T of intrinsics that are new. The reference is valid until the next call.
+  template <class Make>
+  const T& Get(const Intrinsics& intrinsics, const Make& make) {
+    const auto known = std::find_if(recent_.begin(), recent_.end(), [&](const Entry& entry) {
+      return entry.intrinsics == intrinsics;
+    });
+    if (known != recent_.end()) return *known->value;
+    auto value = std::make_unique<const T>(make(intrinsics));
+    if (recent_.size() == kMost) recent_.erase(recent_.begin());
+    recent_.push_back({intrinsics, std::move(value)});
+    return *recent_.back().value;
+  }
+
+ private:
+  static constexpr std::size_t kMost = 64;
+  struct Entry {
+    Intrinsics intrinsics;
+    std::unique_ptr<const T> value;
+  };
+  std::vector<Entry> recent_;
+};
+
+}  // namespace volalign

@@ -1,0 +1,233 @@
+#include "render/tiles/tile_renderer.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <limits>
+
+#include "core/geometry/lens.h"
+
+namespace volalign {
+
+using tiles::kTileHeight;
+using tiles::kTilePixels;
+using tiles::kTileWidth;
+using tiles::Linear;
+using tiles::TileFace;
+
+namespace {
+
+constexpr int kMostSize = 16384;  // px
+/// By which faces reach beyond their edges, so that no ray passes between two that share one whose
+/// corners differ by rounding. Of a metre away, 1 um.
+constexpr float kOverlap = 1e-6F;  // rad
+constexpr float kInfinite = std::numeric_limits<float>::infinity();
+
+Linear ToLinear(const Eigen::Vector3f& f) { return {f.x(), f.y(), f.z()}; }
+
+/// `inverse` is n / h of the plane n . p = h, `corners` are in the sensor frame; at least one of
+/// them is in front of the near plane.
+TileFace MakeFace(const std::array<Eigen::Vector3f, 4>& corners, const Eigen::Vector3f& inverse,
+                  std::uint32_t id) {
+  constexpr auto kNear = static_cast<float>(DepthRenderer::kNear);
+  constexpr float kRounding = 1e-5F;  // m, of the corners themselves
+  TileFace face{};
+  face.inverse = ToLinear(inverse);
+  face.id = id;
+  float low_z = kInfinite, high_z = 0;
+  face.low_y = kInfinite;
+  face.high_y = -kInfinite;
+  for (const Eigen::Vector3f& p : corners) {
+    low_z = std::min(low_z, p.z());
+    high_z = std::max(high_z, p.z());
+    face.low_y = std::min(face.low_y, p.y() / p.z());
+    face.high_y = std::max(face.high_y, p.y() / p.z());
+  }
+  face.least = 1 / (high_z + kRounding);
+  face.most = 1 / std::max(low_z - kRounding, kNear);
+  face.low_y -= kOverlap;
+  face.high_y += kOverlap;
+  face.num_edges = 4;
+  // The order of the corners around n / h, which points away from the eye. Two neighbours may be
+  // one point, the ends of both diagonals never are.
+  const float order =
+      (corners[2] - corners[0]).cross(corners[3] - corners[1]).dot(inverse) < 0 ? -1 : 1;
+  for (std::size_t k = 0; k < 4; ++k) {
+    Eigen::Vector3f edge = order * corners[k].cross(corners[(k + 1) % 4]);
+    edge.z() += kOverlap * edge.norm();
+    face.edges[k] = ToLinear(edge);
+  }
+  if (low_z < kNear) {
+    face.num_edges = 6;
+    face.edges[4] = face.inverse;
+    face.edges[5] = {-inverse.x(), -inverse.y(), 1 / kNear - inverse.z()};
+    face.low_y = -kInfinite;
+    face.high_y = kInfinite;
+  }
+  return face;
+}
+
+}  // namespace
+
+TileRenderer::TileRenderer()
+    : TileRenderer(tiles::AllKernels().sets[tiles::AllKernels().count - 1]) {}
+
+std::string TileRenderer::Describe() const {
+  return std::string("tiles on the processor, ") + kernels_.name;
+}
+
+tiles::TileRays TileRenderer::Rays::Tile(int column, int row) const {
+  if (is_pinhole) {
+    return {&x[static_cast<std::size_t>(column * kTileWidth)],
+            &y[static_cast<std::size_t>(row * kTilePixels)], 0, kTileWidth};
+  }
+  const auto first = static_cast<std::size_t>(row * columns + column) * kTilePixels;
+  return {&x[first], &y[first], kTileWidth, kTileWidth};
+}
+
+TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
+  RayTable table = ComputeRays(intrinsics);
+  const int width = table.width, height = table.height;
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  Rays rays;
+  rays.columns = (width + kTileWidth - 1) / kTileWidth;
+  rays.rows = (height + kTileHeight - 1) / kTileHeight;
+  rays.padded = (rays.columns + 15) / 16 * 16;
+  rays.is_pinhole = intrinsics.distortion.empty();
+  const auto ranges = static_cast<std::size_t>(rays.rows * rays.padded);
+  rays.low_x.assign(ranges, kNone);
+  rays.high_x = rays.low_y = rays.high_y = rays.low_x;
+  rays.row_low_y.assign(static_cast<std::size_t>(rays.rows), kInfinite);
+  rays.row_high_y.assign(static_cast<std::size_t>(rays.rows), -kInfinite);
+  Eigen::Array2f low_all = Eigen::Array2f::Constant(kInfinite), high_all = -low_all;
+  for (int row = 0; row < rays.rows; ++row) {
+    for (int column = 0; column < rays.columns; ++column) {
+      Eigen::Array2f low = Eigen::Array2f::Constant(kInfinite), high = -low;
+      for (int i = 0; i < kTilePixels; ++i) {
+        // Beyond the picture, tiles repeat its last pixels.
+        const int u = std::min(column * kTileWidth + i % kTileWidth, width - 1);
+        const int v = std::min(row * kTileHeight + i / kTileWidth, height - 1);
+        const Eigen::Vector2f& ray = table.at(u, v);
+        if (!rays.is_pinhole || (row == 0 && i < kTileWidth)) rays.x.push_back(ray.x());
+        if (!rays.is_pinhole || column == 0) rays.y.push_back(ray.y());
+        if (!ray.allFinite()) continue;
+        low = low.min(ray.array());
+        high = high.max(ray.array());
+      }
+      if (low.x() > high.x()) continue;  // no ray at all
+      const auto tile = static_cast<std::size_t>(row * rays.padded + column);
+      rays.low_x[tile] = low.x();
+      rays.high_x[tile] = high.x();
+      rays.low_y[tile] = low.y();
+      rays.high_y[tile] = high.y();
+      float& row_low = rays.row_low_y[static_cast<std::size_t>(row)];
+      float& row_high = rays.row_high_y[static_cast<std::size_t>(row)];
+      row_low = std::min(row_low, low.y());
+      row_high = std::max(row_high, high.y());
+      low_all = low_all.min(low);
+      high_all = high_all.max(high);
+    }
+  }
+  rays.bounds[0] = low_all.x();
+  rays.bounds[1] = high_all.x();
+  rays.bounds[2] = low_all.y();
+  rays.bounds[3] = high_all.y();
+  rays.table = ViewRays(std::move(table));
+  return rays;
+}
+
+void TileRenderer::CollectFaces(const SceneMesh& mesh, const Rays& rays,
+                                const Pose& structure_from_sensor) {
+  constexpr auto kNearF = static_cast<float>(kNear);
+  faces_.clear();
+  const Pose sensor_from_structure = structure_from_sensor.inverse();
+  const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
+  const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
+  const Eigen::Vector3d eye = structure_from_sensor.translation();
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    const SceneFace& face = mesh.faces[i];
+    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
+    if (h > -1e-6) continue;
+    std::array<Eigen::Vector3f, 4> p;
+    int outside[5] = {0, 0, 0, 0, 0};
+    for (std::size_t k = 0; k < 4; ++k) {
+      p[k] = rotation * face.corners[k] + translation;
+      outside[0] += p[k].x() < rays.bounds[0] * p[k].z();
+      outside[1] += p[k].x() > rays.bounds[1] * p[k].z();
+      outside[2] += p[k].y() < rays.bounds[2] * p[k].z();
+      outside[3] += p[k].y() > rays.bounds[3] * p[k].z();
+      outside[4] += p[k].z() < kNearF;
+    }
+    if (*std::max_element(outside, outside + 5) == 4) continue;
+    const Eigen::Vector3f inverse =
+        (sensor_from_structure.linear() * face.normal / h).cast<float>();
+    faces_.push_back(
+        MakeFace(p, inverse,
+                 static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1)));
+  }
+  std::sort(faces_.begin(), faces_.end(), [](const TileFace& a, const TileFace& b) {
+    return a.most != b.most ? a.most > b.most : (a.id & 0xFFFFU) < (b.id & 0xFFFFU);
+  });
+}
+
+/// The faces that each tile of a row may see.
+void TileRenderer::FindCandidates(const Rays& rays, int row) {
+  const auto r = static_cast<std::size_t>(row);
+  const std::size_t first = r * static_cast<std::size_t>(rays.padded);
+  const tiles::TileRanges ranges = {&rays.low_x[first], &rays.high_x[first], &rays.low_y[first],
+                                    &rays.high_y[first]};
+  const auto columns = static_cast<std::size_t>(rays.columns);
+  std::fill(counts_.begin(), counts_.end(), 0U);
+  for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+    if (faces_[f].low_y > rays.row_high_y[r] || faces_[f].high_y < rays.row_low_y[r]) continue;
+    kernels_.cover(faces_[f], ranges, rays.padded, nearest_.data(), crossing_.data());
+    for (std::size_t c = 0; c < columns; ++c) {
+      if (nearest_[c] > 0) {
+        candidates_[c * faces_.size() + counts_[c]++] = {f, crossing_[c], nearest_[c]};
+      }
+    }
+  }
+}
+
+void TileRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+                          const Pose& structure_from_sensor, RenderedView* view) {
+  RequireDrawable(mesh, intrinsics.width, intrinsics.height, kMostSize);
+  const Rays& rays = rays_.Get(intrinsics, CollectRays);
+  FitImages(intrinsics, view);
+  view->rays = rays.table;
+  CollectFaces(mesh, rays, structure_from_sensor);
+  const auto columns = static_cast<std::size_t>(rays.columns);
+  candidates_.resize(columns * faces_.size());
+  counts_.resize(columns);
+  nearest_.resize(static_cast<std::size_t>(rays.padded));
+  crossing_.resize(nearest_.size());
+  std::array<float, kTilePixels> inverse;
+  std::array<std::uint32_t, kTilePixels> ids;
+  for (int row = 0; row < rays.rows; ++row) {
+    FindCandidates(rays, row);
+    const int v = row * kTileHeight;
+    for (int column = 0; column < rays.columns; ++column) {
+      inverse.fill(0);
+      ids.fill(0);
+      float covered = 0;  // the least 1 / z of the tile's pixels
+      const auto c = static_cast<std::size_t>(column);
+      for (std::size_t k = 0; k < counts_[c]; ++k) {
+        const Candidate& candidate = candidates_[c * faces_.size() + k];
+        if (candidate.nearest <= covered) continue;
+        covered = kernels_.paint(faces_[candidate.face], candidate.crossing, rays.Tile(column, row),
+                                 inverse.data(), ids.data());
+      }
+      const int u = column * kTileWidth;
+      kernels_.finish(inverse.data(), ids.data(),
+                      {&view->depth(u, v), &view->labels(u, v), &view->faces(u, v),
+                       intrinsics.width, std::min(kTileWidth, intrinsics.width - u),
+                       std::min(kTileHeight, intrinsics.height - v)});
+    }
+  }
+}
+
+RendererFactory TileRenderers() {
+  return [] { return std::make_unique<TileRenderer>(); };
+}
+
+}  // namespace volalign

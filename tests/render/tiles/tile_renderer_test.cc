@@ -1,0 +1,175 @@
+#include "render/tiles/tile_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/geometry/lens.h"
+#include "render/sample.h"
+
+namespace volalign {
+
+// For EXPECT_EQ.
+bool operator==(const RenderedView& a, const RenderedView& b) {
+  return a.depth == b.depth && a.labels == b.labels && a.faces == b.faces;
+}
+
+namespace tile_renderer_test {
+namespace {
+
+const Intrinsics kPinhole{161, 143, 126, 125, 79.3, 71.8, {}};
+const Intrinsics kKinect{160,
+                         144,
+                         126.1,
+                         126.1,
+                         79.3,
+                         84.6,
+                         {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}};
+
+/// A large square at `distance` m along the optical axis, turned by `tilt` rad about an oblique
+/// axis.
+struct Wall {
+  Wall(double distance, double tilt) {
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(tilt, Eigen::Vector3d(0.6, -0.8, 0)).toRotationMatrix();
+    const Eigen::Vector3d u = 40 * turn.col(0), v = 40 * turn.col(1);
+    middle = Eigen::Vector3d(0, 0, distance);
+    normal = -turn.col(2);
+    mesh.AppendQuad({middle - u - v, middle - u + v, middle + u + v, middle + u - v}, normal, 3);
+  }
+  SceneMesh mesh;
+  Eigen::Vector3d middle, normal;
+};
+
+/// The point that a pixel shows, put through the lens, is at the pixel, and it lies on the wall.
+TEST(TileRendererTest, DepthHasItsClosedFormNearAndFarThroughEveryLens) {
+  TileRenderer renderer;
+  for (const Intrinsics& k : {kPinhole, kKinect}) {
+    for (const double distance : {0.05, 2.0, 15.0}) {
+      for (const double tilt : {0.0, 0.5}) {
+        const Wall wall(distance, tilt);
+        RenderedView view;
+        renderer.Render(wall.mesh, k, Pose::Identity(), &view);
+        for (int v = 0; v < k.height; ++v) {
+          for (int u = 0; u < k.width; ++u) {
+            const double z = view.depth(u, v);
+            ASSERT_EQ(view.labels(u, v), 3);
+            ASSERT_EQ(view.faces(u, v), 1);
+            const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
+            ASSERT_NEAR((ProjectRay(k, ray) - Eigen::Vector2d(u, v)).norm(), 0, 1e-3);
+            const Eigen::Vector3d p = z * Eigen::Vector3d(ray.x(), ray.y(), 1);
+            ASSERT_NEAR(wall.normal.dot(p - wall.middle), 0, 2e-6 * z) << u << " " << v;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(TileRendererTest, FacesNearerThanTheNearPlaneAreNotSeen) {
+  TileRenderer renderer;
+  RenderedView view;
+  renderer.Render(Wall(0.019, 0).mesh, kPinhole, Pose::Identity(), &view);
+  EXPECT_EQ(view.faces, Image16(kPinhole.width, kPinhole.height));
+  // One that passes through the plane: its part beyond it is.
+  const Wall tilted(0.03, 1.2);
+  renderer.Render(tilted.mesh, kPinhole, Pose::Identity(), &view);
+  long seen = 0;
+  for (int v = 0; v < kPinhole.height; ++v) {
+    for (int u = 0; u < kPinhole.width; ++u) {
+      const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
+      const double inverse = tilted.normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)) /
+                             tilted.normal.dot(tilted.middle);
+      // The wall ends somewhere beyond 10 m.
+      if (std::abs(inverse - 50) < 1e-3 || (inverse > 0 && inverse < 0.1)) continue;
+      const bool is_seen = inverse > 0 && inverse < 50;
+      EXPECT_NEAR(view.depth(u, v), is_seen ? 1 / inverse : 0, 1e-5 / (inverse * inverse));
+      seen += is_seen;
+    }
+  }
+  EXPECT_GT(seen, 1000);
+}
+
+TEST(TileRendererTest, EdgesLieWhereTheyProject) {
+  // A square of which the corners project to pixels 20.5, 60.5 and 30.5, 50.5.
+  const Intrinsics k{96, 80, 100, 100, 40, 40, {}};
+  SceneMesh mesh;
+  const auto corner = [&](double u, double v) {
+    return Eigen::Vector3d((u - k.cx) / k.fx * 2, (v - k.cy) / k.fy * 2, 2);
+  };
+  mesh.AppendQuad({corner(20.5, 30.5), corner(20.5, 50.5), corner(60.5, 50.5), corner(60.5, 30.5)},
+                  -Eigen::Vector3d::UnitZ(), 9);
+  TileRenderer renderer;
+  RenderedView view;
+  renderer.Render(mesh, k, Pose::Identity(), &view);
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      EXPECT_EQ(view.labels(u, v), u > 20 && u <= 60 && v > 30 && v <= 50 ? 9 : 0);
+    }
+  }
+}
+
+TEST(TileRendererTest, RejectsWhatItCannotDraw) {
+  TileRenderer renderer;
+  RenderedView view;
+  const Intrinsics folded{64, 64, 50, 50, 32, 32, {-20, 0, 0, 0}};
+  EXPECT_THROW(renderer.Render(SceneMesh(), folded, Pose::Identity(), &view), DataError);
+  const Intrinsics empty{0, 64, 50, 50, 32, 32, {}};
+  EXPECT_THROW(renderer.Render(SceneMesh(), empty, Pose::Identity(), &view), Error);
+  SceneMesh many;
+  many.faces.resize(65536);
+  EXPECT_THROW(renderer.Render(many, kPinhole, Pose::Identity(), &view), Error);
+}
+
+/// Keeps what it draws.
+class Recorder : public DepthRenderer {
+ public:
+  explicit Recorder(const tiles::TileKernels& kernels) : renderer_(kernels) {}
+  void Render(const SceneMesh& mesh, const Intrinsics& intrinsics, const Pose& pose,
+              RenderedView* view) override {
+    renderer_.Render(mesh, intrinsics, pose, view);
+    views.push_back(*view);
+  }
+  std::vector<RenderedView> views;
+
+ private:
+  TileRenderer renderer_;
+};
+
+/// Of the first samples of the default recipe, and of its last ones before them where `backwards`.
+std::vector<RenderedView> SampleViews(const tiles::TileKernels& kernels, bool backwards) {
+  SampleConfig config;
+  config.image_sizes = {"160x144", "73x41"};
+  config.noise.model = "none";
+  const SampleContext context = MakeSampleContext(config, 1);
+  constexpr std::uint64_t kCount = 12;
+  Recorder recorder(kernels);
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    Synthesize(context, recorder, 5, backwards ? kCount - 1 - i : i);
+  }
+  if (backwards) std::reverse(recorder.views.begin(), recorder.views.end());
+  return recorder.views;
+}
+
+TEST(TileRendererTest, PicturesDependOnNothingElse) {
+  const tiles::KernelSets& all = tiles::AllKernels();
+  const std::vector<RenderedView> expected = SampleViews(all.sets[0], false);
+  for (int set = 0; set < all.count; ++set) {
+    std::vector<std::vector<RenderedView>> views(4);
+    std::vector<std::thread> threads;
+    for (std::size_t t = 0; t < views.size(); ++t) {
+      threads.emplace_back([&, t] { views[t] = SampleViews(all.sets[set], t % 2 == 1); });
+    }
+    for (std::thread& thread : threads) thread.join();
+    for (const auto& of_thread : views) EXPECT_TRUE(of_thread == expected) << all.sets[set].name;
+  }
+}
+
+}  // namespace
+}  // namespace tile_renderer_test
+}  // namespace volalign
