@@ -34,7 +34,8 @@ std::string Refusal(const std::string& saved, const TrainConfig& config) {
 
 TEST(RequireSameRun, LetsThroughWhatChangesNoSampleAndNoStep) {
   EXPECT_EQ(Refusal(Saved(), With({})), "");
-  const Changes free = {{"run.samples", "77"},
+  const Changes free = {{"data.renderer", "cpu"},
+                        {"run.samples", "77"},
                         {"run.validation_samples", "7"},
                         {"run.validate_every", "7"},
                         {"run.checkpoint_every", "7"},
