@@ -60,7 +60,8 @@ DatasetResult WriteDataset(const std::filesystem::path& dir,
 
 /// The keys of a header's data section and of `context` that differ, one line a key, e.g.
 /// "data.noise.model = sensor (dataset: paper)"; empty when both draw the same samples. Paths are
-/// not compared, what they name is; nor are renderers. A key that the dataset does not know had its default's effect.
+/// not compared, what they name is; nor are renderers. A key that the dataset does not know had its
+/// default's effect.
 std::vector<std::string> DifferencesFrom(const DatasetHeader& header, const SampleContext& context);
 
 /// Reads what WriteDataset wrote; immutable, for any number of threads.
