@@ -149,7 +149,8 @@ TEST_F(CheckpointTest, RefusesOtherPicklesWithoutRunningThem) {
         std::string("Q."), ")" + std::string(3000000, '\x85') + ".",
         std::string("cos\nsystem\n(X\x04\x00\x00\x00truetR.", 24), std::string("(e."),
         std::string("h\xff.")}) {
-    WriteFileAtomically(bad, Zip({{"archive/data.pkl", "\x80\x02" + pickle}}), false);
+    WriteFileAtomically(
+        bad, Zip({{"archive/data.pkl", "\x80\x02" + pickle}, {"archive/version", "3\n"}}), false);
     LoadError<DataError>(bad);
   }
   WriteFileAtomically(bad, Zip({{"archive/data.pkl", "\x80\x02}."}}, /*method=*/8), false);
