@@ -15,8 +15,8 @@ namespace {
 
 /// Boxes that are nearer to each other than this are in the same place, m.
 constexpr double kCoincident = 0.02;
-/// Size of the cube that stands for a missing box: inside another box it is never seen, m.
-constexpr double kMissingSize = 1e-3;
+/// Edge of the cube that stands for a missing box: inside another box it is never seen, m.
+constexpr double kMissingSize = kShortestEdge;
 /// Beyond every structure, m.
 constexpr double kFar = 1e9;
 
