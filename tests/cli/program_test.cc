@@ -198,7 +198,7 @@ TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
 TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   const std::string small =
       " --config configs/m05-lite.yaml --set data.sensors=[azure_kinect_nfov_binned]"
-      " --set data.image_sizes=[40x36] --set run.batch_size=2";
+      " --set data.image_sizes=[40x36] --set data.renderer=egl --set run.batch_size=2";
   const auto write = [&](const std::string& name, const std::string& seed) {
     const Outcome run =
         Volalign("render" + small + " --count 4 --seed " + seed + " -o " + Path(name));

@@ -43,7 +43,7 @@ Structure Stack(const std::vector<Footprint>& footprints) {
     const Eigen::Vector3d max(f.x1 / 1000, y + 0.405, f.z1 / 1000);
     if (!missing) y += 0.405;
     // Out of every view, so that labels keep their numbers.
-    const Eigen::Vector3d far(0, 50, 0), speck(0.001, 0.001, 0.001);
+    const Eigen::Vector3d far(0, 50, 0), speck(0.02, 0.02, 0.02);
     boxes.push_back(missing ? Box::FromMinMax(described.boxes()[i].name, far, far + speck)
                             : Box::FromMinMax(described.boxes()[i].name, min, max));
   }
