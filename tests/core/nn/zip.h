@@ -30,7 +30,8 @@ inline std::string Zip(const std::vector<std::pair<std::string, std::string>>& f
   std::string bytes, list;
   std::size_t at = 0, size = 0;
   std::uint32_t checksum = 0;
-  for (const auto& [name, content] : files) {
+  for (const auto& file : files) {
+    const std::string &name = file.first, &content = file.second;
     const auto header = [&] {
       return LittleEndian(method, 2) + LittleEndian(0, 4) + LittleEndian(checksum, 4) +
              LittleEndian(size, 4) + LittleEndian(size, 4) + LittleEndian(name.size(), 2) +
