@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "core/base/error.h"
@@ -17,6 +18,36 @@ void RequireDrawable(const SceneMesh& mesh, int width, int height, int most_size
   if (mesh.faces.size() > kMostFaces) {
     throw Error(fmt::format("DepthRenderer: {} faces violate faces <= {}; draw fewer objects",
                             mesh.faces.size(), kMostFaces));
+  }
+}
+
+void FindFacesInView(const SceneMesh& mesh, const Pose& structure_from_sensor,
+                     const std::array<float, 4>& bounds, std::vector<FaceInView>* faces) {
+  constexpr auto kNear = static_cast<float>(DepthRenderer::kNear);
+  faces->clear();
+  const Pose sensor_from_structure = structure_from_sensor.inverse();
+  const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
+  const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
+  const Eigen::Vector3d eye = structure_from_sensor.translation();
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    const SceneFace& face = mesh.faces[i];
+    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
+    if (h > -1e-6) continue;
+    FaceInView in_view;
+    std::array<int, 5> outside{};
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3f p = rotation * face.corners[k] + translation;
+      in_view.corners[k] = p;
+      outside[0] += p.x() < bounds[0] * p.z();
+      outside[1] += p.x() > bounds[1] * p.z();
+      outside[2] += p.y() < bounds[2] * p.z();
+      outside[3] += p.y() > bounds[3] * p.z();
+      outside[4] += p.z() < kNear;
+    }
+    if (*std::max_element(outside.begin(), outside.end()) == 4) continue;
+    in_view.inverse = (sensor_from_structure.linear() * face.normal / h).cast<float>();
+    in_view.id = static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1);
+    faces->push_back(in_view);
   }
 }
 

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
@@ -40,6 +44,19 @@ using RendererFactory = std::function<std::unique_ptr<DepthRenderer>()>;
 /// Throws Error for a picture without a size or larger than `most_size`, and for more faces than 16
 /// bits of a pixel can name.
 void RequireDrawable(const SceneMesh& mesh, int width, int height, int most_size);
+
+/// A face as the eye sees it.
+struct FaceInView {
+  std::array<Eigen::Vector3f, 4> corners;  ///< sensor frame, m
+  Eigen::Vector3f inverse;  ///< 1 / z = inverse . (X, Y, 1) where the ray (X, Y, 1) meets its plane
+  std::uint32_t id;         ///< label << 16 | 1 + index in SceneMesh::faces
+};
+
+/// The faces that are seen from their front, in their order, without those of which all is nearer
+/// than DepthRenderer::kNear or beyond one of the `bounds` of the rays: low X, high X, low Y,
+/// high Y. `faces` keeps its memory.
+void FindFacesInView(const SceneMesh& mesh, const Pose& structure_from_sensor,
+                     const std::array<float, 4>& bounds, std::vector<FaceInView>* faces);
 
 /// Gives the images the intrinsics' size, and leaves them as they are where they have it.
 void FitImages(const Intrinsics& intrinsics, RenderedView* view);

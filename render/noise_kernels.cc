@@ -1,7 +1,5 @@
 #include "render/noise_kernels.h"
 
-#include "core/base/processor.h"
-
 namespace volalign::noise {
 
 namespace baseline {
@@ -14,23 +12,13 @@ NoiseKernels Get();
 namespace avx512 {
 NoiseKernels Get();
 }
+#else
+namespace avx2 = baseline;
+namespace avx512 = baseline;
 #endif
 
-namespace {
-
-NoiseKernelSets Collect() {
-  NoiseKernelSets all{{baseline::Get()}, 1};
-#if defined(__x86_64__)
-  if (ThisProcessor().avx2) all.sets[all.count++] = avx2::Get();
-  if (ThisProcessor().avx512) all.sets[all.count++] = avx512::Get();
-#endif
-  return all;
-}
-
-}  // namespace
-
-const NoiseKernelSets& AllNoiseKernels() {
-  static const NoiseKernelSets all = Collect();
+const KernelSets<NoiseKernels>& AllNoiseKernels() {
+  static const KernelSets<NoiseKernels> all = CollectKernels(baseline::Get, avx2::Get, avx512::Get);
   return all;
 }
 

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "core/base/kernel_sets.h"
+
 namespace volalign::noise {
 
 /// What the stereo matcher sees of a row of pixels. Faces, rays and the three numbers of a face are
@@ -98,12 +100,7 @@ struct NoiseKernels {
   void (*round)(const std::uint8_t* keep, int count, float* depth, std::uint8_t* labels);
 };
 
-/// Those that this processor can run, the plainest first.
-struct NoiseKernelSets {
-  NoiseKernels sets[3];
-  int count;
-};
-const NoiseKernelSets& AllNoiseKernels();
+const KernelSets<NoiseKernels>& AllNoiseKernels();
 
 /// The best of them.
 const NoiseKernels& Kernels();

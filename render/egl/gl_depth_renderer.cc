@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -141,48 +142,24 @@ void GlDepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& i
                                       const Pose& structure_from_sensor) {
   vertices_.clear();
   first_vertex_.resize(mesh.faces.size());
-  const Pose sensor_from_structure = structure_from_sensor.inverse();
-  const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
-  const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
-  const Eigen::Vector3d eye = structure_from_sensor.translation();
-  // Half-spaces x - left z >= 0 and so on, of the image's outer rim.
-  const float left = static_cast<float>((-0.5 - intrinsics.cx) / intrinsics.fx);
-  const float right = static_cast<float>((intrinsics.width - 0.5 - intrinsics.cx) / intrinsics.fx);
-  const float top = static_cast<float>((-0.5 - intrinsics.cy) / intrinsics.fy);
-  const float bottom =
-      static_cast<float>((intrinsics.height - 0.5 - intrinsics.cy) / intrinsics.fy);
-  constexpr float kNearF = static_cast<float>(kNear);
-  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
-    const SceneFace& face = mesh.faces[i];
-    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
-    if (h > -1e-6) continue;
-    std::array<Eigen::Vector3f, 4> p;
-    int outside[5] = {0, 0, 0, 0, 0};
+  // The image's outer rim.
+  const std::array<float, 4> bounds = {
+      static_cast<float>((-0.5 - intrinsics.cx) / intrinsics.fx),
+      static_cast<float>((intrinsics.width - 0.5 - intrinsics.cx) / intrinsics.fx),
+      static_cast<float>((-0.5 - intrinsics.cy) / intrinsics.fy),
+      static_cast<float>((intrinsics.height - 0.5 - intrinsics.cy) / intrinsics.fy)};
+  FindFacesInView(mesh, structure_from_sensor, bounds, &in_view_);
+  for (const auto& [corners, inverse, id] : in_view_) {
     float z_min = 1e9F, z_max = 0;
-    for (std::size_t k = 0; k < 4; ++k) {
-      p[k] = rotation * face.corners[k] + translation;
-      const float z = p[k].z();
-      outside[0] += p[k].x() < left * z;
-      outside[1] += p[k].x() > right * z;
-      outside[2] += p[k].y() < top * z;
-      outside[3] += p[k].y() > bottom * z;
-      outside[4] += z < kNearF;
-      z_min = std::min(z_min, z);
-      z_max = std::max(z_max, z);
+    for (const Eigen::Vector3f& p : corners) {
+      z_min = std::min(z_min, p.z());
+      z_max = std::max(z_max, p.z());
     }
-    if (*std::max_element(outside, outside + 5) == 4) continue;
-    z_min = std::max(z_min, kNearF);
-    const Eigen::Vector3f inverse_plane =
-        (sensor_from_structure.linear() * face.normal / h).cast<float>();
-    const std::uint32_t id =
-        static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1);
     // Room for the rounding of the corners themselves.
-    z_min -= 1e-5F;
+    z_min = std::max(z_min, static_cast<float>(kNear)) - 1e-5F;
     z_max += 1e-5F;
-    first_vertex_[i] = static_cast<std::uint32_t>(vertices_.size());
-    for (std::size_t k = 0; k < 4; ++k) {
-      vertices_.push_back({p[k], inverse_plane, z_min, z_max, id});
-    }
+    first_vertex_[(id & 0xFFFFU) - 1] = static_cast<std::uint32_t>(vertices_.size());
+    for (const Eigen::Vector3f& p : corners) vertices_.push_back({p, inverse, z_min, z_max, id});
   }
 }
 

@@ -41,6 +41,7 @@ class GlDepthRenderer : public DepthRenderer {
   /// Fills ids_ with FaceCorner::id of a pinhole picture.
   void DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole, const Pose& structure_from_sensor);
 
+  std::vector<FaceInView> in_view_;
   std::vector<FaceCorner> vertices_;
   std::vector<std::uint32_t> first_vertex_;  // of each face of the mesh that is drawn
   RecentLenses<LensPicture> pictures_;

@@ -1,7 +1,5 @@
 #include "render/tiles/tile_kernels.h"
 
-#include "core/base/processor.h"
-
 namespace volalign::tiles {
 
 namespace baseline {
@@ -14,23 +12,13 @@ TileKernels Get();
 namespace avx512 {
 TileKernels Get();
 }
+#else
+namespace avx2 = baseline;
+namespace avx512 = baseline;
 #endif
 
-namespace {
-
-KernelSets Collect() {
-  KernelSets all{{baseline::Get()}, 1};
-#if defined(__x86_64__)
-  if (ThisProcessor().avx2) all.sets[all.count++] = avx2::Get();
-  if (ThisProcessor().avx512) all.sets[all.count++] = avx512::Get();
-#endif
-  return all;
-}
-
-}  // namespace
-
-const KernelSets& AllKernels() {
-  static const KernelSets all = Collect();
+const KernelSets<TileKernels>& AllKernels() {
+  static const KernelSets<TileKernels> all = CollectKernels(baseline::Get, avx2::Get, avx512::Get);
   return all;
 }
 

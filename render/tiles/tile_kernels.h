@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "core/base/kernel_sets.h"
+
 namespace volalign::tiles {
 
 constexpr int kTileWidth = 16, kTileHeight = 8;  // px
@@ -58,11 +60,7 @@ struct TileKernels {
   void (*finish)(const float* inverse, const std::uint32_t* ids, const TileTarget&);
 };
 
-/// Those that this processor can run, the plainest first. All give the same to the last bit.
-struct KernelSets {
-  TileKernels sets[3];
-  int count;
-};
-const KernelSets& AllKernels();
+/// All give the same to the last bit.
+const KernelSets<TileKernels>& AllKernels();
 
 }  // namespace volalign::tiles

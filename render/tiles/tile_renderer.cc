@@ -25,10 +25,8 @@ constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 Linear ToLinear(const Eigen::Vector3f& f) { return {f.x(), f.y(), f.z()}; }
 
-/// `inverse` is n / h of the plane n . p = h, `corners` are in the sensor frame; at least one of
-/// them is in front of the near plane.
-TileFace MakeFace(const std::array<Eigen::Vector3f, 4>& corners, const Eigen::Vector3f& inverse,
-                  std::uint32_t id) {
+TileFace MakeFace(const FaceInView& in_view) {
+  const auto& [corners, inverse, id] = in_view;
   constexpr auto kNear = static_cast<float>(DepthRenderer::kNear);
   constexpr float kRounding = 1e-5F;  // m, of the corners themselves
   TileFace face{};
@@ -138,33 +136,9 @@ TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
 
 void TileRenderer::CollectFaces(const SceneMesh& mesh, const Rays& rays,
                                 const Pose& structure_from_sensor) {
-  constexpr auto kNearF = static_cast<float>(kNear);
+  FindFacesInView(mesh, structure_from_sensor, rays.bounds, &in_view_);
   faces_.clear();
-  const Pose sensor_from_structure = structure_from_sensor.inverse();
-  const Eigen::Matrix3f rotation = sensor_from_structure.linear().cast<float>();
-  const Eigen::Vector3f translation = sensor_from_structure.translation().cast<float>();
-  const Eigen::Vector3d eye = structure_from_sensor.translation();
-  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
-    const SceneFace& face = mesh.faces[i];
-    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
-    if (h > -1e-6) continue;
-    std::array<Eigen::Vector3f, 4> p;
-    int outside[5] = {0, 0, 0, 0, 0};
-    for (std::size_t k = 0; k < 4; ++k) {
-      p[k] = rotation * face.corners[k] + translation;
-      outside[0] += p[k].x() < rays.bounds[0] * p[k].z();
-      outside[1] += p[k].x() > rays.bounds[1] * p[k].z();
-      outside[2] += p[k].y() < rays.bounds[2] * p[k].z();
-      outside[3] += p[k].y() > rays.bounds[3] * p[k].z();
-      outside[4] += p[k].z() < kNearF;
-    }
-    if (*std::max_element(outside, outside + 5) == 4) continue;
-    const Eigen::Vector3f inverse =
-        (sensor_from_structure.linear() * face.normal / h).cast<float>();
-    faces_.push_back(
-        MakeFace(p, inverse,
-                 static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1)));
-  }
+  for (const FaceInView& face : in_view_) faces_.push_back(MakeFace(face));
   std::sort(faces_.begin(), faces_.end(), [](const TileFace& a, const TileFace& b) {
     return a.most != b.most ? a.most > b.most : (a.id & 0xFFFFU) < (b.id & 0xFFFFU);
   });

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -44,7 +45,7 @@ class TileRenderer : public DepthRenderer {
     bool is_pinhole;    ///< all rows of a tile share `x`, and all of its columns have one `y`
     std::vector<float> x, y;
     std::vector<float> low_x, high_x, low_y, high_y;  ///< [rows, padded]; NaN: no ray
-    float bounds[4];                                  ///< of all rays: low x, high x, low y, high y
+    std::array<float, 4> bounds;                      ///< of all rays, see FindFacesInView
     std::vector<float> row_low_y, row_high_y;         ///< of a row of tiles
     tiles::TileRays Tile(int column, int row) const;
   };
@@ -61,6 +62,7 @@ class TileRenderer : public DepthRenderer {
 
   tiles::TileKernels kernels_;
   RecentLenses<Rays> rays_;
+  std::vector<FaceInView> in_view_;
   std::vector<tiles::TileFace> faces_;  // from the nearest on
   std::vector<Candidate> candidates_;   // [columns, faces]
   std::vector<std::uint32_t> counts_;   // of each column of tiles

@@ -56,7 +56,7 @@ class NoiseKernelsTest : public testing::Test {
   }
   template <class Check>
   static void ForEachSet(const Check& check) {
-    const NoiseKernelSets& all = AllNoiseKernels();
+    const KernelSets<NoiseKernels>& all = AllNoiseKernels();
     for (int i = 0; i < all.count; ++i) {
       SCOPED_TRACE(all.sets[i].name);
       check(all.sets[i]);

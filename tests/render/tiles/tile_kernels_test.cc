@@ -89,7 +89,7 @@ class Inputs {
 };
 
 TEST(TileKernelsTest, AllInstructionSetsGiveTheSameBits) {
-  const KernelSets& all = AllKernels();
+  const KernelSets<TileKernels>& all = AllKernels();
   ASSERT_GE(all.count, 1);
   Inputs inputs;
   for (int i = 0; i < 300; ++i) {

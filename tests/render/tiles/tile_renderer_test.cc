@@ -157,7 +157,7 @@ std::vector<RenderedView> SampleViews(const tiles::TileKernels& kernels, bool ba
 }
 
 TEST(TileRendererTest, PicturesDependOnNothingElse) {
-  const tiles::KernelSets& all = tiles::AllKernels();
+  const KernelSets<tiles::TileKernels>& all = tiles::AllKernels();
   const std::vector<RenderedView> expected = SampleViews(all.sets[0], false);
   for (int set = 0; set < all.count; ++set) {
     std::vector<std::vector<RenderedView>> views(4);
