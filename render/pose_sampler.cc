@@ -11,10 +11,10 @@ namespace {
 
 double SampleAzimuth(const PoseConfig& config, RandomStream& random) {
   if (config.phi_deg.empty()) return random.Uniform(0, 2 * M_PI);
-  const double placement =
+  const double azimuth =
       config
           .phi_deg[static_cast<std::size_t>(random.Below(static_cast<int>(config.phi_deg.size())))];
-  return (placement + random.Uniform(-config.phi_jitter_deg, config.phi_jitter_deg)) * M_PI / 180;
+  return (azimuth + random.Uniform(-config.phi_jitter_deg, config.phi_jitter_deg)) * M_PI / 180;
 }
 
 }  // namespace

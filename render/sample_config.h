@@ -29,12 +29,11 @@ struct PoseConfig {
        Above(0));
     ar("height_cm", height_cm, "height of the sensor above the origin, cm, uniform");
     ar("phi_deg", phi_deg,
-       "azimuths of fixed placements from +x towards +z, deg, one drawn for each sample; empty: "
+       "fixed azimuths of the sensor from +x towards +z, deg, one drawn for each sample; empty: "
        "all "
        "azimuths alike");
     ar("phi_jitter_deg", phi_jitter_deg,
-       "largest deviation from a fixed placement's azimuth, deg, uniform; only with phi_deg",
-       Between(0, 180));
+       "largest deviation from a fixed azimuth, deg, uniform; only with phi_deg", Between(0, 180));
     ar("look_at_radius_cm", look_at_radius_cm, "radius of the ball of look-at points, cm",
        AtLeast(0));
     ar("roll_deg", roll_deg, "largest roll about the levelled optical axis, deg, uniform",
@@ -104,7 +103,8 @@ struct SampleConfig {
        "sensor and each sensor that is named a size: aspect ratios within 2 %");
     ar("pose", pose, "sensor pose sampling");
     ar("scene", scene, "procedural room");
-    ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
+    ar("assembly", assembly,
+       "how imprecisely the structure's boxes are stacked; 0 is the exact model");
     ar("noise", noise, "sensor noise");
     ar("renderer", renderer,
        "egl (OpenGL), cpu (tiles on the processor: without a driver, the same but for pixels at "

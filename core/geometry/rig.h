@@ -177,7 +177,8 @@ struct Rig {
         "all frames stay from still to still) or redrawn (each still has its own: errors "
         "average out as those of real devices do not)");
     ar("scene", scene, "the room's content");
-    ar("assembly", assembly, "imprecise placement of the structure's boxes; 0 is the exact model");
+    ar("assembly", assembly,
+       "how imprecisely the structure's boxes are stacked; 0 is the exact model");
   }
 };
 

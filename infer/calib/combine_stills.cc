@@ -44,11 +44,11 @@ const FrameResult& MostTelling(const std::vector<OfSensor>& frames) {
   return *best;
 }
 
-/// Where the sensor stands: as most of its frames have it, by one that the refinement took, if
+/// The frame whose pose most of the sensor's frames agree with, one that the refinement took, if
 /// there is one among them.
-const OfSensor* Standing(const std::vector<OfSensor>& frames) {
+const OfSensor* MostAgreed(const std::vector<OfSensor>& frames) {
   constexpr double kTogether = 0.03;  // m, of a sensor that stands in one place
-  const OfSensor* standing = nullptr;
+  const OfSensor* agreed = nullptr;
   std::pair<int, bool> best;
   for (const OfSensor& frame : frames) {
     if (!frame.IsPlaced()) continue;
@@ -60,11 +60,11 @@ const OfSensor* Standing(const std::vector<OfSensor>& frames) {
       agree += apart.translation_m < kTogether ? 1 : 0;
     }
     const std::pair<int, bool> rank(agree, frame.refined->accepted && !frame.refined->refused_fit);
-    if (standing && rank <= best) continue;
-    standing = &frame;
+    if (agreed && rank <= best) continue;
+    agreed = &frame;
     best = rank;
   }
-  return standing;
+  return agreed;
 }
 
 /// Figures of all frames together: sums, and means over their points.
@@ -97,12 +97,12 @@ FrameResult CombineFrames(const std::vector<OfSensor>& frames,
                           const std::optional<Pose>& ground_truth) {
   FrameResult sensor;
   static_cast<SensorOutcome&>(sensor) = MostTelling(frames);
-  const OfSensor* standing = Standing(frames);
-  if (!standing) return sensor;
-  const FrameResult& at = *standing->result;
-  const Pose& placement = stills[standing->still].first_from_placement;
-  sensor.structure_from_sensor = standing->refined->first_from_sensor;
-  sensor.covariance = standing->refined->first_covariance;
+  const OfSensor* agreed = MostAgreed(frames);
+  if (!agreed) return sensor;
+  const FrameResult& at = *agreed->result;
+  const Pose& placement = stills[agreed->still].first_from_placement;
+  sensor.structure_from_sensor = agreed->refined->first_from_sensor;
+  sensor.covariance = agreed->refined->first_covariance;
   sensor.initial = placement * at.initial;
   sensor.together.reset();
   if (at.together) sensor.together = placement * *at.together;

@@ -23,17 +23,17 @@ const Sensor* Find(const Extrinsics& extrinsics, const std::string& name) {
 }
 
 /// Whether a sensor has what a comparison needs.
-bool Stands(const Sensor& sensor) {
+bool IsComparable(const Sensor& sensor) {
   return sensor.structure_from_sensor && sensor.covariance.allFinite();
 }
 
-std::vector<SensorEstimate> Standing(const Extrinsics& extrinsics) {
-  std::vector<SensorEstimate> standing;
+std::vector<SensorEstimate> EstimatesOf(const Extrinsics& extrinsics) {
+  std::vector<SensorEstimate> estimates;
   for (const Sensor& sensor : extrinsics.sensors) {
-    if (Stands(sensor))
-      standing.push_back({sensor.name, *sensor.structure_from_sensor, sensor.covariance});
+    if (IsComparable(sensor))
+      estimates.push_back({sensor.name, *sensor.structure_from_sensor, sensor.covariance});
   }
-  return standing;
+  return estimates;
 }
 
 /// Why a sensor has no pose to compare, "" if it has. `when`: "now" or "last time".
@@ -42,7 +42,7 @@ std::string Lacks(const Sensor* sensor, const std::string& when) {
   if (!sensor->structure_from_sensor) {
     return fmt::format("it is failed {} ({}): {}", when, ToString(sensor->code), sensor->reason);
   }
-  return Stands(*sensor) ? "" : fmt::format("its uncertainty {} is not known", when);
+  return IsComparable(*sensor) ? "" : fmt::format("its uncertainty {} is not known", when);
 }
 
 void TurnInto(const Pose& last_from_now, Sensor* sensor) {
@@ -60,7 +60,7 @@ std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
   }
   for (const Sensor& sensor : now.sensors) {
     const Sensor* before = Find(last, sensor.name);
-    if (Stands(sensor) && !(before && Stands(*before))) names.push_back(sensor.name);
+    if (IsComparable(sensor) && !(before && IsComparable(*before))) names.push_back(sensor.name);
   }
   return names;
 }
@@ -200,7 +200,7 @@ RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Ex
         "{} and the capture have no sensor of the same name in common: they are two rigs",
         last_file));
   }
-  check.movements = FindMovements(Standing(last), Standing(now), options);
+  check.movements = FindMovements(EstimatesOf(last), EstimatesOf(now), options);
   return check;
 }
 

@@ -131,8 +131,10 @@ TEST(ResultFolder, NamesNoMixtureAsCompleteWhenKilledAtAnyMoment) {
   const TempFolder folder;
   const fs::path out = folder / "out";
   std::mt19937 random(1);
+  // How often a kill falls between two results is a matter of the disk.
   int drafts = 0, complete = 0;
-  for (int kill = 0; kill < 20; ++kill) {
+  for (int kill = 0; kill < 20 || complete < 5 || drafts < 5; ++kill) {
+    ASSERT_LT(kill, 400);
     const pid_t child = ::fork();
     if (child == 0) WriteResults(out, 1000 * kill);
     // Once it has written one, at a moment of one of the next three.
@@ -151,8 +153,6 @@ TEST(ResultFolder, NamesNoMixtureAsCompleteWhenKilledAtAnyMoment) {
     for (char name = 'a'; name <= 'j'; ++name)
       ASSERT_EQ(std::stoi(ReadFile(out / std::string(1, name))), NumberIn(out)) << "kill " << kill;
   }
-  EXPECT_GT(complete, 5);
-  EXPECT_GT(drafts, 5);
   { const ResultFolder sweep(out); }
   for (const std::string& name : Listing(out)) EXPECT_EQ(name.find("tmp"), std::string::npos);
 }

@@ -720,8 +720,10 @@ TEST_F(ExportTest, AFolderIsOfOneRunWhereverAProcessIsKilled) {
   WriteCalibration(ResultFolder(folder / "first"), *result_, {{"", rig_->frames}}, rig_->structure,
                    {});
   const auto span = std::chrono::steady_clock::now() - begin;
+  // How often a kill falls between two results is a matter of the disk.
   int complete = 0;
-  for (int kill = 0; kill < 10; ++kill) {
+  for (int kill = 0; kill < 10 || complete < 5; ++kill) {
+    ASSERT_LT(kill, 200);
     const Writer writer(out, *result_, *rig_);
     while (kill == 0 && !std::filesystem::exists(out / "extrinsics.json"))
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -744,7 +746,6 @@ TEST_F(ExportTest, AFolderIsOfOneRunWhereverAProcessIsKilled) {
     }
     EXPECT_EQ(found, expected) << "kill " << kill;
   }
-  EXPECT_GT(complete, 3);
 }
 
 TEST_F(ExportTest, AFullDiskLeavesTheEarlierResult) {
