@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/file_util.h"
+#include "core/base/provenance.h"
 #include "core/base/text.h"
 
 namespace volalign {
@@ -66,8 +67,8 @@ std::string CommandLine() { return TheKept().line; }
 
 void SaveCommand(const std::filesystem::path& result,
                  const std::vector<std::pair<std::string, std::string>>& configs) {
-  std::string text = fmt::format("version: {}\ncommand: {}\noptions:\n", Text(VOLALIGN_VERSION),
-                                 Text(CommandLine()));
+  std::string text =
+      fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()), Text(CommandLine()));
   const CLI::App* app = Called(TheKept().program);
   for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
     text += OptionLine(option);

@@ -18,6 +18,7 @@
 #include "cli/commands.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/base/provenance.h"
 #include "core/formats/structure_gltf.h"
 #include "core/nn/checkpoint.h"
 #include "render/egl/renderers.h"
@@ -45,7 +46,7 @@ class Findings {
   int missing_ = 0;
 };
 
-void CheckLibraries(Findings* findings) {
+std::string Libraries() {
   std::string text = fmt::format(
       "LibTorch {}, Eigen {}.{}.{}, fmt {}.{}.{}, JSON {}.{}.{}, CLI11 {}", TORCH_VERSION,
       EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION, FMT_VERSION / 10000,
@@ -56,7 +57,11 @@ void CheckLibraries(Findings* findings) {
 #else
   text += "; built without calibration (VOLALIGN_INFER=OFF)";
 #endif
-  findings->Say("libraries", text);
+  return text;
+}
+
+void CheckLibraries(Findings* findings) {
+  findings->Say("libraries", Libraries());
   findings->Say("compiler", fmt::format("{}, C++{}", __VERSION__, __cplusplus / 100 % 100));
 }
 
@@ -135,6 +140,16 @@ void CheckData(const std::string& model_path, Findings* findings) {
 
 }  // namespace
 
+std::string VersionText() {
+  std::string renderer;
+  try {
+    renderer = ChooseRenderers("auto").description;
+  } catch (const Error& error) {
+    renderer = error.what();
+  }
+  return fmt::format("{}\nlibraries: {}\nrenderer: {}", Tool(), Libraries(), renderer);
+}
+
 Command AddDoctorCommand(CLI::App& program) {
   auto model = std::make_shared<std::string>("models/m05-lite.pt");
   CLI::App* app = program.add_subcommand("doctor",
@@ -144,7 +159,7 @@ Command AddDoctorCommand(CLI::App& program) {
   app->add_option("--model", *model, "checkpoint to load")->capture_default_str();
   return {app, [model] {
             Findings findings;
-            findings.Say("volalign", VOLALIGN_VERSION);
+            findings.Say("volalign", Tool());
             CheckLibraries(&findings);
             CheckProcessor(&findings);
             CheckRenderer(&findings);

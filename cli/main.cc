@@ -62,7 +62,7 @@ std::string Shown(const std::string& message) {
 int Run(int argc, char** argv) {
   CLI::App program("volalign aligns depth sensors from one still frame each of a stack of boxes",
                    "volalign");
-  program.set_version_flag("--version", "volalign " VOLALIGN_VERSION);
+  program.set_version_flag("--version", VersionText);
   program.require_subcommand(1);
   const std::vector<Command> commands = AddCommands(program);
   std::string data_dir;

@@ -115,7 +115,7 @@ TrainResult Run::Train(std::int64_t stop) {
   if (saved_ != progress_.samples) {
     Save();
   } else if (modelled_ != progress_.samples && folder_ != nullptr) {
-    SaveModel(folder_->model(), config_, data_.structure, learner_, progress_);
+    SaveModel(folder_->model(), config_, data_, learner_, progress_);
   }
   Say(fmt::format("{} after {} samples: {}",
                   result.early      ? "no better validation for run.patience: ended"
@@ -277,7 +277,7 @@ std::optional<ValidationResult> Run::ValidateNow(const InterruptGuard& guard) {
   if (progress_.best.Note(config_.run.best_metric, result, progress_.samples)) {
     ShareCameras(group_, &progress_);
     if (folder_ != nullptr) {
-      SaveModel(folder_->best(), config_, data_.structure, learner_, progress_);
+      SaveModel(folder_->best(), config_, data_, learner_, progress_);
     }
   }
   return result;
@@ -303,7 +303,7 @@ void Run::SaveAlone() {
   SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, learner_,
             progress_);
   folder_->KeepStates(config_.run.keep_states);
-  SaveModel(folder_->model(), config_, data_.structure, learner_, progress_);
+  SaveModel(folder_->model(), config_, data_, learner_, progress_);
 }
 
 }  // namespace volalign

@@ -181,11 +181,12 @@ void Restore(const SavedState& state, Learner* learner) {
 }
 
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
-               const Structure& structure, Learner& learner, const RunProgress& progress) {
+               const TrainingData& data, Learner& learner, const RunProgress& progress) {
   learner.average.Refresh(learner.flat);
   CheckpointMeta meta;
   meta.network = learner.average.net()->options();
-  meta.structure = structure;
+  meta.structure = data.structure;
+  meta.renderer = data.drawn_by;
   meta.focal_px = progress.focal_px;
   meta.image_sizes.assign(progress.image_sizes.begin(), progress.image_sizes.end());
   meta.roll_offsets_deg = config.data.pose.roll_offsets_deg;

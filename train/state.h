@@ -8,13 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "core/geometry/structure.h"
 #include "core/nn/checkpoint.h"
 #include "render/sample.h"
 #include "train/learner.h"
 #include "train/log/metrics.h"
 #include "train/log/run_folder.h"
 #include "train/train_config.h"
+#include "train/training_data.h"
 
 namespace volalign {
 
@@ -67,6 +67,6 @@ void Restore(const SavedState& state, Learner* learner);
 
 /// Writes the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights. Throws IoError.
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
-               const Structure& structure, Learner& learner, const RunProgress& progress);
+               const TrainingData& data, Learner& learner, const RunProgress& progress);
 
 }  // namespace volalign

@@ -5,6 +5,7 @@
 #include <c10/core/GradMode.h>
 #include <fmt/format.h>
 #include <torch/csrc/jit/serialization/pickle.h>
+#include <torch/version.h>
 
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "core/json/json_archive.h"
 #include "core/nn/paper_net.h"
@@ -19,8 +21,6 @@
 
 namespace volalign {
 namespace {
-
-constexpr char kTool[] = "volalign " VOLALIGN_VERSION;
 
 std::string Digest(const TensorFile& file) {
   std::string hashes = file.meta;
@@ -109,6 +109,9 @@ void Describe(Archive& ar, Structure& structure) {
 template <class Archive>
 void Describe(Archive& ar, CheckpointMeta& meta) {
   ar("tool", meta.tool);
+  ar.Optional("date", meta.date);
+  ar.Optional("libraries", meta.libraries);
+  ar.Optional("renderer", meta.renderer);
   ar("network", meta.network);
   ar("structure", meta.structure);
   ar("focal_px", meta.focal_px);
@@ -207,7 +210,9 @@ void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
   }
   RequireClasses(meta);
   CheckpointMeta stamped = meta;
-  stamped.tool = kTool;
+  stamped.tool = Tool();
+  stamped.date = UtcNow();
+  stamped.libraries = "LibTorch " TORCH_VERSION;
   TensorFile file{kCheckpointFormat, MetaToJson(stamped), {}};
   AddModuleTensors(*net, "", &file.tensors);
   if (half) {

@@ -53,7 +53,10 @@ struct CheckpointMeta {
   std::vector<double> roll_offsets_deg;          ///< mounting rolls in training (PoseConfig), deg
   std::int64_t samples = 0;  ///< number of training samples, those of run.init included
   std::string config_yaml;   ///< the resolved training configuration
-  std::string tool;          ///< "volalign 0.1.0"; filled by SaveCheckpoint
+  std::string renderer;      ///< that drew the training samples, for people
+  // What made the file, filled by SaveCheckpoint; date and libraries are "" in files of 0.1.0.
+  std::string tool, date;  ///< see core/base/provenance.h
+  std::string libraries;   ///< "LibTorch 1.13.1"
 };
 
 inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/1";

@@ -7,6 +7,7 @@
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/provenance.h"
 #include "core/json/json_archive.h"
 #include "infer/evaluate/statistics.h"
 
@@ -95,7 +96,7 @@ void Describe(Archive& ar, EvaluationSummary& summary) {
 namespace {
 
 struct EvaluationFile {
-  std::string tool = "volalign " VOLALIGN_VERSION;
+  std::string tool = Tool(), date = UtcNow();
   std::vector<CheckpointFile> models;
   std::vector<EvaluationSummary> summary;
   std::vector<EvaluatedCase> cases;
@@ -113,6 +114,7 @@ template <class Archive>
 void Describe(Archive& ar, EvaluationFile& file) {
   ar.Constant("format", kEvaluationFormat);
   ar.Derived("tool", file.tool);
+  ar.Derived("date", file.date);
   ar.Derived("models", file.models);
   ar.Derived("summary", file.summary);
   ar("cases", file.cases);

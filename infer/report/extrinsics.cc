@@ -8,9 +8,11 @@
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "core/json/json_archive.h"
 #include "infer/calib/describe_result.h"
+#include "infer/refine/ceres_version.h"
 
 namespace volalign {
 
@@ -83,6 +85,8 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.Constant("format", kExtrinsicsFormat);
   ar("tool", extrinsics.tool);
+  ar.Optional("date", extrinsics.date);
+  ar.Optional("libraries", extrinsics.libraries);
   ar.Constant("convention", kConvention);
   ar.OneOrList("capture", extrinsics.captures);
   ar("structure", extrinsics.structure);
@@ -100,6 +104,11 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
 }
 
 namespace {
+
+std::string Libraries() {
+  return fmt::format("Ceres {}, Eigen {}.{}.{}", CeresVersion(), EIGEN_WORLD_VERSION,
+                     EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION);
+}
 
 Extrinsics::Sensor SensorOf(const FrameResult& result, const SensorFrame& frame) {
   Extrinsics::Sensor sensor;
@@ -172,7 +181,9 @@ const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::st
 Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
                           const Structure& structure, const ExtrinsicsSource& source) {
   Extrinsics out;
-  out.tool = "volalign " VOLALIGN_VERSION;
+  out.tool = Tool();
+  out.date = UtcNow();
+  out.libraries = Libraries();
   out.captures = source.captures;
   out.structure = {structure.name(), structure.Hash()};
   if (!source.model_file.empty())

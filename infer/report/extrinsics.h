@@ -71,7 +71,9 @@ struct Extrinsics {
     std::string file, sha256;
   };
 
-  std::string tool;
+  // What made the file; date and libraries are "" in files of 0.1.0.
+  std::string tool, date;  ///< see core/base/provenance.h
+  std::string libraries;   ///< those that poses depend on: "Ceres 2.1.0, Eigen 3.4.0"
   std::vector<std::string> captures;
   StructureId structure;
   std::optional<Model> model;

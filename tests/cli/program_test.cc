@@ -107,7 +107,10 @@ TEST_F(Program, SaysWhatItCanDo) {
   }
   const Outcome version = Volalign("--version");
   EXPECT_EQ(version.status, 0);
-  EXPECT_TRUE(std::regex_match(version.output, std::regex("volalign [0-9]+\\.[0-9]+\\.[0-9]+\n")))
+  EXPECT_TRUE(std::regex_match(
+      version.output, std::regex("volalign [0-9]+\\.[0-9]+\\.[0-9]+( \\([0-9a-f]{12}(-dirty)? of "
+                                 "[0-9]{4}-[0-9]{2}-[0-9]{2}\\))?\n"
+                                 "libraries: LibTorch .*\nrenderer: .*\n")))
       << version.output;
   const auto expect_usage = [](const std::string& arguments, const std::string& part) {
     const Outcome run = Volalign(arguments);
