@@ -14,7 +14,7 @@
 #include "core/nn/checkpoint.h"
 #include "core/nn/network.h"
 #include "core/nn/torch_device.h"
-#include "infer/segment/network_frame.h"
+#include "infer/view/network_frame.h"
 
 namespace volalign {
 
