@@ -1,10 +1,13 @@
 #include "render/egl/egl_context.h"
 
+#include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <fmt/format.h>
+#include <link.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <mutex>
 #include <vector>
@@ -13,6 +16,9 @@
 
 namespace volalign {
 namespace {
+
+/// One of the 200 functions of LLVM that Debian 13's libtorch_cpu exports.
+constexpr char kForeignLlvm[] = "LLVMAddSymbol";
 
 struct Display {
   EGLDisplay handle = EGL_NO_DISPLAY;
@@ -73,6 +79,20 @@ EGLContext TryContext(EGLDisplay display) {
   return eglCreateContext(display, config, EGL_NO_CONTEXT, kContext);
 }
 
+/// Mesa's software driver compiles shaders with libLLVM. Debian 13's LibTorch exports functions of
+/// another LLVM under the same names, which the driver would call instead, and crash. Opened like
+/// this, Mesa looks into its own libraries first. It stays open.
+void KeepMesaFromForeignLlvm() {
+  if (!::dlsym(RTLD_DEFAULT, kForeignLlvm)) return;
+  constexpr int kOwnFirst = RTLD_LAZY | RTLD_LOCAL | RTLD_DEEPBIND;
+  void* mesa = ::dlopen("libEGL_mesa.so.0", kOwnFirst);
+  link_map* map = nullptr;
+  if (!mesa || ::dlinfo(mesa, RTLD_DI_LINKMAP, &map) != 0) return;
+  // Until 24.2, Mesa has its drivers in files of their own.
+  const auto driver = std::filesystem::path(map->l_name).parent_path() / "dri" / "swrast_dri.so";
+  ::dlopen(driver.c_str(), kOwnFirst);
+}
+
 /// Displays that were initialised by this process; guarded by `mutex`.
 struct DisplayTable {
   std::mutex mutex;
@@ -80,7 +100,10 @@ struct DisplayTable {
 };
 
 DisplayTable& Displays() {
-  static auto* const table = new DisplayTable;  // outlives every thread
+  static auto* const table = [] {
+    KeepMesaFromForeignLlvm();  // before EGL is used for the first time
+    return new DisplayTable;    // outlives every thread
+  }();
   return *table;
 }
 

@@ -32,11 +32,38 @@ bool Covered(const Structure& structure, const Side& side) {
   });
 }
 
+using Corners = std::vector<std::vector<cv::Point2f>>;
+
+// OpenCV 4.7 has a new interface to markers.
+#if CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR < 7
+int CellsOfSide() { return cv::aruco::getPredefinedDictionary(kDictionary)->markerSize; }
+
+void Draw(int label, int cells, cv::Mat* drawn) {
+  cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(kDictionary), label, cells, *drawn,
+                        kBorderCells);
+}
+
+void Detect(const cv::Mat& image, Corners* corners, std::vector<int>* ids) {
+  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), *corners, *ids);
+}
+#else
+int CellsOfSide() { return cv::aruco::getPredefinedDictionary(kDictionary).markerSize; }
+
+void Draw(int label, int cells, cv::Mat* drawn) {
+  cv::aruco::generateImageMarker(cv::aruco::getPredefinedDictionary(kDictionary), label, cells,
+                                 *drawn, kBorderCells);
+}
+
+void Detect(const cv::Mat& image, Corners* corners, std::vector<int>* ids) {
+  const cv::aruco::ArucoDetector detector(cv::aruco::getPredefinedDictionary(kDictionary));
+  detector.detectMarkers(image, *corners, *ids);
+}
+#endif
+
 GreyImage Cells(int label) {
-  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(kDictionary);
-  const int cells = dictionary->markerSize + 2 * kBorderCells;
+  const int cells = CellsOfSide() + 2 * kBorderCells;
   cv::Mat drawn;
-  cv::aruco::drawMarker(dictionary, label, cells, drawn, kBorderCells);
+  Draw(label, cells, &drawn);
   GreyImage image(cells, cells);
   for (int v = 0; v < cells; ++v) {
     for (int u = 0; u < cells; ++u) image(u, v) = drawn.at<std::uint8_t>(v, u);
@@ -110,11 +137,9 @@ std::vector<MarkerPrint> StructureMarkers(const Structure& structure) {
 std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure& structure) {
   const cv::Mat image(infrared.height(), infrared.width(), CV_8UC1,
                       const_cast<std::uint8_t*>(infrared.data()));
-  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
-  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
-  std::vector<std::vector<cv::Point2f>> corners;
+  Corners corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), corners, ids);
+  Detect(image, &corners, &ids);
   std::vector<FoundMarker> found;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (ids[i] < 1 || ids[i] >= structure.num_classes() ||
