@@ -7,6 +7,7 @@ set(VOLALIGN_PACKAGE_FOLDER "${CMAKE_INSTALL_LIBDIR}/cmake/volalign")
 
 # volalign_component(NAME [ROOMS volalign_x ...]): target volalign::NAME of these rooms and what comes with them.
 function(volalign_component component)
+  set_property(GLOBAL APPEND PROPERTY VOLALIGN_COMPONENTS ${component})
   cmake_parse_arguments(ARG "" "" "ROOMS" ${ARGN})
   if(ARG_ROOMS)
     add_library(volalign_${component}_component INTERFACE)
