@@ -276,6 +276,9 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
                                  void* user, volalign_result** result) {
   return Created(result, [&](volalign_result* made) {
     Require(capture, "capture is NULL");
+    for (const volalign::Still& still : capture->stills) {
+      if (still.frames.empty()) throw DataError("the capture has a still without a frame");
+    }
     volalign::NetworkSegmenter* segmenter = Fitting(model, capture->structure);
     if (!capture->structure && !segmenter) {
       throw ConfigError("neither the capture nor a model has a structure; give its file");

@@ -295,7 +295,7 @@ class CLibrary(unittest.TestCase):
         program = os.path.join(self.folder, "calibrate_c")
         header = os.path.join(SOURCE, "bindings", "c")
         source = os.path.join(SOURCE, "examples", "calibrate_c", "main.c")
-        flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", header, source, LIBRARY, "-o", program]
+        flags = ["-x", "c", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", header, source, "-x", "none", LIBRARY, "-o", program]
         subprocess.run([COMPILER, *flags], check=True)
         self.assert_poses(self.run_example([program], MODEL), "model")
         self.assert_poses(self.run_example([program], "-"), "geometry")
