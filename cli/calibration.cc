@@ -109,7 +109,7 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
   out.source = {request.captures, segmenter ? segmenter->file() : "",
-                segmenter ? segmenter->sha256() : ""};
+                segmenter ? segmenter->sha256() : "", segmenter ? segmenter->runtime() : ""};
   out.options = WriteConfig(config);
   if (folder) {
     WriteFileAtomically(folder->draft() / "options.yaml", out.options);

@@ -288,7 +288,7 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     made->structure = capture->structure ? *capture->structure : segmenter->structure();
     made->stills = capture->stills;
     made->source = {capture->files, segmenter ? segmenter->file() : "",
-                    segmenter ? segmenter->sha256() : ""};
+                    segmenter ? segmenter->sha256() : "", segmenter ? segmenter->runtime() : ""};
     made->options = volalign::WriteConfig(values);
     made->calibration = volalign::Calibrate(
         made->stills, made->structure, segmenter, values, [&](const std::string& stage) {

@@ -79,6 +79,7 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::Model& model) {
   ar("file", model.file);
   ar("sha256", model.sha256);
+  ar.Optional("runtime", model.runtime);
 }
 
 template <class Archive>
@@ -187,7 +188,7 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.captures = source.captures;
   out.structure = {structure.name(), structure.Hash()};
   if (!source.model_file.empty())
-    out.model = Extrinsics::Model{source.model_file, source.model_sha256};
+    out.model = Extrinsics::Model{source.model_file, source.model_sha256, source.model_runtime};
   out.assembly = result.assembly;
   for (const FrameResult& sensor : result.sensors) {
     out.sensors.push_back(SensorOf(sensor, FrameOfSensor(stills, sensor.name)));

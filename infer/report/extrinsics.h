@@ -22,7 +22,7 @@ inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
 /// Where a calibration's input came from.
 struct ExtrinsicsSource {
   std::vector<std::string> captures;     ///< of each still
-  std::string model_file, model_sha256;  ///< empty without a network
+  std::string model_file, model_sha256, model_runtime;  ///< empty without a network
 };
 
 /// extrinsics.json (docs/formats.md). Its keys stand in extrinsics.cc and describe_result.h. A
@@ -69,6 +69,7 @@ struct Extrinsics {
   };
   struct Model {
     std::string file, sha256;
+    std::string runtime;  ///< that ran it: "LibTorch 1.13.1"; "" in files of 0.1.0
   };
 
   // What made the file; date and libraries are "" in files of 0.1.0.

@@ -3,6 +3,7 @@
 #include <ATen/ops/cat.h>
 #include <ATen/ops/from_blob.h>
 #include <c10/core/GradMode.h>
+#include <torch/version.h>
 
 #include <algorithm>
 #include <utility>
@@ -73,7 +74,8 @@ std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::pa
   if (structure) CheckStructure(model.meta, *structure);
   NetworkDescription description{
       model.meta.structure, model.meta.focal_px, checkpoint.string(),
-      Sha256(ReadFile(FindInputFile(checkpoint.string()), kMaxModelBytes))};
+      Sha256(ReadFile(FindInputFile(checkpoint.string()), kMaxModelBytes)),
+      "LibTorch " TORCH_VERSION};
   return std::make_unique<TorchSegmenter>(std::move(model), std::move(description),
                                           ParseDevice("device", device));
 }

@@ -130,7 +130,7 @@ std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path&
   }
   if (structure) CheckStructure(network.meta, *structure);
   NetworkDescription description{network.meta.structure, network.meta.focal_px, file.string(),
-                                 Sha256(bytes)};
+                                 Sha256(bytes), "OpenCV " CV_VERSION};
   return std::make_unique<OnnxSegmenter>(std::move(network), std::move(description));
 }
 

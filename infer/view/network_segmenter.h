@@ -16,7 +16,8 @@ struct NetworkDescription {
   Structure structure;                       ///< that it was trained on
   std::pair<double, double> focal_px{0, 0};  ///< least and largest focal length in training, px
   std::string file;
-  std::string sha256;  ///< of the file
+  std::string sha256;   ///< of the file
+  std::string runtime;  ///< that runs it: "LibTorch 1.13.1"
 };
 
 /// A trained network as a Segmenter: brings frames to the size and orientation of its training and
@@ -31,6 +32,7 @@ class NetworkSegmenter : public Segmenter {
   const Structure& structure() const { return description_.structure; }
   const std::string& file() const { return description_.file; }
   const std::string& sha256() const { return description_.sha256; }
+  const std::string& runtime() const { return description_.runtime; }
 
  protected:
   explicit NetworkSegmenter(NetworkDescription description);

@@ -146,7 +146,7 @@ function fillRun(report) {
   const { extrinsics } = report, target = $("run-list");
   if (report.command) target.append(el("p", {}, "The command:"), el("pre", { tabindex: 0 }, report.command));
   const items = [["Capture", [extrinsics.capture || []].flat().join(", ")], ["Structure", `${extrinsics.structure.name}, SHA-256 ${extrinsics.structure.sha256.slice(0, 12)}…`],
-    ["Model", extrinsics.model ? `${extrinsics.model.file}, SHA-256 ${extrinsics.model.sha256.slice(0, 12)}…` : "none: poses from the structure’s geometry"],
+    ["Model", extrinsics.model ? `${extrinsics.model.file}, SHA-256 ${extrinsics.model.sha256.slice(0, 12)}…${extrinsics.model.runtime ? `, run by ${extrinsics.model.runtime}` : ""}` : "none: poses from the structure’s geometry"],
     ["Joint solution", solutionWords(extrinsics.solution)], ["Poses", extrinsics.convention], ["Program", extrinsics.tool], ["Date", extrinsics.date ?? "–"], ["Libraries", extrinsics.libraries ?? "–"],
     ["Seconds", Object.entries(extrinsics.timings_s).map(([stage, seconds]) => `${stage.replace("_", " ")} ${fixed(seconds, 2)}`).join(", ")]];
   target.append(el("dl", {}, items.map(([key, value]) => [el("dt", {}, key), el("dd", {}, value || NONE)])));
