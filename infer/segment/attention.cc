@@ -8,7 +8,7 @@
 
 #include "core/nn/checkpoint.h"
 #include "core/nn/network.h"
-#include "infer/segment/network_frame.h"
+#include "infer/view/network_frame.h"
 
 namespace volalign {
 

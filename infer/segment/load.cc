@@ -5,7 +5,6 @@
 #include <c10/core/GradMode.h>
 
 #include <algorithm>
-#include <map>
 #include <utility>
 
 #include "core/base/file_limits.h"
@@ -14,24 +13,15 @@
 #include "core/nn/checkpoint.h"
 #include "core/nn/network.h"
 #include "core/nn/torch_device.h"
-#include "infer/segment/network_frame.h"
 
 namespace volalign {
 
 namespace {
 
-/// Frames that go through the network together at most: bounds the memory of a pass.
-constexpr std::size_t kBatch = 8;
-
 class TorchSegmenter : public NetworkSegmenter {
  public:
-  TorchSegmenter(const std::filesystem::path& checkpoint, const Structure* structure,
-                 const at::Device& device)
-      : device_(device),
-        model_(LoadCheckpoint(checkpoint)),
-        file_(checkpoint.string()),
-        sha256_(Sha256(ReadFile(FindInputFile(checkpoint.string()), kMaxModelBytes))) {
-    if (structure) CheckStructure(model_.meta, *structure);
+  TorchSegmenter(LoadedModel model, NetworkDescription description, const at::Device& device)
+      : NetworkSegmenter(std::move(description)), device_(device), model_(std::move(model)) {
     model_.net->to(device_);
     // With channels last, a forward pass on two cores takes two thirds of the time.
     for (at::Tensor& weight : model_.net->parameters()) {
@@ -39,38 +29,24 @@ class TorchSegmenter : public NetworkSegmenter {
     }
   }
 
-  using NetworkSegmenter::Segment;
-  std::vector<SegmentationResult> Segment(
-      const std::vector<SegmentationRequest>& requests) override;
-
-  const Structure& structure() const override { return model_.meta.structure; }
-  const std::string& file() const override { return file_; }
-  const std::string& sha256() const override { return sha256_; }
-
  private:
-  struct Prepared {
-    NetworkFrame frame;
-    DepthImage small;   // network size, the frame's orientation
-    DepthImage turned;  // what the network sees
-  };
-  /// Labels and confidences of equally large prepared frames, in the network's orientation.
-  std::vector<SegmentationResult> Forward(const std::vector<const Prepared*>& batch);
+  std::vector<SegmentationResult> Forward(const std::vector<const DepthImage*>& depths) override;
 
   at::Device device_;
   LoadedModel model_;
-  std::string file_, sha256_;
 };
 
-std::vector<SegmentationResult> TorchSegmenter::Forward(const std::vector<const Prepared*>& batch) {
-  const int width = batch.front()->turned.width(), height = batch.front()->turned.height();
-  std::vector<at::Tensor> depths;
-  depths.reserve(batch.size());
-  for (const Prepared* item : batch) {
-    depths.push_back(at::from_blob(const_cast<float*>(item->turned.data()), {1, 1, height, width},
+std::vector<SegmentationResult> TorchSegmenter::Forward(
+    const std::vector<const DepthImage*>& depths) {
+  const int width = depths.front()->width(), height = depths.front()->height();
+  std::vector<at::Tensor> frames;
+  frames.reserve(depths.size());
+  for (const DepthImage* depth : depths) {
+    frames.push_back(at::from_blob(const_cast<float*>(depth->data()), {1, 1, height, width},
                                    at::TensorOptions(at::kFloat)));
   }
   const c10::NoGradGuard no_grad;
-  const at::Tensor input = EncodeDepth(at::cat(depths).to(device_), model_.meta.network.input)
+  const at::Tensor input = EncodeDepth(at::cat(frames).to(device_), model_.meta.network.input)
                                .contiguous(at::MemoryFormat::ChannelsLast);
   const at::Tensor log_probabilities = model_.net->forward(input);  // [B,K,H,W]
   const auto [best, winner] = log_probabilities.max(1);             // [B,H,W]
@@ -79,42 +55,11 @@ std::vector<SegmentationResult> TorchSegmenter::Forward(const std::vector<const 
 
   std::vector<SegmentationResult> results;
   const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  for (std::size_t i = 0; i < batch.size(); ++i) {
+  for (std::size_t i = 0; i < depths.size(); ++i) {
     SegmentationResult result{LabelImage(width, height), Image<float>(width, height)};
     std::copy_n(labels.data_ptr<std::uint8_t>() + i * pixels, pixels, result.labels.begin());
     std::copy_n(confidence.data_ptr<float>() + i * pixels, pixels, result.confidence.begin());
     results.push_back(std::move(result));
-  }
-  return results;
-}
-
-std::vector<SegmentationResult> TorchSegmenter::Segment(
-    const std::vector<SegmentationRequest>& requests) {
-  std::vector<Prepared> prepared(requests.size());
-  std::map<std::pair<int, int>, std::vector<std::size_t>> by_size;
-  for (std::size_t i = 0; i < requests.size(); ++i) {
-    const SegmentationRequest& request = requests[i];
-    Prepared& item = prepared[i];
-    item.frame = PlanNetworkFrame(*request.intrinsics, model_.meta.focal_px);
-    item.small = ResampleDepth(*request.depth, item.frame);
-    item.turned = Turn(item.small, request.quarter_turns);
-    by_size[{item.turned.width(), item.turned.height()}].push_back(i);
-  }
-  std::vector<SegmentationResult> results(requests.size());
-  for (const auto& [size, members] : by_size) {
-    for (std::size_t begin = 0; begin < members.size(); begin += kBatch) {
-      const std::size_t end = std::min(begin + kBatch, members.size());
-      std::vector<const Prepared*> batch;
-      for (std::size_t j = begin; j < end; ++j) batch.push_back(&prepared[members[j]]);
-      const std::vector<SegmentationResult> seen = Forward(batch);
-      for (std::size_t j = begin; j < end; ++j) {
-        const std::size_t i = members[j];
-        const int back = -requests[i].quarter_turns;
-        results[i] = RestoreSegmentation(*requests[i].depth, prepared[i].small,
-                                         Turn(seen[j - begin].labels, back),
-                                         Turn(seen[j - begin].confidence, back), prepared[i].frame);
-      }
-    }
   }
   return results;
 }
@@ -124,7 +69,13 @@ std::vector<SegmentationResult> TorchSegmenter::Segment(
 std::unique_ptr<NetworkSegmenter> LoadNetworkSegmenter(const std::filesystem::path& checkpoint,
                                                        const Structure* structure,
                                                        const std::string& device) {
-  return std::make_unique<TorchSegmenter>(checkpoint, structure, ParseDevice("device", device));
+  LoadedModel model = LoadCheckpoint(checkpoint);
+  if (structure) CheckStructure(model.meta, *structure);
+  NetworkDescription description{
+      model.meta.structure, model.meta.focal_px, checkpoint.string(),
+      Sha256(ReadFile(FindInputFile(checkpoint.string()), kMaxModelBytes))};
+  return std::make_unique<TorchSegmenter>(std::move(model), std::move(description),
+                                          ParseDevice("device", device));
 }
 
 }  // namespace volalign

@@ -1,4 +1,4 @@
-#include "infer/segment/network_frame.h"
+#include "infer/view/network_frame.h"
 
 #include <fmt/format.h>
 

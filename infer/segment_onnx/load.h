@@ -1,0 +1,18 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "core/geometry/structure.h"
+#include "infer/view/network_segmenter.h"
+
+namespace volalign {
+
+/// Loads a network that `volalign export --format onnx` wrote, of either precision, and runs it by
+/// OpenCV, on the CPU, in float32, without LibTorch. `structure`, where given, must have the
+/// topology and labels that the network was trained on. Threads are OpenCV's (cv::setNumThreads).
+/// Throws IoError, or DataError for a file that is truncated, changed, or of another program.
+std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
+                                                    const Structure* structure = nullptr);
+
+}  // namespace volalign
