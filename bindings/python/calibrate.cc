@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -15,10 +16,16 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "infer/calib/calibrate.h"
+#ifdef VOLALIGN_HAS_ONNX
+#include "infer/segment_onnx/load.h"
+#endif
+#include "infer/view/network_segmenter.h"
 
 namespace volalign::python {
 
 namespace {
+
+constexpr char kAutoModel[] = "auto", kInstalledModel[] = "models/m05-lite.onnx";
 
 /// The captures' structure; none where none of them has one.
 std::optional<Structure> CommonStructure(const std::vector<NamedCapture>& captures) {
@@ -36,6 +43,35 @@ std::optional<Structure> CommonStructure(const std::vector<NamedCapture>& captur
   return common;
 }
 
+/// The network that `model` names: None, a path, or "auto". Null where there is none.
+std::unique_ptr<NetworkSegmenter> LoadModel(const py::object& model,
+                                            const std::optional<Structure>& structure) {
+  if (model.is_none()) return nullptr;
+  const std::string path = PathOf(model);
+#ifdef VOLALIGN_HAS_ONNX
+  if (path == kAutoModel) {
+    const std::string installed = FindInputFile(kInstalledModel);
+    if (!std::filesystem::exists(installed)) return nullptr;
+    std::unique_ptr<NetworkSegmenter> segmenter = LoadOnnxSegmenter(installed);
+    const bool fits = !structure || segmenter->structure().SideNames() == structure->SideNames();
+    return fits ? std::move(segmenter) : nullptr;
+  }
+#else
+  if (path == kAutoModel) return nullptr;
+#endif
+  if (std::filesystem::path(path).extension() == ".pt") {
+    throw ConfigError(fmt::format(
+        "{} is a checkpoint of LibTorch, which this package does without; `volalign export --model "
+        "{} --format onnx -o MODEL.onnx` makes a model for it",
+        path, path));
+  }
+#ifdef VOLALIGN_HAS_ONNX
+  return LoadOnnxSegmenter(FindInputFile(path), structure ? &*structure : nullptr);
+#else
+  throw ConfigError("this volalign was built without ONNX");
+#endif
+}
+
 }  // namespace
 
 std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments) {
@@ -44,6 +80,8 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
   std::vector<NamedCapture> captures = CapturesOf(arguments.capture);
   std::optional<Structure> structure =
       arguments.structure.is_none() ? CommonStructure(captures) : StructureOf(arguments.structure);
+  const std::unique_ptr<NetworkSegmenter> segmenter = LoadModel(arguments.model, structure);
+  if (!structure && segmenter) structure = segmenter->structure();
   if (!structure) {
     throw ConfigError(
         "there is neither a model nor a structure; describe the boxes and give them with "
@@ -57,10 +95,14 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
   }
   calibrated->structure = *std::move(structure);
   calibrated->options = WriteConfig(options);
+  if (segmenter) {
+    calibrated->source.model_file = segmenter->file();
+    calibrated->source.model_sha256 = segmenter->sha256();
+  }
   RunWork(arguments.progress, [&](const Tell& tell) {
     calibrated->stills = StillsOf(std::move(read));
     calibrated->result =
-        Calibrate(calibrated->stills, calibrated->structure, nullptr, options, tell);
+        Calibrate(calibrated->stills, calibrated->structure, segmenter.get(), options, tell);
   });
   return calibrated;
 }

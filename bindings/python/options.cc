@@ -47,9 +47,11 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
   } else if (!options.is_none()) {
     throw py::type_error("options are a dict or the path of a YAML file");
   }
-  SetAll("", keywords, &source);
+  SetOptions(keywords, &source);
   return source;
 }
+
+void SetOptions(const py::dict& options, ConfigSource* source) { SetAll("", options, source); }
 
 bool IsPath(const py::handle& object) {
   return py::isinstance<py::str>(object) || py::hasattr(object, "__fspath__");

@@ -15,6 +15,9 @@ namespace py = pybind11;
 /// such dict, over it. Throws as ConfigSource.
 ConfigSource SourceOf(const py::object& options, const py::dict& keywords);
 
+/// Sets the keys of such a dict.
+void SetOptions(const py::dict& options, ConfigSource* source);
+
 /// A path as text: str or os.PathLike.
 std::string PathOf(const py::handle& path);
 

@@ -56,7 +56,8 @@ py::object PoseOrNone(const std::optional<Pose>& pose) {
 }
 
 py::object ErrorOrNone(const std::optional<PoseError>& error) {
-  return error ? py::make_tuple(error->translation_m, error->rotation_deg) : py::none();
+  if (!error) return py::none();
+  return py::make_tuple(error->translation_m, error->rotation_deg);
 }
 
 /// A property that is a member of the part.
