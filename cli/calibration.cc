@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cli/command_line.h"
+#include "cli/load_segmenter.h"
 #include "cli/options.h"
 #include "cli/stage_progress.h"
 #include "core/base/error.h"
@@ -15,11 +16,9 @@
 #include "core/base/folder.h"
 #include "core/config/config.h"
 #include "core/formats/structure_gltf.h"
-#include "core/nn/cpu/torch_threads.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/report/export.h"
-#include "infer/segment/load.h"
 
 namespace volalign {
 
@@ -55,7 +54,8 @@ std::optional<Structure> GivenStructure(const CalibrationRequest& request,
 
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--model", request->model,
-                  "checkpoint, e.g. models/m05-lite.pt; without it, poses come from the shape of "
+                  "checkpoint, e.g. models/m05-lite.pt, or its ONNX export; without it, poses come "
+                  "from the shape of "
                   "the structure alone, whatever its boxes");
   app->add_option(
       "--structure", request->structure,
@@ -85,11 +85,11 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   std::optional<Structure> structure = GivenStructure(request, captures);
   Calibration out;
   out.stills = StillsOf(std::move(captures));
-  SetTorchThreads(config.threads);
   std::unique_ptr<NetworkSegmenter> segmenter;
-  if (!request.model.empty())
-    segmenter =
-        LoadNetworkSegmenter(request.model, structure ? &*structure : nullptr, config.device);
+  if (!request.model.empty()) {
+    segmenter = LoadSegmenter(request.model, structure ? &*structure : nullptr, config.device,
+                              config.threads);
+  }
   if (!structure && !segmenter) {
     throw ConfigError(
         "there is neither a model nor a structure; describe the boxes in a YAML and give it with "

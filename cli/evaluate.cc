@@ -11,6 +11,7 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
+#include "cli/load_segmenter.h"
 #include "cli/options.h"
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
@@ -23,7 +24,6 @@
 #include "infer/evaluate/suite/suite_config.h"
 #include "infer/evaluate/suite/write_suite.h"
 #include "infer/evaluate/tables.h"
-#include "infer/segment/load.h"
 #include "render/egl/renderers.h"
 
 namespace volalign {
@@ -177,11 +177,11 @@ int RunEvaluate(const EvaluateOptions& options) {
 
   const ResultFolder folder(options.output);
   RemoveTemporaries(folder.dir());
-  SetTorchThreads(variants.front().options.threads);
+  const CalibrateOptions& first = variants.front().options;
   std::vector<std::unique_ptr<NetworkSegmenter>> networks;
   std::vector<EvaluationModel> models;
   for (const std::string& file : options.models) {
-    networks.push_back(LoadNetworkSegmenter(file, nullptr, variants.front().options.device));
+    networks.push_back(LoadSegmenter(file, nullptr, first.device, first.threads));
     NetworkSegmenter* network = networks.back().get();
     models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
   }

@@ -46,7 +46,7 @@ const std::map<std::string, std::string>& Examples() {
       {"evaluate",
        "volalign evaluate --model models/m05-lite.pt --rig configs/rig_ring4.yaml --seeds 7 "
        "-o out/evaluation\n"},
-      {"export", "volalign export --model models/m05-lite.pt -o out/m05-lite.ts\n"},
+      {"export", "volalign export --model models/m05-lite.pt --format onnx -o out/m05-lite.onnx\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
       {"runs", train + "volalign runs list out\n"},

@@ -1,29 +1,77 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
+#include "core/base/error.h"
+#include "core/nn/export_onnx.h"
+#include "core/nn/export_safetensors.h"
 #include "core/nn/export_torchscript.h"
 
 namespace volalign {
 
+namespace {
+
+struct Format {
+  const char* word;
+  std::vector<std::string> endings;
+  void (*write)(const std::filesystem::path& checkpoint, const std::filesystem::path& output,
+                bool half);
+  const char* content;
+};
+
+constexpr char kNetwork[] = "depth [B,1,H,W] float32, metres -> log-probabilities [B,K,H,W]";
+
+const Format kFormats[] = {
+    {"torchscript", {".ts", ".pt"}, ExportTorchScript, kNetwork},
+    {"onnx", {".onnx"}, ExportOnnx, kNetwork},
+    {"safetensors", {".safetensors"}, ExportSafetensors, "the weights alone"}};
+
+/// Throws ConfigError where the output's ending is not the format's.
+const Format& FormatOf(const std::string& word, const std::string& output) {
+  const Format& format = *std::find_if(std::begin(kFormats), std::end(kFormats),
+                                       [&](const Format& f) { return word == f.word; });
+  const std::string ending = std::filesystem::path(output).extension().string();
+  if (std::find(format.endings.begin(), format.endings.end(), ending) == format.endings.end()) {
+    throw ConfigError(fmt::format("{}: a file of --format {} ends with {}", output, word,
+                                  fmt::join(format.endings, " or ")));
+  }
+  return format;
+}
+
+}  // namespace
+
 Command AddExportCommand(CLI::App& program) {
   struct Options {
-    std::string model, output;
+    std::string model, output, format = "torchscript", precision = "fp32";
   };
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.add_subcommand("export", "Write a checkpoint as self-contained TorchScript");
+  CLI::App* app = program.add_subcommand(
+      "export", "Write a checkpoint for other programs: docs/deployment.md says which runs what");
   app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
-  app->add_option("-o,--output", options->output, "TorchScript file to write (.ts)")->required();
+  app->add_option("--format", options->format,
+                  "torchscript and onnx: the network with its input encoding; safetensors: its "
+                  "weights")
+      ->check(CLI::IsMember({"torchscript", "onnx", "safetensors"}))
+      ->capture_default_str();
+  app->add_option("--precision", options->precision,
+                  "of the stored weights; everything is computed in fp32")
+      ->check(CLI::IsMember({"fp32", "fp16"}))
+      ->capture_default_str();
+  app->add_option("-o,--output", options->output,
+                  "file to write: .ts or .pt, .onnx, .safetensors, as the format says")
+      ->required();
   return {app, [options] {
-            ExportTorchScript(options->model, options->output);
+            const Format& format = FormatOf(options->format, options->output);
+            format.write(options->model, options->output, options->precision == "fp16");
             SaveCommand(options->output);
-            fmt::print(
-                "written: {} (depth [B,1,H,W] float32, metres -> log-probabilities [B,K,H,W])\n",
-                options->output);
+            fmt::print("written: {} ({})\n", options->output, format.content);
             return 0;
           }};
 }

@@ -28,6 +28,9 @@ volalign_find(yaml-cpp libyaml-cpp-dev)
 volalign_find(fmt libfmt-dev)
 volalign_find(nlohmann_json nlohmann-json3-dev)
 volalign_find(TinyGLTF libtinygltf-dev)
+# ONNX's own config does not look for Protocol Buffers, which it names.
+volalign_find(Protobuf libprotobuf-dev)
+volalign_find(ONNX libonnx-dev)
 volalign_find(PNG libpng-dev)
 volalign_find(OpenSSL libssl-dev COMPONENTS Crypto)
 if(VOLALIGN_WITH_TORCH)
@@ -86,6 +89,8 @@ if(VOLALIGN_INFER)
   if(NOT LZ4_FOUND)
     list(APPEND VOLALIGN_MISSING "lz4 (Debian packages liblz4-dev pkg-config)")
   endif()
+  # The network without LibTorch.
+  volalign_find(OpenCV libopencv-dev COMPONENTS core dnn)
   # Of the evaluation, which needs the network too, and of tests.
   if(VOLALIGN_WITH_TORCH)
     volalign_find(OpenCV libopencv-dev COMPONENTS core imgproc aruco)

@@ -1,7 +1,7 @@
 # What `cmake --install` gives a C++ program: find_package(volalign COMPONENTS calibration), target volalign::calibration.
 #
 # A component is a group of rooms (COMPONENT of volalign_library), each of which is a target as in this build, and one target that stands for
-# them, which `render` and `train` have as a room already. `core` and `core_formats` are what the others stand on.
+# them, which `render` and `train` have as a room already. `core`, `core_formats` and `core_model` are what the others stand on.
 include(CMakePackageConfigHelpers)
 set(VOLALIGN_PACKAGE_FOLDER "${CMAKE_INSTALL_LIBDIR}/cmake/volalign")
 
@@ -21,9 +21,11 @@ endfunction()
 
 volalign_component(core)
 volalign_component(core_formats)
+volalign_component(core_model)
 if(VOLALIGN_WITH_INFER)
   volalign_component(calibration ROOMS volalign_infer_calib)
   volalign_component(files ROOMS volalign_infer_capture volalign_infer_rigcheck)
+  volalign_component(segmentation_onnx ROOMS volalign_infer_segment_onnx)
 endif()
 volalign_component(render)
 if(VOLALIGN_WITH_TORCH)

@@ -7,7 +7,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libeigen3-dev libnanoflann-dev libceres-dev libopencv-dev
   libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
   libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
-  libcli11-dev libfmt-dev
+  libcli11-dev libfmt-dev libonnx-dev libprotobuf-dev protobuf-compiler
   libjs-three
   libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libsqlite3-dev
 )

@@ -35,8 +35,10 @@ HEADERS = {
     "ebml": "Matroska::matroska",
     "epoxy": "PkgConfig::EPOXY",
     "fmt": "fmt::fmt",
+    "google": "onnx_proto",
     "matroska": "Matroska::matroska",
     "nlohmann": "nlohmann_json::nlohmann_json",
+    "onnx": "onnx_proto",
     "opencv2": "opencv_core",
     "openssl": "OpenSSL::Crypto",
     "torch": "torch",
@@ -55,7 +57,9 @@ HOMES = {
     "PkgConfig::LZ4": ("infer/formats",),
     "SQLite::SQLite3": ("infer/formats",),
     "TIFF::TIFF": ("infer/formats",),
-    "opencv_core": ("infer/evaluate",),
+    "onnx_proto": ("core/model", "core/nn", "infer/segment_onnx"),
+    "opencv_core": ("infer/evaluate", "infer/segment_onnx"),
+    "opencv_dnn": ("infer/segment_onnx",),
     "torch": ("core/nn", "core/nn/cpu", "train", "train/distributed"),
 }
 

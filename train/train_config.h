@@ -9,7 +9,7 @@
 #include "core/config/config.h"
 #include "core/config/config_word.h"
 #include "core/geometry/structure.h"
-#include "core/nn/network_limits.h"
+#include "core/model/network_limits.h"
 #include "render/sample_config.h"
 #include "train/log/metrics.h"
 

@@ -17,6 +17,8 @@ inline constexpr std::uint64_t kMaxImageBytes = std::uint64_t{512} << 20;
 inline constexpr std::uint64_t kMaxLogBytes = std::uint64_t{1} << 30;
 /// Checkpoints, states of training, and the program itself. Zip archives without ZIP64 end here.
 inline constexpr std::uint64_t kMaxModelBytes = (std::uint64_t{1} << 32) - 1;
+/// Networks as ONNX: Protocol Buffers end here.
+inline constexpr std::uint64_t kMaxOnnxBytes = (std::uint64_t{1} << 31) - 1;
 /// Recordings, where they are read whole for their hash.
 inline constexpr std::uint64_t kMaxRecordingBytes = std::uint64_t{1} << 34;
 

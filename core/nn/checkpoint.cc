@@ -13,8 +13,7 @@
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/text.h"
-#include "core/json/json_archive.h"
-#include "core/nn/paper_net.h"
+#include "core/model/paper_units.h"
 #include "core/nn/tensor_archive.h"
 
 namespace volalign {
@@ -35,11 +34,9 @@ std::string Digest(const TensorFile& file) {
 
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-using Shapes = std::map<std::string, std::vector<std::int64_t>>;
-
 /// Throws DataError unless the tensors whose names begin with `prefix` are those of `shapes`.
 void RequireShapes(const std::map<std::string, at::Tensor>& tensors, const std::string& prefix,
-                   const Shapes& shapes, const std::string& what) {
+                   const TensorShapes& shapes, const std::string& what) {
   for (const auto& [name, tensor] : tensors) {
     if (name.compare(0, prefix.size(), prefix) == 0 && shapes.count(name) == 0) {
       throw DataError(fmt::format("{}: tensor '{}' is not the network's", what, Shortened(name)));
@@ -59,66 +56,7 @@ void RequireShapes(const std::map<std::string, at::Tensor>& tensors, const std::
   }
 }
 
-void RequireClasses(const CheckpointMeta& meta) {
-  if (meta.structure.num_classes() != meta.network.num_classes) {
-    throw DataError(
-        fmt::format("network.num_classes = {} violates the structure '{}', which has {}",
-                    meta.network.num_classes, meta.structure.name(), meta.structure.num_classes()));
-  }
-}
-
 }  // namespace
-
-template <class Archive>
-void Describe(Archive& ar, StructureNetOptions& options) {
-  std::string kind =
-      options.kind == "paper" ? "" : options.kind;  // absent in files of the paper's network
-  ar.Optional("kind", kind);
-  if constexpr (Archive::kReading) options.kind = kind.empty() ? "paper" : kind;
-  ar("base_channels", options.base_channels);
-  ar("num_classes", options.num_classes);
-  ar("attention", options.attention);
-  ar("normalization", options.normalization);
-  ar("input", options.input);
-  ar("residual_blocks", options.residual_blocks);
-  ar("background_bias", options.background_bias);
-}
-
-template <class Archive>
-void Describe(Archive& ar, Box& box) {
-  ar("name", box.name);
-  ar("size", box.size);
-  ar("structure_from_box", box.structure_from_box);
-}
-
-template <class Archive>
-void Describe(Archive& ar, Structure& structure) {
-  std::string name = structure.name(), hash = structure.Hash();
-  std::vector<Box> boxes = structure.boxes();
-  std::vector<std::string> labels = structure.SideNames();
-  ar("name", name);
-  ar("boxes", boxes);
-  ar("labels", labels);
-  ar("sha256", hash);
-  if constexpr (Archive::kReading) {
-    structure = Structure::FromBoxes(name, std::move(boxes), labels);
-    if (structure.Hash() != hash) throw DataError("the structure's hash does not match its boxes");
-  }
-}
-
-template <class Archive>
-void Describe(Archive& ar, CheckpointMeta& meta) {
-  ar("tool", meta.tool);
-  ar("network", meta.network);
-  ar("structure", meta.structure);
-  ar("focal_px", meta.focal_px);
-  ar("image_sizes", meta.image_sizes);
-  ar("roll_offsets_deg", meta.roll_offsets_deg);
-  ar("samples", meta.samples);
-  ar("config", meta.config_yaml);
-}
-
-std::string MetaToJson(const CheckpointMeta& meta) { return WriteDescribed(meta, "metadata", 1); }
 
 void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) {
   TensorFile stored{file.format, file.meta, {}};
@@ -184,7 +122,7 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
                     torch::nn::Module& module, const std::string& what) {
   std::map<std::string, at::Tensor> targets;
   AddModuleTensors(module, prefix, &targets);
-  Shapes shapes;
+  TensorShapes shapes;
   for (const auto& [name, target] : targets) shapes[name] = target.sizes().vec();
   RequireShapes(source, prefix, shapes, what);
   c10::NoGradGuard no_grad;
@@ -199,6 +137,22 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
   }
 }
 
+std::map<std::string, at::Tensor> NetworkTensors(const StructureNet& net, bool half,
+                                                 const std::string& what) {
+  std::map<std::string, at::Tensor> tensors;
+  AddModuleTensors(*net, "", &tensors);
+  if (!half) return tensors;
+  for (const auto& item : net->named_parameters()) {
+    const at::Tensor weights = item.value().detach().to(at::kHalf);
+    if (!at::isfinite(weights).all().item<bool>()) {
+      throw Error(fmt::format("{}: parameter '{}' does not fit float16: save it as float32", what,
+                              item.key()));
+    }
+    tensors[item.key()] = weights;
+  }
+  return tensors;
+}
+
 void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
                     const CheckpointMeta& meta, bool half) {
   if (!(meta.network == net->options())) {
@@ -208,29 +162,16 @@ void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
   RequireClasses(meta);
   CheckpointMeta stamped = meta;
   stamped.tool = kTool;
-  TensorFile file{kCheckpointFormat, MetaToJson(stamped), {}};
-  AddModuleTensors(*net, "", &file.tensors);
-  if (half) {
-    for (const auto& item : net->named_parameters()) {
-      const at::Tensor weights = item.value().detach().to(at::kHalf);
-      if (!at::isfinite(weights).all().item<bool>()) {
-        throw Error(fmt::format("{}: parameter '{}' does not fit float16: save it as float32",
-                                path.string(), item.key()));
-      }
-      file.tensors[item.key()] = weights;
-    }
-  }
-  WriteTensorFile(path, file);
+  WriteTensorFile(
+      path, {kCheckpointFormat, MetaToJson(stamped), NetworkTensors(net, half, path.string())});
 }
 
 LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
   const TensorFile file = ReadTensorFile(path, kCheckpointFormat);
   LoadedModel model;
-  Shapes shapes;
+  TensorShapes shapes;
   try {
-    model.meta = ReadDescribed<CheckpointMeta>(file.meta, "metadata");
-    RequireClasses(model.meta);
-    model.meta.network.Validate();
+    model.meta = MetaFromJson(file.meta);
     // The metadata may ask for a larger network than the file has; another kind's is not known.
     if (model.meta.network.kind == "paper") shapes = PaperNetShapes(model.meta.network);
   } catch (const std::exception& e) {
@@ -247,23 +188,6 @@ LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
   CopyIntoModule(file.tensors, "", *model.net, path.string());
   model.net->eval();
   return model;
-}
-
-void CheckStructure(const CheckpointMeta& meta, const Structure& structure) {
-  const std::vector<std::string> trained = meta.structure.SideNames();
-  const std::vector<std::string> given = structure.SideNames();
-  if (trained == given) return;
-  if (trained.size() != given.size()) {
-    throw DataError(
-        fmt::format("structure '{}' has {} labelled sides, the model was trained on '{}' with {}: "
-                    "train a model for it",
-                    structure.name(), given.size(), meta.structure.name(), trained.size()));
-  }
-  std::size_t i = 0;
-  while (trained[i] == given[i]) ++i;
-  throw DataError(fmt::format(
-      "label {} of structure '{}' is '{}', the model was trained with '{}': train a model for it",
-      i + 1, structure.name(), given[i], trained[i]));
 }
 
 }  // namespace volalign

@@ -2,14 +2,11 @@
 
 #include <ATen/core/Tensor.h>
 
-#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
-#include <utility>
-#include <vector>
 
-#include "core/geometry/structure.h"
+#include "core/model/checkpoint_meta.h"
 #include "core/nn/network.h"
 
 namespace volalign {
@@ -43,23 +40,15 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
 void AddModuleTensors(const torch::nn::Module& module, const std::string& prefix,
                       std::map<std::string, at::Tensor>* tensors);
 
-/// What a network was trained on: all that calibration and validation have to know beside the
-/// weights.
-struct CheckpointMeta {
-  StructureNetOptions network;
-  Structure structure;
-  std::pair<double, double> focal_px{0, 0};      ///< least and largest focal length in training, px
-  std::vector<std::pair<int, int>> image_sizes;  ///< width, height
-  std::vector<double> roll_offsets_deg;          ///< mounting rolls in training (PoseConfig), deg
-  std::int64_t samples = 0;  ///< number of training samples, those of run.init included
-  std::string config_yaml;   ///< the resolved training configuration
-  std::string tool;          ///< "volalign 0.1.0"; filled by SaveCheckpoint
-};
+/// A network's parameters and buffers by their names. With `half` the parameters are float16,
+/// buffers (running statistics) stay float32: half the size, log-probabilities equal to about 1e-2.
+/// Throws Error, with `what` in its message, for a parameter that does not fit float16.
+std::map<std::string, at::Tensor> NetworkTensors(const StructureNet& net, bool half,
+                                                 const std::string& what);
 
 inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/1";
 
-/// Writes network and meta. `half` stores the weights as float16 (running statistics stay float32):
-/// half the size, log- probabilities equal to about 1e-2. Throws Error when meta.network differs
+/// Writes network and meta; `half` as for NetworkTensors. Throws Error when meta.network differs
 /// from the network's options or the structure has another number of classes, or IoError.
 void SaveCheckpoint(const std::filesystem::path& path, const StructureNet& net,
                     const CheckpointMeta& meta, bool half);
@@ -73,12 +62,5 @@ struct LoadedModel {
 /// version or whose tensors are not the network's; the paper's network is built only after these
 /// were compared with the metadata.
 LoadedModel LoadCheckpoint(const std::filesystem::path& path);
-
-/// The metadata as JSON text, as the file holds it.
-std::string MetaToJson(const CheckpointMeta& meta);
-
-/// Throws DataError unless `structure` has the side names and labels that the model was trained on;
-/// dimensions and placements may differ.
-void CheckStructure(const CheckpointMeta& meta, const Structure& structure);
 
 }  // namespace volalign

@@ -4,14 +4,14 @@
 #include <fmt/format.h>
 #include <torch/csrc/jit/api/module.h>
 
+#include <map>
 #include <sstream>
 #include <string>
-#include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/model/paper_units.h"
 #include "core/nn/checkpoint.h"
-#include "core/nn/paper_net.h"
 
 namespace volalign {
 namespace {
@@ -20,7 +20,8 @@ namespace {
 /// UNIT_PARAMETER.
 class ScriptWriter {
  public:
-  explicit ScriptWriter(const StructureNet& net) : net_(net), options_(net->options()) {}
+  ScriptWriter(const StructureNet& net, bool half)
+      : net_(net), options_(net->options()), widen_(half ? ".float()" : "") {}
 
   std::string Write() {
     Line("def forward(self, depth: Tensor) -> Tensor:", 0);
@@ -33,13 +34,12 @@ class ScriptWriter {
           "x = torch.cat([(torch.clamp(depth, max={:.1f}) - {:.1f}) * valid, valid], 1)",
           kDepthClamp, kDepthCentre));
     }
-    const std::vector<int> units = {2, 3, 3, 3, 3};
-    for (std::size_t g = 1; g <= units.size(); ++g) {
+    for (std::size_t g = 1; g <= EncoderGroups().size(); ++g) {
       if (g > 1) {
         Line(fmt::format("skip{} = x", g - 1));
         Line("x = torch.max_pool2d(x, [2, 2])");
       }
-      for (int i = 1; i <= units[g - 1]; ++i) {
+      for (int i = 1; i <= EncoderGroups()[g - 1]; ++i) {
         Line("x = torch.relu(" + Unit(fmt::format("encoder{}_{}", g, i), "x") + ")");
       }
     }
@@ -77,10 +77,12 @@ class ScriptWriter {
     const auto parameters = net_->named_children()[name]->named_parameters(false);
     const std::int64_t padding = parameters["weight"].size(2) / 2;
     std::string conv = fmt::format(
-        "torch.conv2d({0}, self.{1}_weight, {2}, [1, 1], [{3}, {3}])", x, name,
-        parameters.contains("bias") ? "self." + name + "_bias" : std::string("None"), padding);
+        "torch.conv2d({0}, self.{1}_weight{4}, {2}, [1, 1], [{3}, {3}])", x, name,
+        parameters.contains("bias") ? "self." + name + "_bias" + widen_ : std::string("None"),
+        padding, widen_);
     if (!parameters.contains("norm_weight")) return conv;
-    const std::string affine = fmt::format("self.{0}_norm_weight, self.{0}_norm_bias", name);
+    const std::string affine =
+        fmt::format("self.{0}_norm_weight{1}, self.{0}_norm_bias{1}", name, widen_);
     if (options_.normalization == Normalization::kBatch) {
       return fmt::format(
           "torch.batch_norm({0}, {1}, self.{2}_running_mean, self.{2}_running_var, False, 0.0, "
@@ -93,30 +95,30 @@ class ScriptWriter {
 
   const StructureNet& net_;
   const StructureNetOptions& options_;
+  const std::string widen_;
   std::string source_;
 };
 
 }  // namespace
 
-void ExportTorchScript(const std::filesystem::path& checkpoint,
-                       const std::filesystem::path& output) {
+void ExportTorchScript(const std::filesystem::path& checkpoint, const std::filesystem::path& output,
+                       bool half) {
   const LoadedModel model = LoadCheckpoint(checkpoint);
-  if (model.meta.network.kind != "paper") {
-    throw ConfigError(
-        fmt::format("{}: a network of kind '{}' cannot be exported as TorchScript, only 'paper'",
-                    checkpoint.string(), model.meta.network.kind));
-  }
+  RequirePaperNet(model.meta, checkpoint.string());
+  const std::map<std::string, at::Tensor> tensors =
+      NetworkTensors(model.net, half, checkpoint.string());
   torch::jit::Module script("StructureNet");
   for (const auto& unit : model.net->named_children()) {
     for (const auto& p : unit.value()->named_parameters(false)) {
-      script.register_parameter(unit.key() + "_" + p.key(), p.value().detach(),
+      script.register_parameter(unit.key() + "_" + p.key(),
+                                tensors.at(unit.key() + "." + p.key()).detach(),
                                 /*is_buffer=*/false);
     }
     for (const auto& b : unit.value()->named_buffers(false)) {
       script.register_parameter(unit.key() + "_" + b.key(), b.value(), /*is_buffer=*/true);
     }
   }
-  script.define(ScriptWriter(model.net).Write());
+  script.define(ScriptWriter(model.net, half).Write());
   script.eval();
   std::ostringstream bytes;
   script.save(bytes, {{"volalign.json", MetaToJson(model.meta)}});

@@ -4,14 +4,11 @@
 #include <ATen/ops/cat.h>
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <map>
 #include <sstream>
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/nn/network_limits.h"
 #include "core/nn/paper_net.h"
 
 namespace volalign {
@@ -39,39 +36,6 @@ std::shared_ptr<StructureNetImpl> MakeNetwork(const StructureNetOptions& options
 
 }  // namespace
 
-const char* ToString(Normalization normalization) {
-  constexpr const char* kWords[] = {"none", "batch", "group"};
-  return kWords[static_cast<int>(normalization)];
-}
-
-const char* ToString(InputEncoding input) {
-  return input == InputEncoding::kDepth ? "depth" : "depth_mask";
-}
-
-std::vector<Normalization> AllOf(Normalization) {
-  return {Normalization::kNone, Normalization::kBatch, Normalization::kGroup};
-}
-
-std::vector<InputEncoding> AllOf(InputEncoding) {
-  return {InputEncoding::kDepth, InputEncoding::kDepthMask};
-}
-
-Normalization ParseNormalization(const std::string& word) {
-  for (Normalization n : AllOf(Normalization())) {
-    if (word == ToString(n)) return n;
-  }
-  throw ConfigError(fmt::format("normalization = '{}' is unknown: use none, batch or group", word));
-}
-
-InputEncoding ParseInputEncoding(const std::string& word) {
-  for (InputEncoding i : AllOf(InputEncoding())) {
-    if (word == ToString(i)) return i;
-  }
-  throw ConfigError(fmt::format("input = '{}' is unknown: use depth or depth_mask", word));
-}
-
-int EncodedChannels(InputEncoding input) { return input == InputEncoding::kDepth ? 1 : 2; }
-
 at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input) {
   if (depth.dim() != 4 || depth.size(1) != 1 || depth.scalar_type() != at::kFloat) {
     throw Error(fmt::format("EncodeDepth needs depth [B,1,H,W] of float32, not {} of {}",
@@ -80,28 +44,6 @@ at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input) {
   if (input == InputEncoding::kDepth) return depth;
   const at::Tensor mask = (depth > 0).to(at::kFloat);
   return at::cat({(depth.clamp_max(kDepthClamp) - kDepthCentre) * mask, mask}, 1);
-}
-
-void StructureNetOptions::Validate() const {
-  const auto require = [](const char* name, int value, int low, int high) {
-    if (value < low || value > high) {
-      throw ConfigError(
-          fmt::format("model.{0} = {1} violates {0} in [{2}, {3}]", name, value, low, high));
-    }
-  };
-  require("base_channels", base_channels, 1, kMostBaseChannels);
-  require("num_classes", num_classes, 2, kMostClasses);
-  require("residual_blocks", residual_blocks, 0, kMostResidualBlocks);
-  if (!std::isfinite(background_bias)) {
-    throw ConfigError(
-        fmt::format("model.background_bias = {} is not a finite number", background_bias));
-  }
-}
-
-bool operator==(const StructureNetOptions& a, const StructureNetOptions& b) {
-  return a.kind == b.kind && a.base_channels == b.base_channels && a.num_classes == b.num_classes &&
-         a.attention == b.attention && a.normalization == b.normalization && a.input == b.input &&
-         a.residual_blocks == b.residual_blocks && a.background_bias == b.background_bias;
 }
 
 void RegisterNetwork(const std::string& kind, NetworkFactory factory) {

@@ -12,50 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "core/nn/cpu/normalization.h"
+#include "core/model/network_options.h"
 
 namespace volalign {
 
-enum class InputEncoding { kDepth, kDepthMask };
-
-/// "none", "batch", "group"; "depth", "depth_mask". Parsing throws ConfigError for other words.
-const char* ToString(Normalization normalization);
-const char* ToString(InputEncoding input);
-std::vector<Normalization> AllOf(Normalization);
-std::vector<InputEncoding> AllOf(InputEncoding);
-Normalization ParseNormalization(const std::string& word);
-InputEncoding ParseInputEncoding(const std::string& word);
-
-/// Channels that EncodeDepth makes: 1 or 2.
-int EncodedChannels(InputEncoding input);
-
-/// depth_mask: depth is centred here, m, where the structure stands in training.
-inline constexpr double kDepthCentre = 2.0;
-/// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
-/// far values (Azure Kinect reports up to 16 m) from dominating the batch statistics.
-inline constexpr double kDepthClamp = 6.0;
-
-/// Network input [B,C,H,W] float32 of depth maps [B,1,H,W] float32, m, 0 where there is none.
-///   kDepth:     depth itself (the paper), C = 1
-///   kDepthMask: (min(depth, kDepthClamp) - kDepthCentre) * mask and mask = depth > 0, C = 2
-/// Throws Error for another shape or type.
+/// Network input [B,C,H,W] float32 (EncodedChannels) of depth maps [B,1,H,W] float32, m, 0 where
+/// there is none. Throws Error for another shape or type.
 at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
-
-/// The defaults are the network of the paper (section "Semantic Correspondences").
-struct StructureNetOptions {
-  std::string kind = "paper";  ///< of NetworkKinds()
-  int base_channels = 32;      ///< c, 1 to kMostBaseChannels (core/nn/network_limits.h)
-  int num_classes = 21;        ///< K, 2 to kMostClasses, background included
-  bool attention = true;
-  Normalization normalization = Normalization::kNone;
-  InputEncoding input = InputEncoding::kDepth;
-  int residual_blocks = 4;     ///< 0 to kMostResidualBlocks
-  double background_bias = 0;  ///< initial bias of the background class in the classifier
-
-  /// Throws ConfigError that names option, value and constraint.
-  void Validate() const;
-  friend bool operator==(const StructureNetOptions& a, const StructureNetOptions& b);
-};
 
 /// What the network makes of an encoded input.
 struct NetworkOutput {

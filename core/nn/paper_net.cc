@@ -17,8 +17,11 @@
 #include <torch/csrc/autograd/generated/variable_factories.h>
 
 #include <cmath>
+#include <map>
+#include <string>
 
 #include "core/base/error.h"
+#include "core/model/paper_units.h"
 #include "core/nn/cpu/convolution.h"
 #include "core/nn/training_forward.h"
 
@@ -33,74 +36,6 @@ at::Tensor XavierWeight(int in, int out, int kernel) {
   c10::NoGradGuard no_grad;
   weight.uniform_(-bound, bound);
   return weight;
-}
-
-/// A ConvUnit of the network.
-struct UnitShape {
-  std::string name;
-  int in, out, kernel;
-  Normalization normalization;
-};
-
-struct EncoderUnit {
-  int kernel, factor;  // output channels are factor * c
-};
-/// In groups, with a pool between two.
-const std::vector<std::vector<EncoderUnit>>& Encoder() {
-  static const std::vector<std::vector<EncoderUnit>> groups = {{{7, 1}, {5, 2}},
-                                                               {{3, 4}, {3, 4}, {3, 4}},
-                                                               {{3, 8}, {3, 8}, {3, 8}},
-                                                               {{3, 16}, {3, 16}, {3, 16}},
-                                                               {{3, 16}, {3, 16}, {3, 16}}};
-  return groups;
-}
-
-/// All of them, in the order in which their weights are drawn.
-std::vector<UnitShape> UnitShapes(const StructureNetOptions& options) {
-  const int c = options.base_channels;
-  std::vector<UnitShape> units;
-  const auto add = [&](const std::string& name, int in, int out, int kernel) {
-    units.push_back({name, in, out, kernel, options.normalization});
-  };
-  int channels = EncodedChannels(options.input);
-  std::vector<int> skip_channels;
-  for (std::size_t g = 0; g < Encoder().size(); ++g) {
-    for (std::size_t i = 0; i < Encoder()[g].size(); ++i) {
-      const EncoderUnit& unit = Encoder()[g][i];
-      add(fmt::format("encoder{}_{}", g + 1, i + 1), channels, unit.factor * c, unit.kernel);
-      channels = unit.factor * c;
-    }
-    skip_channels.push_back(channels);
-  }
-  for (int i = 1; i <= options.residual_blocks; ++i) {
-    add(fmt::format("residual{}_1", i), channels, channels, 3);
-    add(fmt::format("residual{}_2", i), channels, channels, 3);
-  }
-  if (options.attention) units.push_back({"attention", channels, 1, 1, Normalization::kNone});
-  for (int level = 4; level >= 1; --level) {
-    const int skip = skip_channels[static_cast<std::size_t>(level - 1)];
-    add(fmt::format("decoder{}_1", level), channels, channels, 3);
-    add(fmt::format("decoder{}_2", level), channels, channels, 3);
-    add(fmt::format("decoder{}_3", level), channels, skip, 3);
-    add(fmt::format("merge{}", level), 2 * skip, skip, 1);
-    channels = skip;
-  }
-  add("decoder0_1", channels, c, 3);
-  units.push_back({"classifier", c, options.num_classes, 1, Normalization::kNone});
-  return units;
-}
-
-/// A ConvUnit's parameters and buffers beside `weight`.
-std::vector<const char*> VectorsOf(Normalization normalization) {
-  switch (normalization) {
-    case Normalization::kNone:
-      return {"bias"};
-    case Normalization::kBatch:
-      return {"norm_weight", "norm_bias", "running_mean", "running_var"};
-    case Normalization::kGroup:
-      return {"norm_weight", "norm_bias"};
-  }
-  throw Error("invalid Normalization");
 }
 
 at::Tensor UpsampleTo(const at::Tensor& x, const at::Tensor& like) {
@@ -142,27 +77,15 @@ at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
   throw Error("invalid Normalization");
 }
 
-std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(
-    const StructureNetOptions& options) {
-  options.Validate();
-  std::map<std::string, std::vector<std::int64_t>> shapes;
-  for (const UnitShape& unit : UnitShapes(options)) {
-    shapes[unit.name + ".weight"] = {unit.out, unit.in, unit.kernel, unit.kernel};
-    for (const char* name : VectorsOf(unit.normalization))
-      shapes[fmt::format("{}.{}", unit.name, name)] = {unit.out};
-  }
-  return shapes;
-}
-
 PaperNetImpl::PaperNetImpl(const StructureNetOptions& options) : StructureNetImpl(options) {
   std::map<std::string, ConvUnit> units;
-  for (const UnitShape& unit : UnitShapes(options)) {
+  for (const PaperUnit& unit : PaperUnits(options)) {
     units.emplace(unit.name, register_module(unit.name, ConvUnit(unit.in, unit.out, unit.kernel,
                                                                  unit.normalization)));
   }
-  for (std::size_t g = 1; g <= Encoder().size(); ++g) {
+  for (std::size_t g = 1; g <= EncoderGroups().size(); ++g) {
     layers_.encoder.emplace_back();
-    for (std::size_t i = 1; i <= Encoder()[g - 1].size(); ++i)
+    for (int i = 1; i <= EncoderGroups()[g - 1]; ++i)
       layers_.encoder.back().push_back(units.at(fmt::format("encoder{}_{}", g, i)));
   }
   for (int i = 1; i <= options.residual_blocks; ++i) {

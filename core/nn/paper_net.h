@@ -4,9 +4,6 @@
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
 
-#include <cstdint>
-#include <map>
-#include <string>
 #include <vector>
 
 #include "core/nn/network.h"
@@ -30,10 +27,6 @@ class ConvUnitImpl : public torch::nn::Module {
   Normalization normalization_;
 };
 TORCH_MODULE(ConvUnit);
-
-/// The shapes of the network's parameters and buffers, by their names, without building it. Throws
-/// ConfigError for invalid options.
-std::map<std::string, std::vector<std::int64_t>> PaperNetShapes(const StructureNetOptions& options);
 
 /// The layers of the network.
 struct PaperNetLayers {

@@ -3,7 +3,7 @@
 #include <ATen/core/Tensor.h>
 #include <c10/core/ScalarType.h>
 
-#include "core/nn/cpu/normalization.h"
+#include "core/model/normalization.h"
 
 namespace volalign {
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 
+#include "core/model/paper_units.h"
 #include "core/nn/checkpoint.h"
 
 namespace volalign::paper_net_test {

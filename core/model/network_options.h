@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/model/normalization.h"
+
+namespace volalign {
+
+enum class InputEncoding { kDepth, kDepthMask };
+
+/// "none", "batch", "group"; "depth", "depth_mask". Parsing throws ConfigError for other words.
+const char* ToString(Normalization normalization);
+const char* ToString(InputEncoding input);
+std::vector<Normalization> AllOf(Normalization);
+std::vector<InputEncoding> AllOf(InputEncoding);
+Normalization ParseNormalization(const std::string& word);
+InputEncoding ParseInputEncoding(const std::string& word);
+
+/// Channels C of an encoded depth map, which are, of a depth z in m, 0 where there is none,
+///   kDepth:     z itself (the paper), C = 1
+///   kDepthMask: (min(z, kDepthClamp) - kDepthCentre) * mask and mask = z > 0, C = 2
+int EncodedChannels(InputEncoding input);
+
+/// depth_mask: depth is centred here, m, where the structure stands in training.
+inline constexpr double kDepthCentre = 2.0;
+/// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
+/// far values (Azure Kinect reports up to 16 m) from dominating the batch statistics.
+inline constexpr double kDepthClamp = 6.0;
+
+/// The defaults are the network of the paper (section "Semantic Correspondences").
+struct StructureNetOptions {
+  std::string kind = "paper";  ///< of NetworkKinds() (core/nn/network.h)
+  int base_channels = 32;      ///< c, 1 to kMostBaseChannels (core/model/network_limits.h)
+  int num_classes = 21;        ///< K, 2 to kMostClasses, background included
+  bool attention = true;
+  Normalization normalization = Normalization::kNone;
+  InputEncoding input = InputEncoding::kDepth;
+  int residual_blocks = 4;     ///< 0 to kMostResidualBlocks
+  double background_bias = 0;  ///< initial bias of the background class in the classifier
+
+  /// Throws ConfigError that names option, value and constraint.
+  void Validate() const;
+  friend bool operator==(const StructureNetOptions& a, const StructureNetOptions& b);
+};
+
+}  // namespace volalign

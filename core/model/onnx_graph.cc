@@ -1,0 +1,278 @@
+#include "core/model/onnx_graph.h"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/model/paper_units.h"
+
+namespace volalign {
+namespace {
+
+void SetAttribute(onnx::NodeProto* node, const char* name, std::int64_t value) {
+  onnx::AttributeProto* attribute = node->add_attribute();
+  attribute->set_name(name);
+  attribute->set_type(onnx::AttributeProto::INT);
+  attribute->set_i(value);
+}
+void SetAttribute(onnx::NodeProto* node, const char* name, double value) {
+  onnx::AttributeProto* attribute = node->add_attribute();
+  attribute->set_name(name);
+  attribute->set_type(onnx::AttributeProto::FLOAT);
+  attribute->set_f(static_cast<float>(value));
+}
+void SetAttribute(onnx::NodeProto* node, const char* name, const char* value) {
+  onnx::AttributeProto* attribute = node->add_attribute();
+  attribute->set_name(name);
+  attribute->set_type(onnx::AttributeProto::STRING);
+  attribute->set_s(value);
+}
+void SetAttribute(onnx::NodeProto* node, const char* name,
+                  const std::vector<std::int64_t>& values) {
+  onnx::AttributeProto* attribute = node->add_attribute();
+  attribute->set_name(name);
+  attribute->set_type(onnx::AttributeProto::INTS);
+  for (const std::int64_t value : values) attribute->add_ints(value);
+}
+
+void Describe(onnx::ValueInfoProto* value, const char* name, const char* channels, int count,
+              const char* what) {
+  value->set_name(name);
+  value->set_doc_string(what);
+  onnx::TypeProto::Tensor* tensor = value->mutable_type()->mutable_tensor_type();
+  tensor->set_elem_type(onnx::TensorProto::FLOAT);
+  for (const char* dimension : {"batch", channels, "height", "width"}) {
+    onnx::TensorShapeProto::Dimension* dim = tensor->mutable_shape()->add_dim();
+    if (dimension == channels) {
+      dim->set_dim_value(count);
+    } else {
+      dim->set_dim_param(dimension);
+    }
+  }
+}
+
+/// Writes PaperNetImpl::ForwardWithAttention (core/nn/paper_net.cc) as nodes of ONNX. A function
+/// that adds nodes gives the name of the value that they make.
+class GraphWriter {
+ public:
+  GraphWriter(const StructureNetOptions& options, bool half) : options_(options), half_(half) {
+    options.Validate();
+    for (const PaperUnit& unit : PaperUnits(options)) units_.emplace(unit.name, unit);
+  }
+
+  onnx::GraphProto Write() {
+    graph_.set_name("StructureNet");
+    Describe(graph_.add_input(), kOnnxDepth, "one", 1, "depth, m, 0 where there is none");
+    Describe(graph_.add_output(), kOnnxLogProbabilities, "classes", options_.num_classes,
+             "log-probabilities of background and of the labels 1, 2, ...");
+    std::string x = Encode();
+    std::vector<std::string> skips;
+    for (std::size_t g = 1; g <= EncoderGroups().size(); ++g) {
+      if (g > 1) {
+        skips.push_back(x);
+        x = Node("MaxPool", fmt::format("pool{}", g), {x});
+        SetAttribute(node_, "kernel_shape", {2, 2});
+        SetAttribute(node_, "strides", {2, 2});
+      }
+      for (int i = 1; i <= EncoderGroups()[g - 1]; ++i)
+        x = ReluUnit(fmt::format("encoder{}_{}", g, i), x);
+    }
+    for (int i = 1; i <= options_.residual_blocks; ++i) {
+      const std::string name = fmt::format("residual{}", i);
+      const std::string y = ReluUnit(name + "_1", Node("Relu", name + ".relu", {x}));
+      x = Node("Add", name, {x, Unit(name + "_2", y)});
+    }
+    std::string mask;
+    if (options_.attention) {
+      mask = Node("Sigmoid", "mask", {Unit("attention", x)});
+      x = Node("Mul", "attended", {x, mask});
+    }
+    for (int level = 4; level >= 1; --level) {
+      const std::string skip = skips.back();
+      skips.pop_back();
+      const std::string size = Slice(fmt::format("size{}", level), skip, 2, 4);
+      x = ReluUnit(fmt::format("decoder{}_1", level), x);
+      x = ReluUnit(fmt::format("decoder{}_2", level), x);
+      x = Upsample(fmt::format("up{}", level), x, size);
+      x = ReluUnit(fmt::format("decoder{}_3", level), x);
+      x = ReluUnit(fmt::format("merge{}", level), Concat(fmt::format("both{}", level), x, skip, 1));
+      if (options_.attention) {
+        x = Node("Mul", fmt::format("attended{}", level),
+                 {x, Upsample(fmt::format("mask{}", level), mask, size)});
+      }
+    }
+    const std::string logits = Unit("classifier", ReluUnit("decoder0_1", x));
+    Node("LogSoftmax", kOnnxLogProbabilities, {logits});
+    SetAttribute(node_, "axis", std::int64_t{1});
+    return std::move(graph_);
+  }
+
+ private:
+  /// `node_` is the new node, for its attributes.
+  std::string Node(const char* type, const std::string& result,
+                   const std::vector<std::string>& inputs) {
+    node_ = graph_.add_node();
+    node_->set_op_type(type);
+    node_->set_name(result);
+    for (const std::string& input : inputs) node_->add_input(input);
+    node_->add_output(result);
+    return result;
+  }
+
+  std::string Encode() {
+    if (options_.input == InputEncoding::kDepth)
+      return Node("Identity", kOnnxEncoded, {kOnnxDepth});
+    const std::string is_measured =
+        Node("Greater", "is_measured", {kOnnxDepth, Constant("nothing", 0.0f)});
+    const std::string measured = Node("Cast", "measured", {is_measured});
+    SetAttribute(node_, "to", std::int64_t{onnx::TensorProto::FLOAT});
+    const std::string clamped =
+        Node("Min", "clamped", {kOnnxDepth, Constant("clamp", static_cast<float>(kDepthClamp))});
+    const std::string centred =
+        Node("Sub", "centred", {clamped, Constant("centre", static_cast<float>(kDepthCentre))});
+    return Concat(kOnnxEncoded, Node("Mul", "masked", {centred, measured}), measured, 1);
+  }
+
+  std::string ReluUnit(const std::string& name, const std::string& x) {
+    const std::string y = Unit(name, x);
+    return Node("Relu", name + ".relu", {y});
+  }
+
+  std::string Unit(const std::string& name, const std::string& x) {
+    const PaperUnit& unit = units_.at(name);
+    std::vector<std::string> inputs = {x, Weight(name + ".weight")};
+    if (unit.normalization == Normalization::kNone) inputs.push_back(Weight(name + ".bias"));
+    const std::int64_t padding = unit.kernel / 2;
+    std::string y = Node("Conv", name + ".conv", inputs);
+    SetAttribute(node_, "kernel_shape", {unit.kernel, unit.kernel});
+    SetAttribute(node_, "pads", {padding, padding, padding, padding});
+    if (unit.normalization == Normalization::kBatch) {
+      const std::string scale = Weight(name + ".norm_weight"), shift = Weight(name + ".norm_bias");
+      y = Node("BatchNormalization", name + ".norm",
+               {y, scale, shift, Weight(name + ".running_mean"), Weight(name + ".running_var")});
+      SetAttribute(node_, "epsilon", kNormEpsilon);
+    } else if (unit.normalization == Normalization::kGroup) {
+      y = GroupNormalized(unit, y);
+    }
+    return y;
+  }
+
+  /// Opset 13 has no such operator, but a normalisation of each channel alone, for which a group is
+  /// made one channel.
+  std::string GroupNormalized(const PaperUnit& unit, const std::string& x) {
+    const std::int64_t groups = NormGroups(unit.out);
+    const std::string& name = unit.name;
+    const std::string grouped = Node(
+        "Reshape", name + ".grouped",
+        {x, Constant(fmt::format("groups{}", groups), std::vector<std::int64_t>{0, groups, -1})});
+    const auto ones = static_cast<std::size_t>(groups);
+    const std::string normal =
+        Node("InstanceNormalization", name + ".normal",
+             {grouped, Constant(fmt::format("ones{}", groups), std::vector<float>(ones, 1)),
+              Constant(fmt::format("zeros{}", groups), std::vector<float>(ones, 0))});
+    SetAttribute(node_, "epsilon", kNormEpsilon);
+    const std::string shape = Node("Shape", name + ".shape", {x});
+    const std::string whole = Node("Reshape", name + ".whole", {normal, shape});
+    const std::string channels = Constant("channels", std::vector<std::int64_t>{1, -1, 1, 1});
+    const std::string scale =
+        Node("Reshape", name + ".scale", {Weight(name + ".norm_weight"), channels});
+    const std::string shift =
+        Node("Reshape", name + ".shift", {Weight(name + ".norm_bias"), channels});
+    return Node("Add", name + ".norm", {Node("Mul", name + ".scaled", {whole, scale}), shift});
+  }
+
+  std::string Weight(const std::string& name) {
+    if (!half_ || !IsHalfTensor(name)) return name;
+    const std::string wide = Node("Cast", name + ".float32", {name});
+    SetAttribute(node_, "to", std::int64_t{onnx::TensorProto::FLOAT});
+    return wide;
+  }
+
+  std::string Concat(const std::string& name, const std::string& a, const std::string& b,
+                     std::int64_t axis) {
+    Node("Concat", name, {a, b});
+    SetAttribute(node_, "axis", axis);
+    return name;
+  }
+
+  /// Sizes begin to end - 1 of x.
+  std::string Slice(const std::string& name, const std::string& x, std::int64_t begin,
+                    std::int64_t end) {
+    const std::string shape = Node("Shape", name + ".shape", {x});
+    return Node("Slice", name,
+                {shape, Constant(fmt::format("at{}", begin), std::vector<std::int64_t>{begin}),
+                 Constant(fmt::format("at{}", end), std::vector<std::int64_t>{end}),
+                 Constant("at0", std::vector<std::int64_t>{0})});
+  }
+
+  /// As at::upsample_nearest2d: pixel i is of floor(i * size / new_size).
+  std::string Upsample(const std::string& name, const std::string& x, const std::string& size) {
+    const std::string batch = Slice(name + ".batch", x, 0, 2);
+    const std::string sizes = Concat(name + ".sizes", batch, size, 0);
+    Node("Resize", name, {x, "", "", sizes});
+    SetAttribute(node_, "coordinate_transformation_mode", "asymmetric");
+    SetAttribute(node_, "mode", "nearest");
+    SetAttribute(node_, "nearest_mode", "floor");
+    return name;
+  }
+
+  std::string Constant(const std::string& name, float value) {
+    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::FLOAT))
+      tensor->add_float_data(value);
+    return name;
+  }
+  std::string Constant(const std::string& name, const std::vector<float>& values) {
+    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::FLOAT)) {
+      tensor->add_dims(static_cast<std::int64_t>(values.size()));
+      for (const float value : values) tensor->add_float_data(value);
+    }
+    return name;
+  }
+  std::string Constant(const std::string& name, const std::vector<std::int64_t>& values) {
+    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::INT64)) {
+      tensor->add_dims(static_cast<std::int64_t>(values.size()));
+      for (const std::int64_t value : values) tensor->add_int64_data(value);
+    }
+    return name;
+  }
+  /// None where there is one of that name.
+  onnx::TensorProto* NewConstant(const std::string& name, onnx::TensorProto::DataType type) {
+    for (const onnx::TensorProto& known : graph_.initializer()) {
+      if (known.name() == name) return nullptr;
+    }
+    onnx::TensorProto* tensor = graph_.add_initializer();
+    tensor->set_name(name);
+    tensor->set_data_type(type);
+    return tensor;
+  }
+
+  const StructureNetOptions& options_;
+  const bool half_;
+  std::map<std::string, PaperUnit> units_;
+  onnx::GraphProto graph_;
+  onnx::NodeProto* node_ = nullptr;
+};
+
+}  // namespace
+
+onnx::GraphProto PaperNetGraph(const StructureNetOptions& options, bool half) {
+  return GraphWriter(options, half).Write();
+}
+
+bool IsHalfTensor(const std::string& name) { return name.find(".running_") == std::string::npos; }
+
+std::string OnnxDigest(const onnx::ModelProto& model) {
+  onnx::ModelProto plain = model;
+  plain.clear_metadata_props();
+  for (const onnx::StringStringEntryProto& entry : model.metadata_props()) {
+    if (entry.key() != kOnnxDigestKey) *plain.add_metadata_props() = entry;
+  }
+  return Sha256(plain.SerializeAsString());
+}
+
+}  // namespace volalign

@@ -1,0 +1,41 @@
+#include "core/nn/export_safetensors.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/base/error.h"
+#include "core/nn/checkpoint.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/core/nn/run_check.h"
+
+namespace volalign::export_safetensors_test {
+namespace {
+
+TEST(ExportSafetensors, IsReadByOthers) {
+  const TempFolder folder;
+  CheckpointMeta meta;
+  meta.structure = ReadStructureYaml("configs/structure.yaml");
+  meta.network.base_channels = 2;
+  meta.network.normalization = Normalization::kBatch;
+  meta.roll_offsets_deg = {90};
+  SaveCheckpoint(folder / "model.pt", StructureNet(meta.network), meta, false);
+  ExportSafetensors(folder / "model.pt", folder / "model.fp32.safetensors", false);
+  ExportSafetensors(folder / "model.pt", folder / "model.fp16.safetensors", true);
+  const int status = testing_nn::RunCheck(
+      VOLALIGN_PYTHON, "tests/core/nn/export_safetensors_check.py", folder.path());
+  if (status == 77) GTEST_SKIP() << VOLALIGN_PYTHON << " has no torch";
+  EXPECT_EQ(status, 0);
+}
+
+TEST(ExportSafetensors, WritesNothingWhereItFails) {
+  const TempFolder folder;
+  ExpectError<IoError>(
+      [&] { ExportSafetensors(folder / "missing.pt", folder / "x.safetensors", false); },
+      {"missing.pt"});
+  EXPECT_FALSE(std::filesystem::exists(folder / "x.safetensors"));
+}
+
+}  // namespace
+}  // namespace volalign::export_safetensors_test
