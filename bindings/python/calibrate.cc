@@ -16,9 +16,7 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "infer/calib/calibrate.h"
-#ifdef VOLALIGN_HAS_ONNX
 #include "infer/segment_onnx/load.h"
-#endif
 #include "infer/view/network_segmenter.h"
 
 namespace volalign::python {
@@ -48,7 +46,6 @@ std::unique_ptr<NetworkSegmenter> LoadModel(const py::object& model,
                                             const std::optional<Structure>& structure) {
   if (model.is_none()) return nullptr;
   const std::string path = PathOf(model);
-#ifdef VOLALIGN_HAS_ONNX
   if (path == kAutoModel) {
     const std::string installed = FindInputFile(kInstalledModel);
     if (!std::filesystem::exists(installed)) return nullptr;
@@ -56,20 +53,13 @@ std::unique_ptr<NetworkSegmenter> LoadModel(const py::object& model,
     const bool fits = !structure || segmenter->structure().SideNames() == structure->SideNames();
     return fits ? std::move(segmenter) : nullptr;
   }
-#else
-  if (path == kAutoModel) return nullptr;
-#endif
   if (std::filesystem::path(path).extension() == ".pt") {
     throw ConfigError(fmt::format(
         "{} is a checkpoint of LibTorch, which this package does without; `volalign export --model "
         "{} --format onnx -o MODEL.onnx` makes a model for it",
         path, path));
   }
-#ifdef VOLALIGN_HAS_ONNX
-  return LoadOnnxSegmenter(FindInputFile(path), structure ? &*structure : nullptr);
-#else
-  throw ConfigError("this volalign was built without ONNX");
-#endif
+  return LoadOnnxSegmenter(path, structure ? &*structure : nullptr);
 }
 
 }  // namespace
@@ -91,6 +81,8 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
   std::vector<Capture> read;
   for (NamedCapture& capture : captures) {
     calibrated->source.captures.push_back(capture.capture.path.string());
+    // StillsOf takes a name without its ending.
+    if (capture.in_memory) capture.capture.path += ".";
     read.push_back(std::move(capture.capture));
   }
   calibrated->structure = *std::move(structure);

@@ -92,6 +92,7 @@ NamedCapture MakeCapture(std::vector<SensorFrame> frames, const py::object& stru
           fmt::format("two sensors are named \"{}\"; names must be unique", frame.name));
     }
   }
+  made.in_memory = true;
   made.capture.path = name;
   made.capture.sensors = std::move(frames);
   if (!structure.is_none()) made.structure = StructureOf(structure);
@@ -100,7 +101,7 @@ NamedCapture MakeCapture(std::vector<SensorFrame> frames, const py::object& stru
 
 NamedCapture LoadCapture(const py::object& path) {
   const std::string file = PathOf(path);
-  return Working([&] { return NamedCapture{ReadCapture(file), std::nullopt}; });
+  return Working([&] { return NamedCapture{ReadCapture(file), std::nullopt, false}; });
 }
 
 void AddFrame(py::module_& module) {

@@ -16,6 +16,7 @@ namespace volalign::python {
 struct NamedCapture {
   Capture capture;
   std::optional<Structure> structure;  ///< else capture.structure, a path
+  bool in_memory = false;
 
   std::optional<Structure> ReadItsStructure() const;
 };

@@ -8,7 +8,11 @@ namespace {
 
 /// JSON is YAML's flow syntax. Scalars and arrays of NumPy become Python's.
 std::string FlowText(const py::handle& value) {
-  const py::cpp_function plain([](const py::object& other) { return other.attr("tolist")(); });
+  const py::cpp_function plain([](const py::object& other) -> py::object {
+    if (!py::hasattr(other, "tolist"))
+      throw py::type_error("an option is a number, a text, a bool, or a list or dict of these");
+    return other.attr("tolist")();
+  });
   return py::module_::import("json")
       .attr("dumps")(value, py::arg("default") = plain)
       .cast<std::string>();

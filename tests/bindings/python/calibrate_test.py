@@ -149,7 +149,7 @@ def test_several_captures(stack):
         return volalign.Capture(frames, structure=stack, name=f"at{dx}")
 
     result = volalign.calibrate([still(0), still(0.3)], model=None)
-    assert [still.name for still in result.stills] == ["at0", "at0"]
+    assert [still.name for still in result.stills] == ["at0", "at0.3"]
     first, second = result.stills
     np.testing.assert_allclose(first.first_from_placement, np.eye(4))
     np.testing.assert_allclose(second.first_from_placement[:3, 3], [0.3, 0, 0], atol=0.005)

@@ -31,7 +31,8 @@ def test_writes_poses_of_ones_own(tmp_path):
     camera = volalign.Intrinsics(320, 288, 252, 252, 160, 144)
     volalign.write_poses(tmp_path / "colmap", "colmap", {"A": volalign.SensorPose(pose, camera)})
     np.testing.assert_allclose(volalign.read_poses(tmp_path / "colmap", "colmap")["A"].structure_from_sensor, pose, atol=1e-9)
-    assert volalign.write_poses(tmp_path / "a.tum", "tum", {"A": pose.tolist()})
+    volalign.write_poses(tmp_path / "a.tum", "tum", {"A": pose.tolist()})
+    assert list(volalign.read_poses(tmp_path / "a.tum", "tum")) == ["A"]
     with pytest.raises(volalign.ConfigError, match="livescan3d_azure"):
         volalign.write_poses(tmp_path / "x", "livescan3d_azure", {"A": pose})
     with pytest.raises(volalign.DataError, match="B"):

@@ -46,7 +46,7 @@ def test_images_outlive_sample_and_iterator():
 
 
 def test_recipes():
-    assert next(volalign.samples({"data": {"renderer": "cpu", "image_sizes": ["80x45"]}})).depth.shape == (45, 80)
+    assert next(volalign.samples({"data": {"renderer": "cpu", "image_sizes": ["80x45"], "sensors": ["realsense_d415"]}})).depth.shape == (45, 80)
     with pytest.raises(volalign.ConfigError, match="data.image_size"):
         volalign.samples(**{"data.image_size": ["80x72"]})
     with pytest.raises(volalign.ConfigError, match="renderer"):
