@@ -80,7 +80,7 @@ void AddMovement(py::module_& module) {
           "(6, 6) float64, see SensorResult.covariance.");
 }
 
-py::dict SensorsOf(const std::shared_ptr<Checked>& checked) {
+py::dict MovementsOf(const std::shared_ptr<Checked>& checked) {
   py::dict sensors;
   for (const SensorMovement& sensor : checked->check.movements.sensors)
     sensors[py::str(sensor.name)] = MovementPart{checked, &sensor};
@@ -101,7 +101,7 @@ void AddCheck(py::module_& module) {
   AddMovement(module);
   py::class_<Checked, std::shared_ptr<Checked>>(
       module, "Check", "What has moved since a calibration; str() is the program's report.")
-      .def_property_readonly("sensors", &SensorsOf, "Movement by name.")
+      .def_property_readonly("sensors", &MovementsOf, "Movement by name.")
       .def_property_readonly("moved", &MovedOf, "Names of the sensors that have moved.")
       .def_property_readonly(
           "not_compared",

@@ -203,3 +203,28 @@ def test_the_same_poses_as_the_program(tmp_path):
         np.testing.assert_allclose(found["sensors"][name]["structure_from_sensor"], sensor["structure_from_sensor"], rtol=0, atol=1e-9)
         np.testing.assert_allclose(found["sensors"][name]["covariance"], sensor["covariance"], rtol=1e-6, atol=1e-15)
         assert found["sensors"][name]["status"] == sensor["status"]
+
+
+def test_the_installed_model():
+    paper = volalign.Structure.load("configs/structure.yaml")
+    floor = volalign.Box("floor", (-5, paper.floor_height - 0.1, -5), (5, paper.floor_height, 5))
+    room = volalign.Structure("room", [*paper.boxes, floor])
+    frames = [frame_of(f"S{angle}", room.cast_view(CAMERA, volalign.look_at((2 * np.cos(angle), 0.3, 2 * np.sin(angle)), (0, 0, 0), 90))[0]) for angle in (0.5, 2.4, 4.3)]
+    given = volalign.Capture(frames, structure=paper)
+    result = volalign.calibrate(given)
+    assert result.model.endswith("models/m05-lite.onnx")
+    assert result.to_dict()["model"]["file"] == result.model
+    assert result.placed == 3
+    # Without a structure, the model's own.
+    bare = volalign.Capture(frames)
+    assert volalign.calibrate(bare).structure == paper
+    assert_same(volalign.calibrate(bare, model="models/m05-lite.onnx"), result)
+    assert volalign.calibrate(given, model=None).model is None
+    with pytest.raises(volalign.IoError, match="none.onnx"):
+        volalign.calibrate(given, model="none.onnx")
+
+
+def test_the_installed_model_is_left_out_where_its_stack_is_another(capture):
+    assert volalign.calibrate(capture).model is None
+    with pytest.raises(volalign.DataError, match="train a model for it"):
+        volalign.calibrate(capture, model="models/m05-lite.onnx")
