@@ -18,7 +18,8 @@ namespace volalign {
 struct StructureNetOptions;
 std::vector<std::string> NetworkKinds();  // core/nn/network.h
 
-/// The network, but for the number of classes, which the structure gives (core/nn/network.h).
+/// The network, but for the number of classes, which the structure gives
+/// (core/model/network_options.h).
 struct ModelConfig {
   std::string kind = "paper";
   int base_channels = 32;

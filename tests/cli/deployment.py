@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""Does the network give the same elsewhere?
+
+    tests/cli/deployment.py VOLALIGN [NAME]      (the program; a test, else all)
+
+The export writes what its options say; calibration with models/m05-lite.onnx gives the poses of models/m05-lite.pt; and the Python of
+docs/deployment.md, as it stands there, finds poses by ONNX Runtime and numpy alone. Exit 77 where the one test that was asked for is
+skipped, because PyPI's onnxruntime is absent.
+"""
+
+import json
+import math
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+import zlib
+
+try:
+    import numpy
+    import onnxruntime  # noqa: F401, the page's code needs it
+except ImportError:
+    onnxruntime = None
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PROGRAM = os.path.abspath(sys.argv.pop(1)) if len(sys.argv) > 1 else ""
+RIG = os.path.join(ROOT, "configs", "rig_ring8.yaml")  # the quick start's
+
+
+def read_json(*path):
+    with open(os.path.join(*path), encoding="utf-8") as file:
+        return json.load(file)
+
+
+def read_png(path):
+    """A 16-bit grey PNG (W3C's PNG specification, sections 5 and 9) as an array [H,W]."""
+    with open(path, "rb") as file:
+        content = file.read()
+    at, data = 8, b""
+    while at < len(content):
+        (length,), kind = struct.unpack(">I", content[at : at + 4]), content[at + 4 : at + 8]
+        body = content[at + 8 : at + 8 + length]
+        if kind == b"IHDR":
+            width, height, bits, colour = struct.unpack(">IIBB", body[:10])
+            assert (bits, colour) == (16, 0), path
+        data += body if kind == b"IDAT" else b""
+        at += 12 + length
+    data = zlib.decompress(data)
+    stride, above, rows = 2 * width, bytearray(2 * width), []
+    for v in range(height):
+        start = v * (stride + 1)
+        kind, row = data[start], bytearray(data[start + 1 : start + 1 + stride])
+        for i in range(stride):
+            a, b, c = row[i - 2] if i > 1 else 0, above[i], above[i - 2] if i > 1 else 0
+            nearest = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
+            row[i] = (row[i] + (0, a, b, (a + b) // 2, nearest)[kind]) & 255
+        rows.append(bytes(row))
+        above = row
+    return numpy.frombuffer(b"".join(rows), ">u2").reshape(height, width)
+
+
+def pose_difference(a, b):
+    """m and degrees between two 4x4 poses."""
+    moved = math.dist([row[3] for row in a[:3]], [row[3] for row in b[:3]])
+    # |A - B| of two rotations by Frobenius is sqrt(8) sin(angle / 2).
+    chord = math.sqrt(sum((x - y) ** 2 for r, s in zip(a[:3], b[:3]) for x, y in zip(r[:3], s[:3])) / 8)
+    return moved, math.degrees(2 * math.asin(min(1.0, chord)))
+
+
+class Deployment(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="volalign_deployment_")
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+
+    def run_program(self, *arguments, status=0):
+        done = subprocess.run([PROGRAM, *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+                              env={**os.environ, "LP_NUM_THREADS": "0"})
+        self.assertEqual(done.returncode, status, done.stdout)
+        return done.stdout
+
+    def capture(self):
+        folder = os.path.join(self.folder, "capture")
+        if not os.path.exists(folder):
+            self.run_program("render", "--rig", RIG, "-o", folder)
+        return os.path.join(folder, "capture.json")
+
+    def test_export(self):
+        export = lambda name, *options, status=0: self.run_program("export", "--model", "models/m05-lite.pt", "-o", os.path.join(self.folder, name),
+                                                                   *options, status=status)
+        for name, options in (("a.ts", ()), ("a.pt", ("--format", "torchscript")), ("a.onnx", ("--format", "onnx")), ("a.safetensors", ("--format", "safetensors"))):
+            self.assertIn("written", export(name, *options))
+            half = name.replace("a.", "half.")
+            export(half, *options, "--precision", "fp16")
+            whole, small = (os.path.getsize(os.path.join(self.folder, file)) for file in (name, half))
+            self.assertTrue(0.45 < small / whole < 0.55, (name, whole, small))
+        for name, format_, ending in (("b.onnx", "torchscript", ".ts"), ("b.pt", "onnx", ".onnx"), ("b.pt", "safetensors", ".safetensors"), ("b", "onnx", ".onnx")):
+            self.assertIn(f"ends with {ending}", export(name, "--format", format_, status=1))
+            self.assertFalse(os.path.exists(os.path.join(self.folder, name)))
+
+    def test_calibration(self):
+        poses = {}
+        for ending in ("pt", "onnx"):
+            result = os.path.join(self.folder, "calibrated_" + ending)
+            self.run_program("calibrate", "--capture", self.capture(), "--model", "models/m05-lite." + ending, "--no-report", "-o", result)
+            sensors = read_json(result, "extrinsics.json")["sensors"]
+            poses[ending] = {name: sensor["structure_from_sensor"] for name, sensor in sensors.items()}
+        self.assertEqual(len(poses["pt"]), 8)
+        self.assertEqual(sorted(poses["pt"]), sorted(poses["onnx"]))
+        differences = [pose_difference(pose, poses["onnx"][name]) for name, pose in poses["pt"].items()]
+        print(f"{max(d[0] for d in differences) * 1000:.4f} mm, {max(d[1] for d in differences):.5f} deg at most between .pt and .onnx")
+        for moved, turned in differences:
+            self.assertLess(moved, 1e-4)
+            self.assertLess(turned, 0.01)
+        self.assertIn("CPU alone", self.run_program("calibrate", "--capture", self.capture(), "--model", "models/m05-lite.onnx", "--device", "cuda",
+                                                    "-o", os.path.join(self.folder, "none"), status=1))
+
+    @unittest.skipIf(onnxruntime is None, "needs PyPI's onnxruntime")
+    def test_page(self):
+        with open(os.path.join(ROOT, "docs", "deployment.md"), encoding="utf-8") as file:
+            (code,) = re.findall(r"```python\n(.*?)```", file.read(), re.DOTALL)
+        capture = read_json(self.capture())
+        work = os.path.join(self.folder, "page")
+        os.makedirs(work)
+        shutil.copy(os.path.join(ROOT, "models", "m05-lite.onnx"), work)
+        errors = []
+        for sensor in capture["sensors"]:
+            depth = read_png(os.path.join(os.path.dirname(self.capture()), sensor["depth"]))
+            numpy.save(os.path.join(work, "depth.npy"), depth)
+            k = sensor["intrinsics"]
+            own, count = re.subn(r"(?m)^FX, FY, CX, CY = [\d., ]+", f"FX, FY, CX, CY = {k['fx']}, {k['fy']}, {k['cx']}, {k['cy']} ", code)
+            self.assertEqual(count, 1)
+            script = os.path.join(work, "example.py")
+            with open(script, "w", encoding="utf-8") as file:
+                file.write(own + "\njson.dump(structure_from_sensor.tolist(), open('pose.json', 'w'))\n")
+            subprocess.run([sys.executable, script], cwd=work, stdout=subprocess.DEVNULL, check=True)
+            errors.append(pose_difference(read_json(work, "pose.json"), sensor["ground_truth"]["structure_from_sensor"]))
+        errors.sort()
+        print("the page's poses: " + ", ".join(f"{100 * moved:.1f} cm {turned:.1f} deg" for moved, turned in errors))
+
+
+if __name__ == "__main__":
+    if not PROGRAM:
+        sys.exit(__doc__)
+    asked = sys.argv[1:]
+    result = unittest.main(argv=[sys.argv[0]] + [f"Deployment.{name}" for name in asked], exit=False).result
+    sys.exit(1 if not result.wasSuccessful() else 77 if asked and result.skipped else 0)
