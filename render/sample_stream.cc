@@ -49,8 +49,10 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
 std::vector<Sample> SampleStream::Next() {
   std::vector<Sample> batch;
   batch.reserve(static_cast<std::size_t>(count_));
-  for (int i = 0; i < count_; ++i) batch.push_back(samples_->Take());
+  for (int i = 0; i < count_; ++i) batch.push_back(NextSample());
   return batch;
 }
+
+Sample SampleStream::NextSample() { return samples_->Take(); }
 
 }  // namespace volalign

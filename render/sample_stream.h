@@ -34,6 +34,8 @@ class SampleStream {
 
   /// The next context.batch_size samples, or the slice's of them. Rethrows a worker's exception.
   std::vector<Sample> Next();
+  /// The next one alone. Rethrows a worker's exception.
+  Sample NextSample();
 
  private:
   int count_ = 1;

@@ -14,11 +14,12 @@ import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
-FOLDERS = ("cli", "cmake", "configs", "core", "docs", "examples", "infer", "models", "render", "tests", "train")
-CODE_FOLDERS = ("cli", "core", "infer", "render", "train")
+FOLDERS = ("bindings", "cli", "cmake", "configs", "core", "docs", "examples", "infer", "models", "render", "tests", "train")
+CODE_FOLDERS = ("bindings", "cli", "core", "infer", "render", "train")
+FRONTENDS = ("bindings/", "cli/")
 CODE = (".h", ".cc", ".inc")
 
-# The folders of rooms, and those whose rooms theirs may depend on besides; cli may include everything.
+# The folders of rooms, and those whose rooms theirs may depend on besides; bindings and cli may include everything.
 MAY_DEPEND = {"core": (), "render": ("core",), "train": ("core", "render"), "infer": ("core",), "infer/evaluate": ("core", "infer", "render")}
 
 # First folder of a library's headers, and the library's target in CMake.
@@ -249,7 +250,7 @@ def check_includes(root):
     rooms = rooms_of(root)
     for path in files_of(root, CODE, CODE_FOLDERS):
         name = room_of(path, rooms)
-        if path.startswith("cli/"):
+        if path.startswith(FRONTENDS):
             continue
         if name is None:
             violations.append(f"{path} is in no room")
@@ -560,6 +561,7 @@ class Rules(unittest.TestCase):
             ("infer/segment/b.cc", "core/nn/b.h"),
             ("infer/refine/costs/b.h", "infer/refine/b.h"),
             ("cli/b.cc", "infer/refine/b.h"),
+            ("bindings/python/b.cc", "infer/refine/b.h"),
         ):
             self.expect_in_rooms(check_includes, path, f'#include "{include}"\n', [])
         for path, include in (

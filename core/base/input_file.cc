@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <system_error>
 
@@ -28,6 +29,20 @@ bool Exists(const fs::path& path) {
 void SetDataFolder(const std::string& folder) { Folder() = folder; }
 
 const std::string& DataFolder() { return Folder(); }
+
+bool IsDataFolder(const fs::path& folder) { return Exists(folder / "configs" / "structure.yaml"); }
+
+std::string DataFolderNear(const fs::path& file) {
+  if (const char* named = std::getenv("VOLALIGN_DATA_DIR"); named && IsDataFolder(named))
+    return named;
+  for (fs::path folder = file.parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    if (IsDataFolder(folder)) return folder.string();
+    const fs::path shared = folder / "share" / "volalign";
+    if (IsDataFolder(shared)) return shared.string();
+  }
+  return "";
+}
 
 std::string FindInputFile(const std::string& path) {
   if (Folder().empty() || path.empty() || fs::path(path).is_absolute() || Exists(path)) return path;

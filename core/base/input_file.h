@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 namespace volalign {
@@ -9,6 +10,14 @@ namespace volalign {
 /// a thread.
 void SetDataFolder(const std::string& folder);
 const std::string& DataFolder();
+
+/// Whether configs/structure.yaml is in the folder.
+bool IsDataFolder(const std::filesystem::path& folder);
+
+/// The environment's VOLALIGN_DATA_DIR, else the nearest folder above `file`, a program or a
+/// module, that has data or share/volalign with data: the source tree that it was built in, or the
+/// prefix where it was installed. "" where none is found.
+std::string DataFolderNear(const std::filesystem::path& file);
 
 /// `path` or, where only that exists, the same path in the data folder. Structures, intrinsics
 /// pools, recipes, rigs and checkpoints are read through it.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/base/start_threads.h"
+#include "core/base/stop.h"
 
 namespace volalign {
 
@@ -15,9 +16,12 @@ void ParallelFor(std::size_t count, int threads, const std::function<void(std::s
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
   std::mutex mutex;
+  const std::atomic<bool>* const asked = StopScope::Current();
   const auto work = [&] {
+    const StopScope scope(asked);
     for (std::size_t i = next++; i < count; i = next++) {
       try {
+        ThrowIfStopped();
         task(i);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(mutex);

@@ -222,15 +222,15 @@ ConfigSource ConfigSource::FromFile(const std::string& path) {
   return merged;
 }
 
-void ConfigSource::Set(const std::string& assignment) {
+void ConfigSource::Set(const std::string& assignment, const std::string& where) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos || equals == 0) {
-    throw ConfigError(
-        fmt::format("--set {}: KEY=VALUE is expected, as in --set optimizer.lr=1e-3", assignment));
+    throw ConfigError(fmt::format("{0} {1}: KEY=VALUE is expected, as in {0} optimizer.lr=1e-3",
+                                  where, assignment));
   }
   const std::string key = assignment.substr(0, equals);
   Leaf leaf;
-  leaf.where = "--set";
+  leaf.where = where;
   try {
     const YAML::Node value = LoadYaml(assignment.substr(equals + 1));
     if (value.IsScalar()) {
@@ -240,10 +240,10 @@ void ConfigSource::Set(const std::string& assignment) {
       for (const YAML::Node& element : value) leaf.values.push_back(element.as<std::string>());
     } else {
       throw ConfigError(
-          fmt::format("--set {}: the value is neither a scalar nor a list", assignment));
+          fmt::format("{} {}: the value is neither a scalar nor a list", where, assignment));
     }
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("--set {}: {}", assignment, e.msg));
+    throw ConfigError(fmt::format("{} {}: {}", where, assignment, e.msg));
   }
   // A list takes the place of the maps that stood there; an item of the list ends its being empty.
   if (leaf.is_sequence) {
@@ -256,6 +256,15 @@ void ConfigSource::Set(const std::string& assignment) {
     leaves_.erase(key.substr(0, key.find('[')));
   }
   leaves_[key] = leaf;
+}
+
+ConfigSource ConfigSource::Only(const std::vector<std::string>& beginnings) const {
+  ConfigSource only;
+  for (const auto& [key, leaf] : leaves_) {
+    const auto begins = [&](const std::string& text) { return key.rfind(text, 0) == 0; };
+    if (std::any_of(beginnings.begin(), beginnings.end(), begins)) only.leaves_[key] = leaf;
+  }
+  return only;
 }
 
 void ConfigSource::Merge(const ConfigSource& over) {

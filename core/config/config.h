@@ -50,7 +50,7 @@ class ConfigSource {
   struct Leaf {
     std::vector<std::string> values;
     bool is_sequence = false;
-    std::string where;  ///< "file:line" or "--set"
+    std::string where;  ///< "file:line", or what Set calls it
   };
 
   ConfigSource() = default;
@@ -60,8 +60,10 @@ class ConfigSource {
   static ConfigSource FromFile(const std::string& path);
   static ConfigSource FromString(const std::string& yaml, const std::string& name);
   /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]". Throws
-  /// ConfigError.
-  void Set(const std::string& assignment);
+  /// ConfigError. `where` is what messages call its place.
+  void Set(const std::string& assignment, const std::string& where = "--set");
+  /// The leaves whose keys begin with one of these.
+  ConfigSource Only(const std::vector<std::string>& beginnings) const;
 
   const std::map<std::string, Leaf>& leaves() const { return leaves_; }
 

@@ -32,8 +32,9 @@ StoredDepth FromImage16(const Image16& image) {
   return depth;
 }
 
-/// Sets what is no measurement to 0.
-void Clean(const std::string& name, StoredDepth* depth) {
+}  // namespace
+
+void CleanDepth(const std::string& name, StoredDepth* depth) {
   bool any_positive = false, any_negative = false;
   for (float& value : depth->values) {
     if (!std::isfinite(value)) value = 0;
@@ -47,8 +48,6 @@ void Clean(const std::string& name, StoredDepth* depth) {
         name));
   }
 }
-
-}  // namespace
 
 StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
   using namespace formats_internal;
@@ -66,7 +65,7 @@ StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
   } else {
     throw DataError(fmt::format("{}: no depth image; expected {}", name, kDepthFormats));
   }
-  Clean(name, &depth);
+  CleanDepth(name, &depth);
   return depth;
 }
 

@@ -23,6 +23,10 @@ struct StoredDepth {
 /// backwards).
 StoredDepth ReadStoredDepth(const std::filesystem::path& path);
 
+/// Makes values that are no measurement, as above, 0. Throws DataError, which begins with `name`,
+/// where all measured values are negative.
+void CleanDepth(const std::string& name, StoredDepth* depth);
+
 /// What of a file this module can read, for messages.
 inline constexpr char kDepthFormats[] = "PNG (16-bit grey), PGM (P2, P5), TIFF, OpenEXR or NPY";
 /// How the names of such files end, in lower case, by which a folder's are told from others.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/base/lists.h"
+#include "core/base/stop.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
@@ -170,6 +171,7 @@ class Search {
   Poses Look(const std::vector<StackCandidate>& candidates) const {
     Poses poses;
     for (const StackCandidate& candidate : candidates) {
+      ThrowIfStopped();
       poses.push_back({candidate.structure_from_sensor,
                        MeasureShape(first_look_, structure_, candidate.structure_from_sensor), 0});
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/lists.h"
+#include "core/base/stop.h"
 #include "infer/initial/stack_votes.h"
 
 namespace volalign {
@@ -108,6 +109,7 @@ std::vector<std::vector<StackCandidate>> SearchStack(const std::vector<OrientedP
   const std::vector<double> turns = Turns(outline, guesses.front());
   Votes votes(outline);
   for (std::size_t k = 0; k < turns.size(); ++k) {
+    ThrowIfStopped();
     votes.Make(outline.pieces, turns[k]);
     for (GuessVotes& search : searches) search.Count(votes, k);
   }

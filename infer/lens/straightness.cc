@@ -146,11 +146,15 @@ double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
 
 }  // namespace
 
+/// A plane of so few patches has no shape.
+constexpr std::size_t kPlaneParameters = 3;
+
 /// A plane with what is known about its errors.
 class WeighedPlane {
  public:
   WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with)
       : patches_(Thinned(plane.patches, kMostPatches)), seen_with_(seen_with) {
+    if (patches_.size() <= kPlaneParameters) return;
     const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with);
     Eigen::VectorXd variances(at.residuals.size());
     for (std::size_t i = 0; i < patches_.size(); ++i)
@@ -281,6 +285,7 @@ LensEvidence Straightness::EvidenceAt(const std::vector<Intrinsics>& assumed,
 double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
   double largest = 0;
   for (const LargePlane& plane : sensor.planes) {
+    if (plane.patches.size() <= kPlaneParameters) continue;
     std::vector<Eigen::Vector3d> points;
     for (const PlanePatch& patch : Thinned(plane.patches, kMostPatches)) points.push_back(patch.p);
     const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics);

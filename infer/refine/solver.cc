@@ -1,6 +1,9 @@
 #include "infer/refine/solver.h"
 
+#include <ceres/iteration_callback.h>
 #include <ceres/solver.h>
+
+#include "core/base/stop.h"
 
 namespace volalign::refine_internal {
 
@@ -15,6 +18,14 @@ ceres::Problem::Options Borrowing() {
   options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   return options;
 }
+
+/// Ceres lets no exception through its own threads.
+class StopCallback : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
+    return IsStopAsked() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+};
 
 }  // namespace
 
@@ -44,8 +55,11 @@ Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem) {
   solver.function_tolerance = kFunctionTolerance;
   solver.parameter_tolerance = kParameterTolerance;
   solver.logging_type = ceres::SILENT;
+  StopCallback stop;
+  solver.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, problem, &summary);
+  ThrowIfStopped();
   return {summary.IsSolutionUsable(), summary.termination_type == ceres::CONVERGENCE};
 }
 

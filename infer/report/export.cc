@@ -62,6 +62,15 @@ struct StillFiles {
   }
 };
 
+/// A still's points in the frame of the first one.
+std::vector<AlignedPoint> CloudOf(const StillFiles& still, const FrameResult& sensor) {
+  std::vector<AlignedPoint> cloud = AlignedPoints(sensor, *still.built);
+  for (AlignedPoint& point : cloud) {
+    point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
+  }
+  return cloud;
+}
+
 /// `points`: at most so many in the report; 0 without one.
 FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& still,
                       const FrameResult& sensor, int turns, std::size_t points) {
@@ -73,10 +82,7 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
   written.picture = SensorPicture(sensor, panels, *still.built, false);
   WriteFileAtomically(still.Path(folder, "pictures", png),
                       EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
-  written.cloud = AlignedPoints(sensor, *still.built);
-  for (AlignedPoint& point : written.cloud) {
-    point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
-  }
+  written.cloud = CloudOf(still, sensor);
   if (sensor.structure_from_sensor) {
     WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud);
   }
@@ -87,14 +93,15 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
   return written;
 }
 
+int AllThreads() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
+
 /// Returns what each frame adds to the report, without pictures and whole clouds.
 std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const StillFiles& still,
                                    std::size_t points) {
   const std::vector<FrameResult>& sensors = *still.sensors;
   const std::vector<int> turns = UprightTurnsOf(sensors);
   std::vector<FrameFiles> written(sensors.size());
-  const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
+  ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
     written[i] = WriteFrame(folder, still, sensors[i], turns[i], points);
   });
   std::vector<RgbImage> pictures;
@@ -140,6 +147,12 @@ std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structur
     stills.push_back({still.name, &still.sensors, built(still.built), still.first_from_placement});
   }
   return stills;
+}
+
+std::size_t ReportPointsAFrame(const std::vector<StillFiles>& stills) {
+  std::size_t frames = 1;
+  for (const StillFiles& still : stills) frames += still.sensors->size();
+  return std::min(kReportPointsAFrame, kReportPoints / frames);
 }
 
 /// Paths of a still's files below a calibration's folder, whether they were written or not.
@@ -209,13 +222,31 @@ std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folde
 
 }  // namespace
 
+void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
+                     const std::vector<Still>& stills, const Structure& structure,
+                     const ExtrinsicsSource& source, const ReportRun& run) {
+  const std::vector<StillFiles> files = StillsOf(result, structure);
+  const std::size_t points = ReportPointsAFrame(files);
+  std::vector<ReportStill> shown;
+  for (const StillFiles& still : files) {
+    const std::vector<FrameResult>& sensors = *still.sensors;
+    const std::vector<int> turns = UprightTurnsOf(sensors);
+    std::vector<nlohmann::ordered_json> frames(sensors.size());
+    ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
+      frames[i] = ReportFrameJson({sensors[i].name, MakePanels(sensors[i], *still.built, turns[i]),
+                                   ThinCloud(CloudOf(still, sensors[i]), points)});
+    });
+    shown.push_back({still.name, *still.built, std::move(frames)});
+  }
+  const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
+  WriteFileAtomically(path, ReportPage(ReportPayload(extrinsics, shown, FormatNotes(result), run)));
+}
+
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
   const std::vector<StillFiles> files = StillsOf(result, structure);
-  std::size_t frames = 1;
-  for (const StillFiles& still : files) frames += still.sensors->size();
-  const std::size_t points = report ? std::min(kReportPointsAFrame, kReportPoints / frames) : 0;
+  const std::size_t points = report ? ReportPointsAFrame(files) : 0;
   std::vector<std::vector<FrameFiles>> written;
   for (const StillFiles& still : files)
     written.push_back(WriteStill(folder.draft(), still, points));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -25,5 +26,10 @@ void WriteCalibration(const ResultFolder& folder, const CalibrationResult& resul
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source,
                       const std::optional<ReportRun>& report = std::nullopt);
+
+/// report.html alone. Writes atomically. Throws IoError.
+void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
+                     const std::vector<Still>& stills, const Structure& structure,
+                     const ExtrinsicsSource& source, const ReportRun& run);
 
 }  // namespace volalign

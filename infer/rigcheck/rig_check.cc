@@ -204,8 +204,12 @@ RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Ex
   return check;
 }
 
+std::string RigCheckText(const RigCheck& check, const std::string& where) {
+  return WriteDescribed(check, where, 2);
+}
+
 void WriteRigCheck(const std::filesystem::path& path, const RigCheck& check) {
-  WriteFileAtomically(path, WriteDescribed(check, path.string(), 2));
+  WriteFileAtomically(path, RigCheckText(check, path.string()));
 }
 
 std::string FormatRigCheck(const RigCheck& check) {

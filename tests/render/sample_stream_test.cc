@@ -39,7 +39,12 @@ TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
     SampleStream stream(context, Threads(num_threads, 8));
     std::uint64_t index = 8;
     for (int batch = 0; batch < 6; ++batch) {
-      const std::vector<Sample> samples = stream.Next();
+      std::vector<Sample> samples;
+      if (batch % 2 == 0) {
+        samples = stream.Next();
+      } else {
+        for (int i = 0; i < 4; ++i) samples.push_back(stream.NextSample());
+      }
       ASSERT_EQ(samples.size(), 4u);
       for (const Sample& sample : samples) {
         const Sample alone = Synthesize(*context, renderer, 21, index);

@@ -341,6 +341,21 @@ TEST(ConfigSource, SetOverridesTheFile) {
   EXPECT_EQ(ReadConfig<Config>(source).sensors.at(0).name, "d");
 }
 
+TEST(ConfigSource, OnlySomeKeys) {
+  ConfigSource source = ConfigSource::FromString("train: {lr: 0.5}\ntrainer: {x: 1}\n", "a.yaml");
+  source = source.Only({"train."});
+  EXPECT_EQ(ReadConfig<Config>(source).train.lr, 0.5);
+  EXPECT_EQ(source.leaves().size(), 1u);
+}
+
+TEST(ConfigSource, SetNamesItsPlace) {
+  ConfigSource source;
+  source.Set("train.lr=0", "argument");
+  ExpectError<ConfigError>([&] { ReadConfig<Config>(source); },
+                           {"train.lr = 0 violates train.lr > 0 (argument)"});
+  ExpectError<ConfigError>([&] { source.Set("train.lr", "argument"); }, {"argument train.lr"});
+}
+
 TEST(ConfigSource, SetErrors) {
   const auto expect_bad = [](const std::string& assignment,
                              std::initializer_list<std::string> parts) {

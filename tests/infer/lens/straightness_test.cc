@@ -73,6 +73,19 @@ TEST(Straighten, FindsTheLensThatMakesWallsFlat) {
   }
 }
 
+TEST(Straighten, APlaneOfThreePatchesTellsNothing) {
+  const Intrinsics lens = Lens(0, 0);
+  SensorPlanes sensor{lens, {See(kWalls[0], lens, lens)}};
+  for (const std::size_t patches : {3, 2, 1, 0}) {
+    sensor.planes[0].patches.resize(patches);
+    const LensEstimate estimate =
+        Straightness({sensor}).Straighten({lens}, kWide, LensChange::Zero());
+    EXPECT_EQ(estimate.change.norm(), 0);
+    EXPECT_EQ(LargestBend(sensor, LensChange(0, 0.1, 0)), 0);
+    EXPECT_NEAR(std::sqrt(estimate.covariance(1, 1)), kWide[1], 1e-9);
+  }
+}
+
 TEST(Straighten, ANarrowPriorHolds) {
   const Intrinsics assumed = Lens(0, 0);
   const Straightness straightness({PlanesThrough(Lens(0.08, -0.05), assumed)});

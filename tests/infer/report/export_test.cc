@@ -445,6 +445,12 @@ TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
     }
   }
   EXPECT_EQ(ReadFile(*folder_ / "rig.glb").substr(0, 4), "glTF");
+  // Alone, it is the same page.
+  const TempFolder alone;
+  WriteReportPage(alone / "page.html", *result_, {{"", rig_->frames}}, rig_->structure,
+                  {{"capture.json"}, "model.pt", std::string(64, 'a')},
+                  ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
+  EXPECT_TRUE(ReadFile(alone / "page.html") == ReadFile(*folder_ / "report.html"));
 }
 
 TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {

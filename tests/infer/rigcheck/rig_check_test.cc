@@ -112,6 +112,7 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   EXPECT_EQ(ReadExtrinsics(folder.path() / "updated.json").sensors.size(), 5u);
   WriteRigCheck(folder.path() / "check.json", check);
   const auto json = nlohmann::json::parse(ReadFile(folder.path() / "check.json"));
+  EXPECT_EQ(json, nlohmann::json::parse(RigCheckText(check, "check")));
   EXPECT_EQ(json["sensors"][1]["movement"], "moved");
   EXPECT_NEAR(json["sensors"][1]["translation_m"], 0.05, 1e-6);
   EXPECT_EQ(json["not_compared"][0]["name"], "S4");

@@ -1,0 +1,97 @@
+#include "bindings/python/arrays.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "bindings/python/module.h"
+#include "core/base/error.h"
+
+namespace volalign::python {
+
+namespace {
+
+template <class T>
+py::object Owned(std::vector<T> values, std::vector<py::ssize_t> shape) {
+  auto kept = std::make_shared<std::vector<T>>(std::move(values));
+  return ArrayOf(kept, kept->data(), std::move(shape));
+}
+
+void Append(const Pose& pose, std::vector<double>* values) {
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) values->push_back(pose.matrix()(row, column));
+  }
+}
+
+void RequireShape(const py::buffer_info& memory, const std::vector<py::ssize_t>& shape,
+                  const std::string& what) {
+  if (memory.shape == shape) return;
+  throw DataError(fmt::format("{} has the shape ({}); ({}) is expected", what,
+                              fmt::join(memory.shape, ", "), fmt::join(shape, ", ")));
+}
+
+}  // namespace
+
+py::object ArrayOfMemory(Memory memory) {
+  return py::module_::import("numpy").attr("asarray")(py::cast(std::move(memory)));
+}
+
+py::object ArrayOf(const Eigen::MatrixXd& matrix) {
+  std::vector<double> values;
+  for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
+    for (Eigen::Index column = 0; column < matrix.cols(); ++column)
+      values.push_back(matrix(row, column));
+  }
+  return Owned(std::move(values), {matrix.rows(), matrix.cols()});
+}
+
+py::object ArrayOf(const Eigen::Vector3d& vector) {
+  return Owned(std::vector<double>(vector.begin(), vector.end()), {3});
+}
+
+py::object ArrayOf(const Pose& pose) {
+  std::vector<double> values;
+  Append(pose, &values);
+  return Owned(std::move(values), {4, 4});
+}
+
+py::object ArrayOf(const std::vector<Pose>& poses) {
+  std::vector<double> values;
+  for (const Pose& pose : poses) Append(pose, &values);
+  return Owned(std::move(values), {static_cast<py::ssize_t>(poses.size()), 4, 4});
+}
+
+Input InputOf(const py::handle& array, const char* dtype) {
+  py::object contiguous = py::module_::import("numpy").attr("ascontiguousarray")(array, dtype);
+  py::buffer_info memory = py::buffer(contiguous).request();
+  return {std::move(contiguous), std::move(memory)};
+}
+
+Pose PoseOf(const py::handle& array, const std::string& what) {
+  const Input input = InputOf(array, "float64");
+  RequireShape(input.memory, {4, 4}, what);
+  const auto* values = static_cast<const double*>(input.memory.ptr);
+  std::vector<std::vector<double>> rows;
+  for (int row = 0; row < 4; ++row) rows.emplace_back(values + 4 * row, values + 4 * row + 4);
+  return PoseFromRows(rows, what);
+}
+
+Eigen::Vector3d VectorOf(const py::handle& array, const std::string& what) {
+  const Input input = InputOf(array, "float64");
+  RequireShape(input.memory, {3}, what);
+  return Eigen::Map<const Eigen::Vector3d>(static_cast<const double*>(input.memory.ptr));
+}
+
+void AddArrays(py::module_& module) {
+  py::class_<Memory>(module, "_Memory", py::buffer_protocol()).def_buffer([](const Memory& memory) {
+    std::vector<py::ssize_t> strides(memory.shape.size());
+    py::ssize_t stride = memory.item;
+    for (std::size_t i = strides.size(); i-- > 0; stride *= memory.shape[i]) strides[i] = stride;
+    return py::buffer_info(memory.data, memory.item, memory.format,
+                           static_cast<py::ssize_t>(memory.shape.size()), memory.shape, strides,
+                           memory.read_only);
+  });
+}
+
+}  // namespace volalign::python

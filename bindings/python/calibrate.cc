@@ -1,0 +1,125 @@
+#include "bindings/python/calibrate.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "bindings/python/capture.h"
+#include "bindings/python/module.h"
+#include "bindings/python/options.h"
+#include "bindings/python/structure.h"
+#include "bindings/python/work.h"
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "infer/calib/calibrate.h"
+#include "infer/segment_onnx/load.h"
+#include "infer/view/network_segmenter.h"
+
+namespace volalign::python {
+
+namespace {
+
+constexpr char kAutoModel[] = "auto", kInstalledModel[] = "models/m05-lite.onnx";
+
+/// The captures' structure; none where none of them has one.
+std::optional<Structure> CommonStructure(const std::vector<NamedCapture>& captures) {
+  std::optional<Structure> common;
+  for (const NamedCapture& capture : captures) {
+    std::optional<Structure> structure = capture.ReadItsStructure();
+    if (!structure) continue;
+    if (common && common->Hash() != structure->Hash()) {
+      throw ConfigError(fmt::format(
+          "{} has another structure than the captures before it; give the one with structure=",
+          capture.capture.path.string()));
+    }
+    common = std::move(structure);
+  }
+  return common;
+}
+
+/// The network that `model` names: None, a path, or "auto". Null where there is none.
+std::unique_ptr<NetworkSegmenter> LoadModel(const py::object& model,
+                                            const std::optional<Structure>& structure) {
+  if (model.is_none()) return nullptr;
+  const std::string path = PathOf(model);
+  if (path == kAutoModel) {
+    const std::string installed = FindInputFile(kInstalledModel);
+    if (!std::filesystem::exists(installed)) return nullptr;
+    std::unique_ptr<NetworkSegmenter> segmenter = LoadOnnxSegmenter(installed);
+    const bool fits = !structure || segmenter->structure().SideNames() == structure->SideNames();
+    return fits ? std::move(segmenter) : nullptr;
+  }
+  if (std::filesystem::path(path).extension() == ".pt") {
+    throw ConfigError(fmt::format(
+        "{} is a checkpoint of LibTorch, which this package does without; `volalign export --model "
+        "{} --format onnx -o MODEL.onnx` makes a model for it",
+        path, path));
+  }
+  return LoadOnnxSegmenter(path, structure ? &*structure : nullptr);
+}
+
+}  // namespace
+
+std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments) {
+  const auto options =
+      ReadConfig<CalibrateOptions>(SourceOf(arguments.options, arguments.keywords));
+  std::vector<NamedCapture> captures = CapturesOf(arguments.capture);
+  std::optional<Structure> structure =
+      arguments.structure.is_none() ? CommonStructure(captures) : StructureOf(arguments.structure);
+  const std::unique_ptr<NetworkSegmenter> segmenter = LoadModel(arguments.model, structure);
+  if (!structure && segmenter) structure = segmenter->structure();
+  if (!structure) {
+    throw ConfigError(
+        "there is neither a model nor a structure; describe the boxes and give them with "
+        "structure=");
+  }
+  auto calibrated = std::make_shared<Calibrated>();
+  std::vector<Capture> read;
+  for (NamedCapture& capture : captures) {
+    calibrated->source.captures.push_back(capture.capture.path.string());
+    // StillsOf takes a name without its ending.
+    if (capture.in_memory) capture.capture.path += ".";
+    read.push_back(std::move(capture.capture));
+  }
+  calibrated->structure = *std::move(structure);
+  calibrated->options = WriteConfig(options);
+  if (segmenter) {
+    calibrated->source.model_file = segmenter->file();
+    calibrated->source.model_sha256 = segmenter->sha256();
+    calibrated->source.model_runtime = segmenter->runtime();
+  }
+  RunWork(arguments.progress, [&](const Tell& tell) {
+    calibrated->stills = StillsOf(std::move(read));
+    calibrated->result =
+        Calibrate(calibrated->stills, calibrated->structure, segmenter.get(), options, tell);
+  });
+  return calibrated;
+}
+
+void AddCalibrate(py::module_& module) {
+  module.def(
+      "calibrate",
+      [](const py::object& capture, const py::object& structure, const py::object& model,
+         const py::object& options, const py::object& progress, const py::kwargs& keywords) {
+        return CalibrateCapture({capture, structure, model, options, progress, keywords});
+      },
+      py::arg("capture"), py::kw_only(), py::arg("structure") = py::none(),
+      py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
+      "Finds the poses of a capture's sensors.\n\n"
+      "capture: a Capture, the path of a capture.json, or a list of these, between which the stack "
+      "was moved; poses are in the frame of the stack in the first. structure: a Structure or the "
+      "path of one; None: the capture's, else the model's. model: path of an .onnx checkpoint; "
+      "None: geometry alone; \"auto\": models/m05-lite.onnx where it is installed and its stack "
+      "is this one, else geometry alone (Result.model says which). options: a dict, or the path of "
+      "a YAML, of docs/config.md's options; further keywords stand over it: threads=4, "
+      "initial={\"method\": \"geometry\"}, **{\"initial.table_height_m\": 0.7}. progress: called "
+      "with a few words when a stage begins; what it raises ends the calibration. A sensor that "
+      "cannot be placed is \"failed\" in the Result; the others are placed without it. Raises "
+      "ConfigError, DataError, IoError.");
+}
+
+}  // namespace volalign::python

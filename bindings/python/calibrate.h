@@ -1,0 +1,19 @@
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+
+#include "bindings/python/result.h"
+
+namespace volalign::python {
+
+/// What `calibrate` and `check` have in common. Each as in `calibrate`.
+struct CalibrateArguments {
+  pybind11::object capture, structure, model, options, progress;
+  pybind11::dict keywords;
+};
+
+std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments);
+
+}  // namespace volalign::python

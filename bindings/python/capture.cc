@@ -1,0 +1,200 @@
+#include "bindings/python/capture.h"
+
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "bindings/python/arrays.h"
+#include "bindings/python/module.h"
+#include "bindings/python/options.h"
+#include "bindings/python/structure.h"
+#include "bindings/python/work.h"
+#include "core/base/error.h"
+#include "core/formats/structure_gltf.h"
+#include "infer/capture/mean_depth.h"
+#include "infer/formats/depth_file.h"
+
+namespace volalign::python {
+
+namespace {
+
+constexpr double kMillimetre = 0.001;
+
+/// The images of (H, W) or (N, H, W) values.
+std::vector<StoredDepth> ImagesOf(const Input& input, bool whole_numbers, const std::string& name) {
+  const std::vector<py::ssize_t>& shape = input.memory.shape;
+  if ((shape.size() != 2 && shape.size() != 3) || input.memory.size == 0) {
+    throw DataError(fmt::format(
+        "{}: depth has {} axes and {} values; (height, width), or (frames, height, width) of one "
+        "still scene, is expected",
+        name, shape.size(), input.memory.size));
+  }
+  const auto height = shape[shape.size() - 2], width = shape.back();
+  formats_internal::RequireSize(width, height, name);
+  const auto* values = static_cast<const float*>(input.memory.ptr);
+  std::vector<StoredDepth> images;
+  for (const float* end = values + input.memory.size; values < end; values += width * height) {
+    StoredDepth image{{static_cast<int>(width), static_cast<int>(height)}, whole_numbers};
+    std::copy_n(values, width * height, image.values.begin());
+    CleanDepth(name, &image);
+    images.push_back(std::move(image));
+  }
+  return images;
+}
+
+SensorFrame MakeFrame(const std::string& name, const py::object& depth, double fx, double fy,
+                      double cx, double cy, std::vector<double> distortion,
+                      std::optional<double> depth_scale, const std::string& sensor,
+                      std::optional<int> quarter_turns, const std::string& serial,
+                      const py::object& ground_truth) {
+  if (!IsFileName(name))
+    throw DataError(fmt::format("the name \"{}\" has to serve as a file name", name));
+  const py::object array = py::module_::import("numpy").attr("asarray")(depth);
+  const auto kind = array.attr("dtype").attr("kind").cast<std::string>();
+  if (kind != "f" && !(kind == "u" && array.attr("itemsize").cast<int>() == 2)) {
+    throw DataError(
+        fmt::format("{}: depth is of {}; floats (metres) or uint16 (millimetres) are expected",
+                    name, py::str(array.attr("dtype")).cast<std::string>()));
+  }
+  SensorFrame frame;
+  frame.name = name;
+  frame.depth_scale = depth_scale.value_or(kind == "f" ? 1.0 : kMillimetre);
+  if (!(frame.depth_scale > 0) || !std::isfinite(frame.depth_scale)) {
+    throw DataError(
+        fmt::format("{}: depth_scale = {} violates depth_scale > 0", name, frame.depth_scale));
+  }
+  SetMeanDepth(ImagesOf(InputOf(array, "float32"), kind == "u", name), &frame);
+  frame.intrinsics = {frame.depth.width(),  frame.depth.height(), fx, fy, cx, cy,
+                      std::move(distortion)};
+  frame.intrinsics.Validate(name);
+  if (quarter_turns && (*quarter_turns < 0 || *quarter_turns > 3)) {
+    throw DataError(
+        fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor None", name, *quarter_turns));
+  }
+  frame.quarter_turns = quarter_turns.value_or(kAutoTurns);
+  frame.sensor = sensor;
+  frame.serial = serial;
+  if (!ground_truth.is_none()) frame.ground_truth = PoseOf(ground_truth, name + ": ground_truth");
+  return frame;
+}
+
+NamedCapture MakeCapture(std::vector<SensorFrame> frames, const py::object& structure,
+                         const std::string& name) {
+  NamedCapture made;
+  if (frames.empty()) throw DataError("a capture needs at least one frame");
+  std::set<std::string> names;
+  for (const SensorFrame& frame : frames) {
+    if (!names.insert(frame.name).second) {
+      throw DataError(
+          fmt::format("two sensors are named \"{}\"; names must be unique", frame.name));
+    }
+  }
+  made.in_memory = true;
+  made.capture.path = name;
+  made.capture.sensors = std::move(frames);
+  if (!structure.is_none()) made.structure = StructureOf(structure);
+  return made;
+}
+
+NamedCapture LoadCapture(const py::object& path) {
+  const std::string file = PathOf(path);
+  return Working([&] { return NamedCapture{ReadCapture(file), std::nullopt, false}; });
+}
+
+void AddFrame(py::module_& module) {
+  py::class_<SensorFrame, std::shared_ptr<SensorFrame>>(
+      module, "Frame", "A sensor's still frame: depth along the optical axis, and its camera.")
+      .def(py::init(&MakeFrame), py::arg("name"), py::arg("depth"), py::kw_only(), py::arg("fx"),
+           py::arg("fy"), py::arg("cx"), py::arg("cy"),
+           py::arg("distortion") = std::vector<double>(), py::arg("depth_scale") = py::none(),
+           py::arg("sensor") = "", py::arg("quarter_turns") = py::none(), py::arg("serial") = "",
+           py::arg("ground_truth") = py::none(),
+           "depth: (H, W), or (N, H, W) of one still scene, of which it is the mean. Floats are "
+           "metres, uint16 millimetres; depth_scale gives other metres per unit. 0, NaN, infinity "
+           "and negative values are no measurement. fx, fy, cx, cy, distortion: see Intrinsics. "
+           "sensor: the kind of device, such as \"azure_kinect_nfov_binned\". quarter_turns: "
+           "clockwise turns, 0 to 3, that bring the image into the network's orientation; None: to "
+           "be found. ground_truth: (4, 4) structure_from_sensor, to have errors reported. The "
+           "array is copied. Raises DataError.")
+      .def_readonly("name", &SensorFrame::name)
+      .def_property_readonly(
+          "depth",
+          [](const std::shared_ptr<SensorFrame>& frame) { return ViewOf(frame, frame->depth); },
+          "(H, W) float32, m, read-only.")
+      .def_property_readonly(
+          "depth_sigma",
+          [](const std::shared_ptr<SensorFrame>& frame) {
+            return ViewOf(frame, frame->depth_sigma);
+          },
+          "(H, W) float32, m, read-only: standard error of each depth; None of a single frame.")
+      .def_readonly("intrinsics", &SensorFrame::intrinsics)
+      .def_readonly("sensor", &SensorFrame::sensor)
+      .def_readonly("serial", &SensorFrame::serial)
+      .def_property_readonly("quarter_turns",
+                             [](const SensorFrame& frame) {
+                               return frame.quarter_turns == kAutoTurns
+                                          ? std::optional<int>()
+                                          : std::optional<int>(frame.quarter_turns);
+                             })
+      .def_property_readonly(
+          "ground_truth",
+          [](const SensorFrame& frame) -> py::object {
+            return frame.ground_truth ? ArrayOf(*frame.ground_truth) : py::none();
+          },
+          "(4, 4) float64 or None.")
+      .def("__repr__", [](const SensorFrame& frame) {
+        return fmt::format("<Frame {}: {}x{} {}>", frame.name, frame.depth.width(),
+                           frame.depth.height(), frame.sensor);
+      });
+}
+
+}  // namespace
+
+std::optional<Structure> NamedCapture::ReadItsStructure() const {
+  if (structure || !capture.structure) return structure;
+  return ReadStructure(*capture.structure);
+}
+
+std::vector<NamedCapture> CapturesOf(const py::handle& object) {
+  if (py::isinstance<NamedCapture>(object)) return {object.cast<NamedCapture>()};
+  if (IsPath(object)) return {LoadCapture(py::reinterpret_borrow<py::object>(object))};
+  std::vector<NamedCapture> captures;
+  for (const py::handle item : object) {
+    for (NamedCapture& capture : CapturesOf(item)) captures.push_back(std::move(capture));
+  }
+  return captures;
+}
+
+void AddCapture(py::module_& module) {
+  AddFrame(module);
+  py::class_<NamedCapture>(module, "Capture",
+                           "What the sensors saw while the stack stood in one place.")
+      .def(py::init(&MakeCapture), py::arg("frames"), py::arg("structure") = py::none(),
+           py::arg("name") = "",
+           "structure: a Structure, the path of one, or None. name: of several captures, for the "
+           "result. Raises DataError, and what Structure.load raises.")
+      .def_static("load", &LoadCapture, py::arg("path"),
+                  "Reads a capture.json with its depth files or recordings. Raises IoError, "
+                  "DataError.")
+      .def_property_readonly("frames",
+                             [](const NamedCapture& capture) {
+                               std::vector<std::shared_ptr<SensorFrame>> frames;
+                               for (const SensorFrame& frame : capture.capture.sensors)
+                                 frames.push_back(std::make_shared<SensorFrame>(frame));
+                               return frames;
+                             })
+      .def_property_readonly("structure", &NamedCapture::ReadItsStructure,
+                             "The Structure that it names, or None.")
+      .def_property_readonly(
+          "name", [](const NamedCapture& capture) { return capture.capture.path.string(); },
+          "The file, or the name that it was given.")
+      .def("__repr__", [](const NamedCapture& capture) {
+        return fmt::format("<Capture {}: {} frames>", capture.capture.path.string(),
+                           capture.capture.sensors.size());
+      });
+}
+
+}  // namespace volalign::python

@@ -1,0 +1,167 @@
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "bindings/python/arrays.h"
+#include "bindings/python/calibrate.h"
+#include "bindings/python/module.h"
+#include "bindings/python/options.h"
+#include "infer/rigcheck/rig_check.h"
+
+namespace volalign::python {
+
+namespace {
+
+/// A check with the calibrations that it compares.
+struct Checked {
+  Extrinsics last, now;
+  std::shared_ptr<Calibrated> result;
+  RigCheck check;
+};
+
+/// The sensor's movement, kept by the check.
+struct MovementPart {
+  std::shared_ptr<const Checked> whole;
+  const SensorMovement* part;
+
+  const SensorMovement* operator->() const { return part; }
+};
+
+std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture,
+                               double false_alarm, const py::object& structure,
+                               const py::object& model, const py::object& options,
+                               const py::object& progress, const py::kwargs& keywords) {
+  auto checked = std::make_shared<Checked>();
+  std::string last_file = "last";
+  if (py::isinstance<Calibrated>(last)) {
+    checked->last = last.cast<const Calibrated&>().MakeExtrinsics();
+  } else {
+    last_file = PathOf(last);
+    checked->last = ReadExtrinsics(last_file);
+  }
+  checked->result =
+      py::isinstance<Calibrated>(capture)
+          ? capture.cast<std::shared_ptr<Calibrated>>()
+          : CalibrateCapture({capture, structure, model, options, progress, keywords});
+  checked->now = checked->result->MakeExtrinsics();
+  MovementOptions movement;
+  movement.false_alarm = false_alarm;
+  checked->check = CheckRig(last_file, checked->last, checked->now, movement);
+  return checked;
+}
+
+void AddMovement(py::module_& module) {
+  py::class_<MovementPart>(module, "Movement", "A sensor's two poses, in the last structure frame.")
+      .def_property_readonly("name", [](const MovementPart& m) { return m->name; })
+      .def_property_readonly(
+          "movement", [](const MovementPart& m) { return ToString(m->movement); },
+          "\"stayed\", \"moved\" or \"undecided\".")
+      .def_property_readonly("translation_m",
+                             [](const MovementPart& m) { return m->translation_m; })
+      .def_property_readonly("rotation_deg", [](const MovementPart& m) { return m->rotation_deg; })
+      .def_property_readonly(
+          "probability", [](const MovementPart& m) { return m->probability; },
+          "Of being so far apart by the errors of both calibrations.")
+      .def_property_readonly(
+          "found_from_m", [](const MovementPart& m) { return m->found_from_m; },
+          "A movement is found with 95 % probability from this size on, m.")
+      .def_property_readonly("found_from_deg",
+                             [](const MovementPart& m) { return m->found_from_deg; })
+      .def_property_readonly(
+          "structure_from_sensor",
+          [](const MovementPart& m) { return ArrayOf(m->structure_from_sensor); },
+          "(4, 4) float64: where it stands now.")
+      .def_property_readonly(
+          "covariance",
+          [](const MovementPart& m) { return ArrayOf(Eigen::MatrixXd(m->covariance)); },
+          "(6, 6) float64, see SensorResult.covariance.");
+}
+
+py::dict MovementsOf(const std::shared_ptr<Checked>& checked) {
+  py::dict sensors;
+  for (const SensorMovement& sensor : checked->check.movements.sensors)
+    sensors[py::str(sensor.name)] = MovementPart{checked, &sensor};
+  return sensors;
+}
+
+std::vector<std::string> MovedOf(const Checked& checked) {
+  std::vector<std::string> moved;
+  for (const SensorMovement& sensor : checked.check.movements.sensors) {
+    if (sensor.movement == Movement::kMoved) moved.push_back(sensor.name);
+  }
+  return moved;
+}
+
+}  // namespace
+
+void AddCheck(py::module_& module) {
+  AddMovement(module);
+  py::class_<Checked, std::shared_ptr<Checked>>(
+      module, "Check", "What has moved since a calibration; str() is the program's report.")
+      .def_property_readonly("sensors", &MovementsOf, "Movement by name.")
+      .def_property_readonly("moved", &MovedOf, "Names of the sensors that have moved.")
+      .def_property_readonly(
+          "not_compared",
+          [](const Checked& checked) {
+            py::dict reasons;
+            for (const RigCheck::NotCompared& sensor : checked.check.not_compared)
+              reasons[py::str(sensor.name)] = sensor.reason;
+            return reasons;
+          },
+          "Reasons by name, of sensors that have not two poses.")
+      .def_property_readonly("same_structure",
+                             [](const Checked& checked) { return checked.check.same_structure; })
+      .def_property_readonly(
+          "last_from_now",
+          [](const Checked& checked) -> py::object {
+            const auto& pose = checked.check.movements.last_from_now;
+            return pose ? ArrayOf(*pose) : py::none();
+          },
+          "(4, 4) float64: where the structure stands now in the last structure frame; None where "
+          "it is not known which sensors stayed.")
+      .def_property_readonly(
+          "result", [](const Checked& checked) { return checked.result; },
+          "Result of the new capture.")
+      .def(
+          "moved_beyond",
+          [](const Checked& checked, double translation_m, double rotation_deg) {
+            return checked.check.MovedBeyond(translation_m, rotation_deg);
+          },
+          py::arg("translation_m"), py::arg("rotation_deg"),
+          "Whether a sensor has moved by more than these.")
+      .def(
+          "to_dict",
+          [](const Checked& checked) { return FromJson(RigCheckText(checked.check, "to_dict")); },
+          "What check.json has.")
+      .def(
+          "save",
+          [](const Checked& checked, const py::object& path) {
+            WriteRigCheck(PathOf(path), checked.check);
+          },
+          py::arg("path"), "Writes check.json. Raises IoError.")
+      .def(
+          "update",
+          [](const Checked& checked, const py::object& path) {
+            WriteExtrinsics(PathOf(path),
+                            UpdateExtrinsics(checked.last, checked.now, checked.check));
+          },
+          py::arg("path"),
+          "Writes an extrinsics.json with new poses of what moved, in the last structure frame; "
+          "what stayed keeps its poses. Raises DataError where it is undecided what moved.")
+      .def("__str__", [](const Checked& checked) { return FormatRigCheck(checked.check); });
+
+  module.def(
+      "check", &Check, py::arg("last"), py::arg("capture"), py::kw_only(),
+      py::arg("false_alarm") = MovementOptions().false_alarm, py::arg("structure") = py::none(),
+      py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
+      "Which sensors of a calibrated rig were moved since?\n\n"
+      "last: the path of an extrinsics.json, or a Result. capture: of the rig as it is now, as in "
+      "`calibrate`, or the Result of one; the stack may stand elsewhere. false_alarm: probability "
+      "of taking a sensor that stayed for a moved one. The rest as in `calibrate`. Raises "
+      "ConfigError, DataError, IoError.");
+}
+
+}  // namespace volalign::python

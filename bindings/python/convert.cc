@@ -1,0 +1,140 @@
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bindings/python/arrays.h"
+#include "bindings/python/module.h"
+#include "bindings/python/options.h"
+#include "bindings/python/result.h"
+#include "core/base/folder.h"
+#include "infer/formats/kinect_calibration.h"
+#include "infer/report/pose_format.h"
+
+namespace volalign::python {
+
+namespace {
+
+std::vector<SensorPose> PosesOf(const py::dict& poses) {
+  std::vector<SensorPose> list;
+  for (const auto& [key, value] : poses) {
+    SensorPose pose;
+    if (py::isinstance<SensorPose>(value)) {
+      pose = value.cast<SensorPose>();
+    } else {
+      pose.structure_from_sensor = PoseOf(value, py::str(key));
+    }
+    pose.name = py::str(key);
+    list.push_back(std::move(pose));
+  }
+  return list;
+}
+
+std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
+  std::vector<SensorPose> list;
+  for (const FrameResult& sensor : calibrated.result.sensors) {
+    if (sensor.structure_from_sensor)
+      list.push_back({sensor.name, *sensor.structure_from_sensor, sensor.intrinsics});
+  }
+  return list;
+}
+
+PoseFormatOptions OptionsOf(const std::map<std::string, py::object>& colour_cameras) {
+  PoseFormatOptions options;
+  for (const auto& [name, file] : colour_cameras)
+    options.colour_from_depth[name] = ReadColourFromDepth(PathOf(file));
+  return options;
+}
+
+std::vector<std::string> Write(const std::string& path, PoseFormat format,
+                               const std::vector<SensorPose>& poses,
+                               const PoseFormatOptions& options) {
+  if (!IsFolder(format)) return WritePoses(path, format, poses, options);
+  const ResultFolder folder(path);
+  std::vector<std::string> notes = WritePoses(folder.draft(), format, poses, options);
+  folder.Publish("");
+  return notes;
+}
+
+using ColourCameras = std::map<std::string, py::object>;
+
+std::vector<std::string> Convert(const py::object& source, const std::string& format,
+                                 const py::object& output, const std::string& from_format,
+                                 const ColourCameras& colour_cameras) {
+  const PoseFormat to = ParsePoseFormat(format);
+  const PoseFormatOptions options = OptionsOf(colour_cameras);
+  const std::vector<SensorPose> poses =
+      py::isinstance<Calibrated>(source)
+          ? PosesOf(source.cast<const Calibrated&>())
+          : ReadPoses(PathOf(source), ParsePoseFormat(from_format), options);
+  return Write(PathOf(output), to, poses, options);
+}
+
+std::map<std::string, SensorPose> Read(const py::object& path, const std::string& format,
+                                       const ColourCameras& colour_cameras) {
+  std::map<std::string, SensorPose> poses;
+  for (SensorPose& pose :
+       ReadPoses(PathOf(path), ParsePoseFormat(format), OptionsOf(colour_cameras)))
+    poses[pose.name] = std::move(pose);
+  return poses;
+}
+
+constexpr char kColourCameras[] =
+    "colour_cameras: by a sensor's name, the raw calibration JSON of that Azure Kinect, which "
+    "livescan3d_azure needs of every sensor. ";
+
+}  // namespace
+
+void AddConvert(py::module_& module) {
+  py::class_<SensorPose>(module, "SensorPose",
+                         "A sensor's pose and, where they are known, its "
+                         "intrinsics.")
+      .def(py::init([](const py::object& pose, std::optional<Intrinsics> intrinsics) {
+             return SensorPose{"", PoseOf(pose, "structure_from_sensor"), std::move(intrinsics)};
+           }),
+           py::arg("structure_from_sensor"), py::arg("intrinsics") = py::none())
+      .def_property_readonly(
+          "structure_from_sensor",
+          [](const SensorPose& pose) { return ArrayOf(pose.structure_from_sensor); },
+          "(4, 4) float64, m; sensor x right, y down, z forward.")
+      .def_readonly("intrinsics", &SensorPose::intrinsics);
+
+  py::list formats;
+  for (const auto& [word, format] : kPoseFormatWords) formats.append(word);
+  module.attr("pose_formats") = py::tuple(formats);
+
+  const std::string colour = kColourCameras;
+  module.def("convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"),
+             py::kw_only(), py::arg("from_format") = "volalign",
+             py::arg("colour_cameras") = ColourCameras(),
+             ("Writes poses as another program reads them (docs/conversion.md).\n\n"
+              "source: a Result, or a file or folder of from_format. format: one of pose_formats "
+              "but volalign. output: a file; a folder for colmap, volumetric_capture and "
+              "livescan3d_... " +
+              colour +
+              "Returns what the format has no place for, a sentence each. Raises ConfigError, "
+              "DataError, IoError.")
+                 .c_str());
+  module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
+             py::arg("colour_cameras") = ColourCameras(),
+             ("SensorPose by name, of a file or folder of any of pose_formats. " + colour +
+              "Raises ConfigError, DataError, IoError.")
+                 .c_str());
+  module.def(
+      "write_poses",
+      [](const py::object& path, const std::string& format, const py::dict& poses,
+         const ColourCameras& colour_cameras) {
+        return Write(PathOf(path), ParsePoseFormat(format), PosesOf(poses),
+                     OptionsOf(colour_cameras));
+      },
+      py::arg("path"), py::arg("format"), py::arg("poses"), py::kw_only(),
+      py::arg("colour_cameras") = ColourCameras(),
+      ("The other way: poses is a dict of SensorPose or (4, 4) arrays. " + colour +
+       "Returns what the format has no place for. Raises ConfigError, DataError, IoError.")
+          .c_str());
+}
+
+}  // namespace volalign::python

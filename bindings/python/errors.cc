@@ -1,0 +1,29 @@
+#include "core/base/error.h"
+
+#include "bindings/python/module.h"
+#include "core/base/input_file.h"
+
+namespace volalign::python {
+
+namespace py = pybind11;
+
+void AddErrors(py::module_& module) {
+  auto error = py::register_exception<Error>(module, "Error");
+  error.doc() = "Base of what volalign raises: one line that says what is wrong and what to do.";
+  py::register_exception<ConfigError>(module, "ConfigError", error).doc() =
+      "An option is unknown, of the wrong type or out of its range.";
+  py::register_exception<DataError>(module, "DataError", error).doc() =
+      "A file or an array is not what its format promises.";
+  py::register_exception<IoError>(module, "IoError", error).doc() =
+      "A file or device cannot be opened, read or written.";
+
+  module.def(
+      "_use_data_near", [](const std::string& file) { SetDataFolder(DataFolderNear(file)); },
+      py::arg("file"));
+  module.def("data_folder", &DataFolder,
+             "Folder that has configs and models: relative paths of inputs that are not in the "
+             "working directory are looked for there. The environment's VOLALIGN_DATA_DIR names "
+             "another one before the import. Empty where there is none.");
+}
+
+}  // namespace volalign::python

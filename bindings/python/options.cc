@@ -1,0 +1,78 @@
+#include "bindings/python/options.h"
+
+#include <fmt/format.h>
+
+namespace volalign::python {
+
+namespace {
+
+/// JSON is YAML's flow syntax. Scalars and arrays of NumPy become Python's.
+std::string FlowText(const py::handle& value) {
+  const py::cpp_function plain([](const py::object& other) -> py::object {
+    if (!py::hasattr(other, "tolist"))
+      throw py::type_error("an option is a number, a text, a bool, or a list or dict of these");
+    return other.attr("tolist")();
+  });
+  return py::module_::import("json")
+      .attr("dumps")(value, py::arg("default") = plain)
+      .cast<std::string>();
+}
+
+bool IsListOfDicts(const py::handle& value) {
+  if (!py::isinstance<py::list>(value) && !py::isinstance<py::tuple>(value)) return false;
+  const auto list = py::reinterpret_borrow<py::sequence>(value);
+  return py::len(list) > 0 && py::isinstance<py::dict>(list[0]);
+}
+
+void SetAll(const std::string& key, const py::handle& value, ConfigSource* source) {
+  if (py::isinstance<py::dict>(value)) {
+    for (const auto& [name, item] : py::reinterpret_borrow<py::dict>(value)) {
+      const auto text = py::str(name).cast<std::string>();
+      SetAll(key.empty() ? text : key + "." + text, item, source);
+    }
+  } else if (IsListOfDicts(value)) {
+    source->Set(key + "=[]", "argument");
+    std::size_t i = 0;
+    for (const py::handle item : py::reinterpret_borrow<py::sequence>(value))
+      SetAll(fmt::format("{}[{}]", key, i++), item, source);
+  } else {
+    source->Set(key + "=" + FlowText(value), "argument");
+  }
+}
+
+}  // namespace
+
+ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
+  ConfigSource source;
+  if (IsPath(options)) {
+    source = ConfigSource::FromFile(PathOf(options));
+  } else if (py::isinstance<py::dict>(options)) {
+    SetAll("", options, &source);
+  } else if (!options.is_none()) {
+    throw py::type_error("options are a dict or the path of a YAML file");
+  }
+  SetOptions(keywords, &source);
+  return source;
+}
+
+void SetOptions(const py::dict& options, ConfigSource* source) { SetAll("", options, source); }
+
+bool IsPath(const py::handle& object) {
+  return py::isinstance<py::str>(object) || py::hasattr(object, "__fspath__");
+}
+
+std::string PathOf(const py::handle& path) {
+  return py::module_::import("os").attr("fsdecode")(path).cast<std::string>();
+}
+
+py::object FromJson(const std::string& text) {
+  return py::module_::import("json").attr("loads")(text);
+}
+
+std::string PythonCommand() {
+  return py::module_::import("shlex")
+      .attr("join")(py::module_::import("sys").attr("orig_argv"))
+      .cast<std::string>();
+}
+
+}  // namespace volalign::python

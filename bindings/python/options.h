@@ -1,0 +1,33 @@
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <string>
+#include <vector>
+
+#include "core/config/config.h"
+
+namespace volalign::python {
+
+namespace py = pybind11;
+
+/// `options`: None, the path of a YAML, or a dict, nested or with dotted keys; `keywords`, another
+/// such dict, over it. Throws as ConfigSource.
+ConfigSource SourceOf(const py::object& options, const py::dict& keywords);
+
+/// Sets the keys of such a dict.
+void SetOptions(const py::dict& options, ConfigSource* source);
+
+/// A path as text: str or os.PathLike.
+std::string PathOf(const py::handle& path);
+
+/// Whether this is a path.
+bool IsPath(const py::handle& object);
+
+/// What Python's json makes of a text.
+py::object FromJson(const std::string& text);
+
+/// How Python was called, as a shell reads it.
+std::string PythonCommand();
+
+}  // namespace volalign::python

@@ -1,0 +1,289 @@
+#include "bindings/python/result.h"
+
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "bindings/python/arrays.h"
+#include "bindings/python/module.h"
+#include "bindings/python/options.h"
+#include "bindings/python/work.h"
+#include "core/base/file_util.h"
+#include "core/base/folder.h"
+#include "infer/report/export.h"
+#include "infer/report/report.h"
+
+namespace volalign::python {
+
+namespace {
+
+constexpr double kDegrees = 180 / M_PI;
+
+/// A part of a result, which it keeps.
+template <class T>
+struct PartOf {
+  std::shared_ptr<const Calibrated> whole;
+  const T* part;
+
+  const T* operator->() const { return part; }
+};
+using SensorPart = PartOf<FrameResult>;
+using StillPart = PartOf<StillResult>;
+struct BoxPart : PartOf<RefinedBox> {
+  std::string name;
+};
+
+py::dict SensorsOf(const std::shared_ptr<const Calibrated>& whole, const StackResult& stack) {
+  py::dict sensors;
+  for (const FrameResult& sensor : stack.sensors)
+    sensors[py::str(sensor.name)] = SensorPart{whole, &sensor};
+  return sensors;
+}
+
+py::dict BoxesOf(const std::shared_ptr<const Calibrated>& whole, const StackResult& stack) {
+  py::dict boxes;
+  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
+    const std::string& name = whole->structure.boxes()[i].name;
+    boxes[py::str(name)] = BoxPart{{whole, &stack.boxes[i]}, name};
+  }
+  return boxes;
+}
+
+py::object PoseOrNone(const std::optional<Pose>& pose) {
+  return pose ? ArrayOf(*pose) : py::none();
+}
+
+py::object ErrorOrNone(const std::optional<PoseError>& error) {
+  if (!error) return py::none();
+  return py::make_tuple(error->translation_m, error->rotation_deg);
+}
+
+/// A property that is a member of the part.
+template <class Class, class Member>
+void AddMember(Class* type, const char* name, Member member, const char* doc = "") {
+  using Part = typename Class::type;
+  type->def_property_readonly(
+      name, [member](const Part& part) { return (*part.part).*member; }, doc);
+}
+
+void AddSensor(py::module_& module) {
+  py::class_<SensorPart> sensor(module, "SensorResult",
+                                "A sensor's outcome. Poses are structure_from_sensor: "
+                                "p_structure = T p_sensor, m; sensor x right, y down, z forward.");
+  AddMember(&sensor, "name", &FrameResult::name);
+  sensor
+      .def_property_readonly(
+          "status", [](const SensorPart& s) { return ToString(s->status); },
+          "\"ok\", \"weak\" (placed, but see code and reason) or \"failed\" (no pose).")
+      .def_property_readonly(
+          "code", [](const SensorPart& s) { return ToString(s->code); },
+          "Why it is not ok, such as \"no_structure\"; \"\" of one that is.");
+  AddMember(&sensor, "reason", &FrameResult::reason, "The same as a sentence.");
+  AddMember(&sensor, "hint", &FrameResult::hint, "What to do about it.");
+  sensor
+      .def_property_readonly(
+          "structure_from_sensor",
+          [](const SensorPart& s) { return PoseOrNone(s->structure_from_sensor); },
+          "(4, 4) float64; None of a failed sensor.")
+      .def_property_readonly(
+          "covariance",
+          [](const SensorPart& s) -> py::object {
+            return s->structure_from_sensor ? ArrayOf(Eigen::MatrixXd(s->covariance)) : py::none();
+          },
+          "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
+          "frame: a movement about the structure's origin. None of a failed sensor.")
+      .def_property_readonly(
+          "sigma_position_m",
+          [](const SensorPart& s) { return ArrayOf(Eigen::Vector3d(s->sigma_position_m())); },
+          "(3,) float64: standard deviations of its position along the structure's axes, m; NaN of "
+          "a failed sensor.")
+      .def_property_readonly(
+          "sigma_rotation_deg",
+          [](const SensorPart& s) { return ArrayOf(Eigen::Vector3d(s->sigma_rotation_deg())); },
+          "(3,) float64: of its rotation about them, deg.")
+      .def_property_readonly(
+          "initial",
+          [](const SensorPart& s) {
+            return s->structure_from_sensor ? ArrayOf(s->initial) : py::none();
+          },
+          "(4, 4) float64: the pose before the joint solution; None of a failed sensor.")
+      .def_property_readonly(
+          "initial_source", [](const SensorPart& s) { return ToString(s->initial_source); },
+          "\"network\", \"geometry\" or \"neighbours\".");
+  AddMember(&sensor, "refinement_accepted", &FrameResult::refinement_accepted);
+  sensor.def_property_readonly(
+      "together", [](const SensorPart& s) { return PoseOrNone(s->together); },
+      "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would give "
+      "it; else None.");
+  AddMember(&sensor, "disagrees_with", &FrameResult::disagrees_with);
+  AddMember(&sensor, "sides", &FrameResult::sides, "Sides that were found and agree.");
+  AddMember(&sensor, "points", &FrameResult::points, "Pixels with depth and a side's label.");
+  AddMember(&sensor, "rms_to_structure_m", &FrameResult::rms_to_structure_m);
+  AddMember(&sensor, "inlier_share", &FrameResult::inlier_share);
+  AddMember(&sensor, "miou", &FrameResult::miou);
+  AddMember(&sensor, "explained_share", &FrameResult::explained_share);
+  AddMember(&sensor, "depth_gain", &FrameResult::depth_gain,
+            "True depth = measured depth * depth_gain + depth_offset_m.");
+  AddMember(&sensor, "depth_offset_m", &FrameResult::depth_offset_m);
+  AddMember(&sensor, "quarter_turns", &FrameResult::quarter_turns);
+  AddMember(&sensor, "intrinsics", &FrameResult::intrinsics, "That the pose belongs to.");
+  AddMember(&sensor, "intrinsics_given", &FrameResult::intrinsics_given, "Of the capture.");
+  sensor
+      .def_property_readonly(
+          "lens_source", [](const SensorPart& s) { return ToString(s->lens.source); },
+          "\"given\", \"kind\", \"recognised\" or \"estimated\".")
+      .def_property_readonly(
+          "error", [](const SensorPart& s) { return ErrorOrNone(s->error); },
+          "(m, deg) against the ground truth; None without one.")
+      .def_property_readonly(
+          "initial_error", [](const SensorPart& s) { return ErrorOrNone(s->initial_error); },
+          "The same of `initial`.")
+      .def_property_readonly(
+          "labels", [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.labels); },
+          "(H, W) uint8, read-only: found labels, 0 is background. None of a result of several "
+          "captures, whose images are in `stills`.")
+      .def_property_readonly(
+          "confidence",
+          [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.confidence); },
+          "(H, W) float32, read-only: probability of each label; None as `labels`.")
+      .def_property_readonly(
+          "depth", [](const SensorPart& s) { return ViewOf(s.whole, s->view.depth); },
+          "(H, W) float32, read-only: depth as it was used, m; None as `labels`.")
+      .def("__repr__", [](const SensorPart& s) {
+        return fmt::format("<SensorResult {}: {} {}>", s->name, ToString(s->status),
+                           ToString(s->code));
+      });
+}
+
+void AddStack(py::module_& module) {
+  py::class_<PairResult>(module, "Pair", "Two sensors that see the same surfaces.")
+      .def_readonly("a", &PairResult::a)
+      .def_readonly("b", &PairResult::b)
+      .def_readonly("overlap", &PairResult::overlap)
+      .def_readonly("rms_m", &PairResult::rms_m);
+
+  py::class_<BoxPart> box(module, "BoxResult", "A box as it was found, against its nominal place.");
+  box.def_readonly("name", &BoxPart::name);
+  AddMember(&box, "estimated", &RefinedBox::estimated);
+  AddMember(&box, "x_m", &RefinedBox::x);
+  AddMember(&box, "z_m", &RefinedBox::z);
+  box.def_property_readonly("yaw_deg", [](const BoxPart& b) { return kDegrees * b->yaw; });
+  AddMember(&box, "sigma_x_m", &RefinedBox::sigma_x);
+  AddMember(&box, "sigma_z_m", &RefinedBox::sigma_z);
+  box.def_property_readonly("sigma_yaw_deg",
+                            [](const BoxPart& b) { return kDegrees * b->sigma_yaw; });
+
+  py::class_<StillPart> still(module, "StillResult",
+                              "One of several captures; poses are in the structure where it stood "
+                              "then.");
+  AddMember(&still, "name", &StillResult::name);
+  still
+      .def_property_readonly(
+          "first_from_placement",
+          [](const StillPart& s) { return ArrayOf(s->first_from_placement); },
+          "(4, 4) float64: where the structure stood, in the structure frame of the first.")
+      .def_property_readonly(
+          "covariance", [](const StillPart& s) { return ArrayOf(Eigen::MatrixXd(s->covariance)); },
+          "(6, 6) float64, as a sensor's; zero of the first.")
+      .def_property_readonly("sensors",
+                             [](const StillPart& s) { return SensorsOf(s.whole, *s.part); })
+      .def_property_readonly("boxes", [](const StillPart& s) { return BoxesOf(s.whole, *s.part); })
+      .def_property_readonly("built", [](const StillPart& s) { return s->built; });
+}
+
+py::object ToDict(const Calibrated& calibrated) {
+  return FromJson(ExtrinsicsJson(calibrated.MakeExtrinsics(), "to_dict").dump());
+}
+
+void Save(const Calibrated& c, const py::object& folder, bool report) {
+  const std::string path = PathOf(folder);
+  std::optional<ReportRun> run;
+  if (report) run = ReportRun{PythonCommand(), c.options};
+  RunWork(py::none(), [&](const Tell&) {
+    const ResultFolder written(path);
+    WriteFileAtomically(written.draft() / "options.yaml", c.options);
+    WriteCalibration(written, c.result, c.stills, c.structure, c.source, run);
+  });
+}
+
+void SaveReport(const Calibrated& c, const py::object& file) {
+  const std::string path = PathOf(file);
+  const ReportRun run{PythonCommand(), c.options};
+  RunWork(py::none(), [&](const Tell&) {
+    WriteReportPage(path, c.result, c.stills, c.structure, c.source, run);
+  });
+}
+
+}  // namespace
+
+void AddResult(py::module_& module) {
+  AddSensor(module);
+  AddStack(module);
+  using Whole = std::shared_ptr<Calibrated>;
+  py::class_<Calibrated, Whole>(module, "Result", "A calibration; str() is the program's report.")
+      .def_property_readonly(
+          "sensors", [](const Whole& c) { return SensorsOf(c, c->result); },
+          "SensorResult by name.")
+      .def_property_readonly(
+          "verdict", [](const Calibrated& c) { return ToString(c.result.verdict()); },
+          "The worst status of a sensor.")
+      .def_property_readonly(
+          "placed", [](const Calibrated& c) { return c.result.placed(); },
+          "How many sensors have a pose.")
+      .def_property_readonly("pairs", [](const Calibrated& c) { return c.result.pairs; })
+      .def_property_readonly(
+          "boxes", [](const Whole& c) { return BoxesOf(c, c->result); }, "BoxResult by name.")
+      .def_property_readonly(
+          "size_scale", [](const Calibrated& c) { return c.result.size_scale; },
+          "Factor on the size of all boxes.")
+      .def_property_readonly(
+          "structure", [](const Calibrated& c) { return c.structure; }, "As described.")
+      .def_property_readonly(
+          "built", [](const Calibrated& c) { return c.result.built; },
+          "The structure with its boxes where the capture shows them.")
+      .def_property_readonly(
+          "stills",
+          [](const Whole& c) {
+            std::vector<StillPart> stills;
+            for (const StillResult& still : c->result.stills) stills.push_back({c, &still});
+            return stills;
+          },
+          "StillResult of each of several captures; empty of a single one.")
+      .def_property_readonly(
+          "settled", [](const Calibrated& c) { return c.result.solve.settled; },
+          "Whether the joint solution came to rest.")
+      .def_property_readonly(
+          "model",
+          [](const Calibrated& c) {
+            return c.source.model_file.empty() ? std::optional<std::string>()
+                                               : std::optional(c.source.model_file);
+          },
+          "The file of the network that was used; None: geometry alone.")
+      .def_property_readonly(
+          "options", [](const Calibrated& c) { return c.options; },
+          "Every option as it was used, YAML.")
+      .def_property_readonly(
+          "timings_s",
+          [](const Calibrated& c) {
+            py::dict timings;
+            for (const auto& [stage, seconds] : c.result.timings_s)
+              timings[py::str(stage)] = seconds;
+            return timings;
+          },
+          "Seconds by stage.")
+      .def("to_dict", &ToDict, "What extrinsics.json has.")
+      .def("save", &Save, py::arg("folder"), py::arg("report") = true,
+           "Writes the folder that `volalign calibrate -o` writes: extrinsics.json, options.yaml, "
+           "labels, confidence, pictures, clouds and, with `report`, report.html and rig.glb. "
+           "Raises IoError.")
+      .def("report", &SaveReport, py::arg("path"), "Writes report.html alone. Raises IoError.")
+      .def("__str__", [](const Calibrated& c) { return FormatReport(c.result); })
+      .def("__repr__", [](const Calibrated& c) {
+        return fmt::format("<Result {}: {} of {} sensors placed>", ToString(c.result.verdict()),
+                           c.result.placed(), c.result.sensors.size());
+      });
+}
+
+}  // namespace volalign::python

@@ -1,0 +1,135 @@
+"""What concerns the whole process: Ctrl-C, memory, libraries, other folders."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+import volalign
+from conftest import CAMERA, capture_of
+
+LONG = os.environ.get("VOLALIGN_LONG") == "1"
+
+
+def run_python(text, **more):
+    return subprocess.run([sys.executable, "-c", textwrap.dedent(text)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, **more)
+
+
+# A calibration that takes long, and Ctrl-C in each of its stages.
+INTERRUPT = """
+import os, signal, sys, threading, time
+sys.path.insert(0, {tests!r})
+import volalign
+from conftest import capture_of, CAMERA
+camera = CAMERA.resized(1280, 1152)
+capture = capture_of(camera)
+handler = signal.getsignal(signal.SIGINT)
+started = time.monotonic()
+volalign.calibrate(capture, model=None, threads=1)
+whole = time.monotonic() - started
+waits = []
+for share in (0.05, 0.2, 0.35, 0.5, 0.65, 0.8):
+    sent = []
+    def send():
+        time.sleep(share * whole)
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        volalign.calibrate(capture, model=None, threads=1)
+        print("not interrupted")
+    except KeyboardInterrupt:
+        waits.append(time.monotonic() - sent[0])
+    thread.join()
+assert signal.getsignal(signal.SIGINT) is handler
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(1)
+    print("Python's own handler is gone")
+except KeyboardInterrupt:
+    pass
+print("whole", round(whole, 2), "waits", [round(wait, 2) for wait in waits])
+# Half of a calibration is no slower on a busy machine than a whole one.
+assert len(waits) == 6 and max(waits) < max(1.0, whole / 4), waits
+"""
+
+
+def test_ctrl_c():
+    done = run_python(INTERRUPT.format(tests=os.path.dirname(__file__)))
+    print(done.stdout)
+    assert done.returncode == 0, done.stdout
+    assert "gone" not in done.stdout and "not interrupted" not in done.stdout
+
+
+def resident_kib():
+    with open("/proc/self/status", encoding="ascii") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
+
+
+def open_files():
+    return len(os.listdir("/proc/self/fd"))
+
+
+def test_nothing_leaks(tmp_path):
+    calls = 1000 if LONG else 60
+    camera = CAMERA.resized(80, 72)
+    capture = capture_of(camera)
+
+    def call():
+        result = volalign.calibrate(capture, model=None, progress=lambda stage: None)
+        result.to_dict()
+        assert result.sensors["S1"].labels.shape == (72, 80)
+        result.save(tmp_path / "out", report=False)
+        volalign.read_poses(tmp_path / "out" / "extrinsics.json")
+        with pytest.raises(volalign.ConfigError):
+            volalign.calibrate(capture, thread=1)
+        with pytest.raises(ZeroDivisionError):
+            volalign.calibrate(capture, model=None, progress=lambda stage: 1 / 0)
+        next(samples)
+
+    samples = volalign.samples(renderer="cpu", threads=1, **{"data.image_sizes": ["40x36"], "data.sensors": ["azure_kinect_nfov_binned"]})
+    for _ in range(calls // 5):
+        call()
+    memory, files = resident_kib(), open_files()
+    for _ in range(calls):
+        call()
+    print(f"{calls} calls: {resident_kib() - memory:+d} KiB of {memory}, {open_files() - files:+d} files")
+    assert open_files() == files
+    assert resident_kib() - memory < 10 * 1024
+
+
+def test_does_without_libtorch():
+    linked = subprocess.run(["ldd", volalign._volalign.__file__], stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert "libyaml-cpp" in linked
+    assert "torch" not in linked and "c10" not in linked
+
+
+def test_finds_its_data_in_any_folder(tmp_path):
+    done = run_python(
+        """
+        import volalign
+        print(volalign.Structure.load("configs/structure.yaml").num_classes, len(volalign.intrinsics_pool()) > 2)
+        """,
+        cwd=tmp_path,
+    )
+    assert done.stdout == "21 True\n"
+
+
+def test_beside_libtorch():
+    pytest.importorskip("torch")
+    for order in ("torch, volalign", "volalign, torch"):
+        done = run_python(
+            f"""
+            import sys
+            sys.path.insert(0, {os.path.dirname(__file__)!r})
+            import {order}
+            from conftest import capture_of
+            print(volalign.calibrate(capture_of(), model=None).verdict, torch.ones(3).sum().item())
+            """
+        )
+        assert done.stdout == "ok 3.0\n"
