@@ -1,16 +1,14 @@
 """What concerns the whole process: Ctrl-C, memory, libraries, other folders."""
 
 import os
-import signal
 import subprocess
 import sys
 import textwrap
 
-import numpy as np
 import pytest
 
 import volalign
-from conftest import CAMERA, capture_of
+from conftest import CAMERA, capture_of, low_stack
 
 LONG = os.environ.get("VOLALIGN_LONG") == "1"
 
@@ -76,31 +74,35 @@ def open_files():
 
 
 def test_nothing_leaks(tmp_path):
-    calls = 1000 if LONG else 60
+    calls = 1000 if LONG else 50
     camera = CAMERA.resized(80, 72)
-    capture = capture_of(camera)
+    capture = volalign.Capture([frame for frame in capture_of(camera).frames if frame.name == "S2"], structure=low_stack())
 
-    def call():
+    def call(number):
         result = volalign.calibrate(capture, model=None, progress=lambda stage: None)
+        assert result.verdict == "ok"
         result.to_dict()
-        assert result.sensors["S1"].labels.shape == (72, 80)
-        result.save(tmp_path / "out", report=False)
-        volalign.read_poses(tmp_path / "out" / "extrinsics.json")
+        assert result.sensors["S2"].labels.shape == (72, 80)
         with pytest.raises(volalign.ConfigError):
             volalign.calibrate(capture, thread=1)
         with pytest.raises(ZeroDivisionError):
             volalign.calibrate(capture, model=None, progress=lambda stage: 1 / 0)
         next(samples)
+        if number % 10 == 0:
+            volalign.calibrate(capture)  # which reads the installed model
+            result.save(tmp_path / "out", report=False)
+            volalign.read_poses(tmp_path / "out" / "extrinsics.json")
 
     samples = volalign.samples(renderer="cpu", threads=1, **{"data.image_sizes": ["40x36"], "data.sensors": ["azure_kinect_nfov_binned"]})
-    for _ in range(calls // 5):
-        call()
+    for number in range(calls // 5 if LONG else calls // 2):
+        call(number)
     memory, files = resident_kib(), open_files()
-    for _ in range(calls):
-        call()
+    for number in range(calls):
+        call(number)
     print(f"{calls} calls: {resident_kib() - memory:+d} KiB of {memory}, {open_files() - files:+d} files")
     assert open_files() == files
-    assert resident_kib() - memory < 10 * 1024
+    # A frame's images, leaked once a call, are 100 KiB.
+    assert resident_kib() - memory < max(4096, 20 * calls)
 
 
 def test_does_without_libtorch():
