@@ -39,7 +39,7 @@ NAMES = (
     (r"^EGL device", "--egl-device"),
     (r"^egl, cpu or auto", "--renderer"),
     (r"^threads", "--threads"),
-    (r"^(folder for|file to write|folder to write|picture|TorchScript file to write|structure file to write|also write the scores)", "-o,--output"),
+    (r"^(folder for|file to write|folder to write|picture|structure file to write|also write the scores)", "-o,--output"),
     (r"^KEY=VALUE over (the|a) (file|rig$|rig or|recipe|config|calibration)", "--set"),
     (r"^checkpoints?\b", "--model"),
     (r"^(YAML of calibration options|recipe|training recipe)", "--config"),

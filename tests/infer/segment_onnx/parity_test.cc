@@ -72,8 +72,8 @@ std::vector<DepthImage> RenderedFrames() {
   return frames;
 }
 
-/// The real frames, and those of rigs of another simulator.
-std::vector<DepthImage> CapturedFrames() {
+/// The real frames, and of those of another simulator's rigs every n-th.
+std::vector<DepthImage> CapturedFrames(std::size_t n) {
   std::vector<fs::path> files;
   for (const fs::directory_entry& entry : fs::directory_iterator(CapturesFolder())) {
     if (entry.path().extension() == ".pgm") files.push_back(entry.path());
@@ -85,7 +85,10 @@ std::vector<DepthImage> CapturedFrames() {
   }
   std::sort(files.begin(), files.end());
   std::vector<DepthImage> frames;
-  for (const fs::path& file : files) frames.push_back(Read(file));
+  std::size_t foreign = 0;
+  for (const fs::path& file : files) {
+    if (file.extension() == ".pgm" || foreign++ % n == 0) frames.push_back(Read(file));
+  }
   return frames;
 }
 
@@ -181,12 +184,13 @@ TEST_P(Parity, OnCapturedFrames) {
                  << ": set VOLALIGN_CAPTURES to the one of the real frames (they have no licence "
                     "to be shipped)";
   }
-  ExpectAgreement(GetParam(), CapturedFrames());
+  // All of them by the network that calibration uses; the others are of the same layers.
+  ExpectAgreement(GetParam(), CapturedFrames(GetParam() == "models/m05-lite.pt" ? 1 : 8));
 }
 
 INSTANTIATE_TEST_SUITE_P(Shipped, Parity, testing::ValuesIn(ShippedCheckpoints()),
-                         [](const testing::TestParamInfo<std::string>& info) {
-                           std::string name = fs::path(info.param).stem().string();
+                         [](const testing::TestParamInfo<std::string>& shipped) {
+                           std::string name = fs::path(shipped.param).stem().string();
                            std::replace(name.begin(), name.end(), '-', '_');
                            return name;
                          });
