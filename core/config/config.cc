@@ -260,9 +260,9 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
 
 ConfigSource ConfigSource::Only(const std::vector<std::string>& beginnings) const {
   ConfigSource only;
-  for (const auto& [key, leaf] : leaves_) {
-    const auto begins = [&](const std::string& text) { return key.rfind(text, 0) == 0; };
-    if (std::any_of(beginnings.begin(), beginnings.end(), begins)) only.leaves_[key] = leaf;
+  for (const auto& leaf : leaves_) {
+    const auto begins = [&](const std::string& text) { return leaf.first.rfind(text, 0) == 0; };
+    if (std::any_of(beginnings.begin(), beginnings.end(), begins)) only.leaves_.insert(leaf);
   }
   return only;
 }
