@@ -12,7 +12,7 @@ VOLALIGN_BUILD_PACKAGES=(
   pybind11-dev python3-dev
   libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libsqlite3-dev
 )
-VOLALIGN_TEST_PACKAGES=(libgtest-dev python3 python3-numpy python3-pytest python3-torch)
+VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file python3 python3-numpy python3-pytest python3-torch)
 # For the test of report.html, which is skipped without them: 80 MB to fetch, 350 MB installed. CI has them.
 VOLALIGN_BROWSER_PACKAGES=(chromium fonts-dejavu-core)
 # llvm-14 has the symbolizer, which names the functions in a sanitizer's report.

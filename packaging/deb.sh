@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes Debian packages of what is built: packaging/deb.sh [FOLDER] [BUILD FOLDER], by default out/packages and build/release. Install them with
-# `apt install ./out/packages/*.deb`. Set SOURCE_DATE_EPOCH for packages that are equal whenever they are made.
+# `apt install ./out/packages/*.deb`. Needs dpkg-dev and file. Set SOURCE_DATE_EPOCH for packages that are equal whenever they are made.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-out/packages}
