@@ -31,6 +31,9 @@ volalign_find(TinyGLTF libtinygltf-dev)
 # ONNX's own config does not look for Protocol Buffers, which it names.
 volalign_find(Protobuf libprotobuf-dev)
 volalign_find(ONNX libonnx-dev)
+if(TARGET ONNX::onnx_proto AND NOT TARGET onnx_proto)  # as ONNX 1.17 names it
+  add_library(onnx_proto ALIAS ONNX::onnx_proto)
+endif()
 volalign_find(PNG libpng-dev)
 volalign_find(OpenSSL libssl-dev COMPONENTS Crypto)
 if(VOLALIGN_WITH_TORCH)
