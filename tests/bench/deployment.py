@@ -4,8 +4,8 @@
     tests/bench/deployment.py BUILD_FOLDER [ROUNDS]      (built with -DVOLALIGN_BENCHMARKS=ON)
 
 Frames are the eight of configs/rig_ring8.yaml, every second pixel of every second row, as the network sees them (four of 160x144, four of
-160x90), one by one, two threads. Agreement: of the pixels with depth, the share that has the label of LibTorch's own segmenter. Time: of
-the processor, all threads, the least of ROUNDS (default 20) passes over the frames, which other programs on the machine change little. Each runtime has a process of its own. Needs onnxruntime and torch beside numpy; what
+160x90), one by one, two threads. Agreement: of the pixels with depth, the share that has the label of LibTorch's own segmenter. Time: the
+least of ROUNDS (default 20) passes over the frames, on an idle machine. Each runtime has a process of its own. Needs onnxruntime and torch beside numpy; what
 is absent has no row.
 """
 
@@ -32,7 +32,7 @@ def frames_of(path):
 
 
 def run_here(model, rounds, paths):
-    """In a process of its own: processor ms a frame, and labels beside the frames."""
+    """In a process of its own: ms a frame, and labels beside the frames."""
     if model.endswith(".onnx"):
         import onnxruntime
 
@@ -53,9 +53,9 @@ def run_here(model, rounds, paths):
 
     least = float("inf")
     for round_ in range(rounds + 1):  # the first one makes what is kept
-        start = time.process_time()
+        start = time.perf_counter()
         labels = {path: [run(depth).argmax(1).astype(numpy.uint8) for depth in frames_of(path)] for path in paths}
-        taken = 1000 * (time.process_time() - start) / sum(len(found) for found in labels.values())
+        taken = 1000 * (time.perf_counter() - start) / sum(len(found) for found in labels.values())
         if round_ > 0:
             least = min(least, taken)
     for path, found in labels.items():
@@ -98,7 +98,7 @@ def main(build, rounds):
         rows += [(f"ONNX, {p}", "ONNX Runtime", models["onnx", p], here) for p in ("fp32", "fp16")]
         rows += [(f"ONNX, {p}", "volalign, OpenCV", models["onnx", p], own) for p in ("fp32", "fp16")]
         reference = None
-        print("| format | size, MB | runtime | labels equal | processor ms a frame |\n|---|---|---|---|---|")
+        print("| format | size, MB | runtime | labels equal | ms a frame |\n|---|---|---|---|---|")
         for format_, runtime, model, command in rows:
             done = subprocess.run(command(model), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False, env=ENVIRONMENT)
             if done.returncode != 0:

@@ -5,15 +5,15 @@
 //
 // FILE is a checkpoint, or ends with .onnx. Each other file has depth maps of that size, float32,
 // metres, one after the other, as the network sees them. Beside it FILE.labels is written, a byte a
-// pixel. Printed: the least ms of processor time a frame over the rounds, each of all frames one by
-// one, on two threads.
+// pixel. Printed: the least ms a frame over the rounds, each of all frames one by one, on two
+// threads.
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -36,13 +36,6 @@ namespace {
 constexpr int kThreads = 2;
 /// px: within the range of all shipped networks, so that frames go through as they are.
 constexpr double kFocal = 120;
-
-/// Of all threads: other programs on the machine do not count.
-double ProcessMs() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
 
 struct Frame {
   std::string file;
@@ -77,7 +70,7 @@ void Measure(const std::string& model, int rounds, const std::vector<std::string
   }
   double least_ms = std::numeric_limits<double>::infinity();
   for (int round = 0; round <= rounds; ++round) {  // the first one makes what is kept
-    const double start = ProcessMs();
+    const auto start = std::chrono::steady_clock::now();
     std::vector<SegmentationResult> results;
     for (const Frame& frame : frames) {
       Intrinsics intrinsics;
@@ -86,8 +79,10 @@ void Measure(const std::string& model, int rounds, const std::vector<std::string
       intrinsics.fx = intrinsics.fy = kFocal;
       results.push_back(segmenter->Segment(frame.depth, intrinsics, 0));
     }
-    const double taken = ProcessMs() - start;
-    if (round > 0) least_ms = std::min(least_ms, taken / static_cast<double>(frames.size()));
+    const std::chrono::duration<double, std::milli> taken =
+        std::chrono::steady_clock::now() - start;
+    if (round > 0)
+      least_ms = std::min(least_ms, taken.count() / static_cast<double>(frames.size()));
     for (const std::string& file : files) std::filesystem::remove(file + ".labels");
     for (std::size_t i = 0; i < frames.size(); ++i) {
       std::ofstream(frames[i].file + ".labels", std::ios::binary | std::ios::app)
