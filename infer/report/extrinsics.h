@@ -21,7 +21,7 @@ inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
 
 /// Where a calibration's input came from.
 struct ExtrinsicsSource {
-  std::vector<std::string> captures;     ///< of each still
+  std::vector<std::string> captures;                    ///< of each still
   std::string model_file, model_sha256, model_runtime;  ///< empty without a network
 };
 
