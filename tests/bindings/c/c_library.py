@@ -194,6 +194,7 @@ class CLibrary(unittest.TestCase):
         written = json.loads(self.library.volalign_result_json(result))
         self.assertEqual(written["tool"], self.library.volalign_tool().decode())
         self.assertEqual(written["capture"], "memory")
+        self.assertIn("OpenCV", written["model"]["runtime"])
         for index, sensor in enumerate(self.sensors(result)):
             expected = self.expected["model"][sensor.name.decode()]
             self.assertEqual(["ok", "weak", "failed"][sensor.status], expected["status"])

@@ -15,6 +15,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/provenance.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/nn/zip.h"
 
@@ -64,6 +65,7 @@ class CheckpointTest : public testing::Test {
 
 TEST_F(CheckpointTest, RoundTripsNetworkAndMetadata) {
   const fs::path path = folder_ / "a.pt";
+  meta_.renderer = "a renderer";
   SaveCheckpoint(path, net_, meta_, /*half=*/false);
   LoadedModel model = LoadCheckpoint(path);
   EXPECT_TRUE(model.meta.network == meta_.network);
@@ -74,7 +76,10 @@ TEST_F(CheckpointTest, RoundTripsNetworkAndMetadata) {
   EXPECT_EQ(model.meta.roll_offsets_deg, meta_.roll_offsets_deg);
   EXPECT_EQ(model.meta.samples, 4321);
   EXPECT_EQ(model.meta.config_yaml, meta_.config_yaml);
-  EXPECT_EQ(model.meta.tool.rfind("volalign ", 0), 0u) << model.meta.tool;
+  EXPECT_EQ(model.meta.renderer, "a renderer");
+  EXPECT_EQ(model.meta.tool, Tool());
+  EXPECT_EQ(model.meta.date, UtcNow());
+  EXPECT_EQ(model.meta.libraries.rfind("LibTorch ", 0), 0u) << model.meta.libraries;
   EXPECT_FALSE(model.net->is_training());
   c10::NoGradGuard no_grad;
   net_->eval();

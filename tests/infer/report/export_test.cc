@@ -25,6 +25,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/provenance.h"
 #include "core/formats/image_io.h"
 #include "core/plot/picture_text.h"
 #include "infer/calib/calibrate.h"
@@ -91,7 +92,7 @@ class ExportTest : public ::testing::Test {
     result_->sensors[1].together = RingPose(76);
     folder_ = new TempFolder;
     WriteCalibration(ResultFolder(folder_->path()), *result_, {{"", rig_->frames}}, rig_->structure,
-                     {{"capture.json"}, "model.pt", std::string(64, 'a')},
+                     {{"capture.json"}, "model.pt", std::string(64, 'a'), "runtime 1.0"},
                      ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   }
   static void TearDownTestSuite() {
@@ -117,7 +118,10 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
   EXPECT_EQ(read.model->sha256, std::string(64, 'a'));
   EXPECT_EQ(read.structure.name, rig_->structure.name());
   EXPECT_EQ(read.structure.sha256, rig_->structure.Hash());
-  EXPECT_NE(read.tool.find("volalign"), std::string::npos);
+  EXPECT_EQ(read.model->runtime, "runtime 1.0");
+  EXPECT_EQ(read.tool, Tool());
+  EXPECT_EQ(read.date, UtcNow());
+  EXPECT_NE(read.libraries.find("Ceres "), std::string::npos) << read.libraries;
   ASSERT_EQ(read.sensors.size(), 3u);
   for (const Extrinsics::Sensor& sensor : read.sensors) {
     const auto& from = *std::find_if(result_->sensors.begin(), result_->sensors.end(),
@@ -448,7 +452,7 @@ TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
   // Alone, it is the same page.
   const TempFolder alone;
   WriteReportPage(alone / "page.html", *result_, {{"", rig_->frames}}, rig_->structure,
-                  {{"capture.json"}, "model.pt", std::string(64, 'a')},
+                  {{"capture.json"}, "model.pt", std::string(64, 'a'), "runtime 1.0"},
                   ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   EXPECT_TRUE(ReadFile(alone / "page.html") == ReadFile(*folder_ / "report.html"));
 }
