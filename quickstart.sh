@@ -10,8 +10,8 @@ install_packages "${VOLALIGN_BUILD_PACKAGES[@]}"
 build_preset release volalign volalign_python
 volalign=build/release/cli/volalign
 
-"$volalign" render --rig configs/rig_ring8.yaml -o "$out/capture"
-"$volalign" calibrate --capture "$out/capture/capture.json" --model models/m05-lite.pt -o "$out/calibration"
+"$volalign" render --rig configs/rig_ring8.yaml -o "$out/capture" --force
+"$volalign" calibrate --capture "$out/capture/capture.json" -o "$out/calibration"
 
 cat <<END
 

@@ -56,6 +56,39 @@ std::vector<std::string> Choices(const CLI::Option* option) {
   return Split(type.substr(begin + 1, end - begin - 1), ',');
 }
 
+// CLI11 keeps the limits of Range and of its checks of signs in that name alone, too: "INT in [1 -
+// 100]", "FLOAT:POSITIVE".
+std::string Limits(const CLI::Option* option) {
+  const std::string type = option->get_type_name();
+  const std::size_t begin = type.find('['), middle = type.find(" - "), end = type.find(']');
+  if (begin < middle && middle < end && end != std::string::npos) {
+    return fmt::format("{} to {}", type.substr(begin + 1, middle - begin - 1),
+                       type.substr(middle + 3, end - middle - 3));
+  }
+  if (type.find("NONNEGATIVE") != std::string::npos) return "0 or above";
+  return type.find("POSITIVE") != std::string::npos ? "above 0" : "";
+}
+
+std::shared_ptr<CLI::FormatterBase> HelpFormatter() {
+  class Formatter : public CLI::Formatter {
+    std::string make_option_opts(const CLI::Option* option) const override {
+      if (option->get_type_size() == 0) return "";
+      const std::vector<std::string> words = Choices(option);
+      const std::string type = option->get_type_name();
+      std::string text = " " + (words.empty() ? type.substr(0, type.find(':'))
+                                              : fmt::format("{{{}}}", fmt::join(words, ",")));
+      if (option->get_expected_max() > 1) text += " ...";
+      std::vector<std::string> notes;
+      if (option->get_required()) notes.emplace_back("required");
+      if (const std::string limits = Limits(option); !limits.empty()) notes.push_back(limits);
+      if (!option->get_default_str().empty())
+        notes.push_back("default " + option->get_default_str());
+      return notes.empty() ? text : fmt::format("{} ({})", text, fmt::join(notes, "; "));
+    }
+  };
+  return std::make_shared<Formatter>();
+}
+
 std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments) {
   CLI::App* app = program;
   std::string path = "volalign";

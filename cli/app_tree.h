@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,12 @@ std::vector<std::string> OptionNames(const CLI::App* app);
 /// The words that an option may have as its value; empty where it may have any.
 std::vector<std::string> Choices(const CLI::Option* option);
 
+/// What an option takes beside its type, in words: "1 to 100", "above 0"; "" where it says nothing.
+std::string Limits(const CLI::Option* option);
+
+/// Help in which types, limits and defaults are words, not CLI11's names of its checks.
+std::shared_ptr<CLI::FormatterBase> HelpFormatter();
+
 /// Gives every sub-command an example at the end of its help (those of cli/examples.cc).
 void AddExamples(CLI::App* program);
 
@@ -36,7 +43,10 @@ std::string UnknownOption(CLI::App* program);
 /// Markdown of every sub-command (docs/cli.md).
 std::string CommandReference(CLI::App* program);
 
-/// A script for bash that completes sub-commands, options and their choices.
+/// Scripts that complete sub-commands, options and their choices; the one for zsh is bash's, by
+/// zsh's bashcompinit.
 std::string BashCompletion(CLI::App* program);
+std::string ZshCompletion(CLI::App* program);
+std::string FishCompletion(CLI::App* program);
 
 }  // namespace volalign

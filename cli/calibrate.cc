@@ -1,10 +1,9 @@
-#include <fmt/format.h>
-
 #include <memory>
 
 #include "cli/calibration.h"
 #include "cli/commands.h"
 #include "infer/report/report.h"
+#include "infer/report/sensors_table.h"
 
 namespace volalign {
 
@@ -21,8 +20,8 @@ Command AddCalibrateCommand(CLI::App& program) {
   AddCalibrationOptions(app, request.get());
   return {app, [request] {
             const CalibrationResult result = RunCalibration(*request).result;
-            fmt::print("{}", FormatReport(result));
-            fmt::print("written: {}\n", WrittenBy(*request));
+            request->table.Print(FormatReport(result), SensorsTable(result.sensors));
+            request->table.Say("written: " + WrittenBy(*request));
             return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
           }};
 }

@@ -3,17 +3,22 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <system_error>
 #include <utility>
 
 #include "cli/command_line.h"
+#include "cli/data_folder.h"
 #include "cli/load_segmenter.h"
 #include "cli/options.h"
-#include "cli/stage_progress.h"
+#include "cli/shipped_model.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/input_file.h"
+#include "core/base/progress_line.h"
 #include "core/config/config.h"
 #include "core/formats/structure_gltf.h"
 #include "infer/calib/calibrate.h"
@@ -28,7 +33,63 @@ CalibrateOptions Resolve(const CalibrationRequest& request) {
   ConfigSource source = ReadSource(request.config, request.assignments);
   if (!request.initial.empty()) source.Set("initial.method=" + request.initial);
   if (!request.estimate.empty()) source.Set("refine.estimate=" + request.estimate);
-  return ReadConfig<CalibrateOptions>(source);
+  auto config = ReadConfig<CalibrateOptions>(source);
+  if (!request.twins.empty()) config.orientation.twins = request.twins;
+  return config;
+}
+
+constexpr char kWriting[] = "writing poses, pictures, clouds and the report";
+
+/// How much of a calibration's time has gone by when a stage begins, with a network and without:
+/// means over rigs of 4 to 8 sensors, in which the time so far foretold the whole to a factor of
+/// about two. 0 where too little has gone by to say.
+double ShareDone(const std::string& stage, bool network) {
+  if (stage == "each sensor by itself") return network ? 0.46 : 0.22;
+  if (stage == "all sensors together") return network ? 0.59 : 0.41;
+  if (stage == "residuals and verdict") return network ? 0.84 : 0.76;
+  return stage == kWriting ? (network ? 0.87 : 0.80) : 0;
+}
+
+struct Labeller {
+  std::unique_ptr<NetworkSegmenter> network;  ///< null: the structure's shape alone
+  std::string choice;                         ///< which one and why, for a person
+};
+
+/// That of --model. Throws ConfigError where there is no structure either.
+Labeller ChooseLabeller(const std::string& model, const Structure* structure,
+                        const CalibrateOptions& config) {
+  constexpr char kGeometry[] = "model: none, poses come from the structure's shape";
+  const auto load = [&](const std::string& file, const Structure* of) {
+    return LoadSegmenter(file, of, config.device, config.threads);
+  };
+  if (model == "none") {
+    if (structure) return {nullptr, kGeometry};
+    throw ConfigError(
+        "--model none needs a structure; describe the boxes in a YAML and give it with "
+        "--structure");
+  }
+  if (model != "shipped") return {load(model, structure), "model: " + model};
+  std::error_code error;
+  if (!std::filesystem::exists(FindInputFile(kShippedModel), error)) {
+    if (structure) return {nullptr, fmt::format("{} ({} is not there)", kGeometry, kShippedModel)};
+    throw ConfigError(
+        fmt::format("there is neither a structure nor {}; describe the boxes in a YAML and give it "
+                    "with --structure",
+                    kShippedModel));
+  }
+  Labeller labeller{load(kShippedModel, nullptr), ""};
+  // It has learnt what this very structure looks like, not others that have its labels.
+  if (structure && structure->Hash() != labeller.network->structure().Hash()) {
+    return {nullptr,
+            fmt::format("{} (the shipped model does not know {})", kGeometry, structure->name())};
+  }
+  labeller.choice = structure
+                        ? fmt::format("model: {}, which knows {}", kShippedModel, structure->name())
+                        : fmt::format(
+                              "model: {}, with the structure that it knows, since neither the "
+                              "capture nor --structure names one",
+                              kShippedModel);
+  return labeller;
 }
 
 /// --structure, else the captures'; none: the model's own serves. Throws ConfigError where captures
@@ -53,14 +114,14 @@ std::optional<Structure> GivenStructure(const CalibrationRequest& request,
 }  // namespace
 
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
-  app->add_option("--model", request->model,
-                  "checkpoint, e.g. models/m05-lite.pt, or its ONNX export; without it, poses come "
-                  "from the shape of "
-                  "the structure alone, whatever its boxes");
   app->add_option(
-      "--structure", request->structure,
-      "the structure (.glb or .yaml), where neither the capture nor the model has it, or has other "
-      "dimensions");
+         "--model", request->model,
+         "checkpoint, or its ONNX export; shipped: the program's own (models/m05-lite.pt) "
+         "where the structure is the one that it knows; none, and shipped elsewhere: poses "
+         "come from the structure's shape alone, whatever its boxes")
+      ->capture_default_str();
+  app->add_option("--structure", request->structure,
+                  "the structure (.glb or .yaml); without it the capture's, else the model's");
   app->add_option("--initial", request->initial,
                   "what initial poses come from: network, geometry, auto (the default: geometry, "
                   "and the network where there is a model), or paper (the paper's estimator)")
@@ -68,56 +129,66 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
+  app->add_option("--twin", request->twins,
+                  "SENSOR=NUMBER, where several poses fit (twins in extrinsics.json, and in the "
+                  "report): the sensor's pose is that one, and the others follow; 1: the one that "
+                  "would be chosen")
+      ->take_all();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
   AddAssignment(app, "--device", "device", &request->assignments, "cpu, cuda or cuda:N");
+  app->add_option("--note", request->note,
+                  "anything to remember of it, e.g. \"S3 on the new tripod\": stands in the report "
+                  "and in extrinsics.json");
   app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");
+  request->table.AddOptions(app);
 }
 
 Calibration RunCalibration(const CalibrationRequest& request) {
   const CalibrateOptions config = Resolve(request);
 
+  ProgressLine line;
+  line.Begin("reading");
   const auto start = std::chrono::steady_clock::now();
   std::vector<Capture> captures;
   for (const std::string& capture : request.captures) captures.push_back(ReadCapture(capture));
   std::optional<Structure> structure = GivenStructure(request, captures);
   Calibration out;
   out.stills = StillsOf(std::move(captures));
-  std::unique_ptr<NetworkSegmenter> segmenter;
-  if (!request.model.empty()) {
-    segmenter = LoadSegmenter(request.model, structure ? &*structure : nullptr, config.device,
-                              config.threads);
-  }
-  if (!structure && !segmenter) {
-    throw ConfigError(
-        "there is neither a model nor a structure; describe the boxes in a YAML and give it with "
-        "--structure");
-  }
+  const Labeller labeller =
+      ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
+  NetworkSegmenter* const segmenter = labeller.network.get();
   out.structure = structure ? *structure : segmenter->structure();
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   // Before the work: whether one can write there.
   std::optional<ResultFolder> folder;
   if (!request.output.empty()) folder.emplace(request.output);
-  {
-    StageProgress progress;
-    out.result = Calibrate(out.stills, out.structure, segmenter.get(), config,
-                           [&progress](const std::string& stage) { progress.Begin(stage); });
-  }
+  out.result = Calibrate(
+      out.stills, out.structure, segmenter, config,
+      [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
-  out.source = {request.captures, segmenter ? segmenter->file() : "",
-                segmenter ? segmenter->sha256() : "", segmenter ? segmenter->runtime() : ""};
+  out.source.captures = request.captures;
+  out.source.note = request.note;
+  if (segmenter) {
+    out.source.model_file = segmenter->file();
+    out.source.model_sha256 = segmenter->sha256();
+    out.source.model_runtime = segmenter->runtime();
+  }
   out.options = WriteConfig(config);
   if (folder) {
+    line.Begin(kWriting, ShareDone(kWriting, segmenter != nullptr));
     WriteFileAtomically(folder->draft() / "options.yaml", out.options);
     SaveCommand(folder->draft());
     std::optional<ReportRun> report;
-    if (!request.no_report) report = ReportRun{CommandLine(), out.options};
+    if (!request.no_report) report = ReportRun{CommandLine(), out.options, PageFile("report.md")};
     WriteCalibration(*folder, out.result, out.stills, out.structure, out.source, report);
   }
+  line.Stop();
+  request.table.Say(labeller.choice);
   return out;
 }
 

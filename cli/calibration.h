@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/table_output.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/result.h"
 #include "infer/report/extrinsics.h"
@@ -14,9 +15,10 @@ namespace volalign {
 /// What the sub-commands that calibrate a capture have in common.
 struct CalibrationRequest {
   std::vector<std::string> captures;
-  std::string model, output, config, structure, initial, estimate;
-  std::vector<std::string> assignments;
+  std::string model = "shipped", output, config, structure, initial, estimate, note;
+  std::vector<std::string> assignments, twins;
   bool no_report = false;
+  TableOutput table;
 };
 
 /// All options but --output and --capture, whose meaning is the sub-command's.
@@ -30,8 +32,8 @@ struct Calibration {
   std::string options;  ///< YAML: every option of the calibration
 };
 
-/// Reads, calibrates, and writes the folder `request.output` where that is not empty. Throws what
-/// these throw.
+/// Reads, calibrates, says which model it takes and why, and writes the folder `request.output`
+/// where that is not empty. Throws what these throw.
 Calibration RunCalibration(const CalibrationRequest& request);
 
 /// A line on what RunCalibration wrote.

@@ -9,6 +9,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "infer/report/extrinsics.h"
+#include "infer/rigcheck/movement_table.h"
 #include "infer/rigcheck/rig_check.h"
 
 namespace volalign {
@@ -58,15 +59,16 @@ int RunCheck(const CheckOptions& options) {
   const Extrinsics now_extrinsics =
       MakeExtrinsics(now.result, now.stills, now.structure, now.source);
   const RigCheck check = CheckRig(options.last, last, now_extrinsics, options.movement);
-  fmt::print("{}", FormatRigCheck(check));
+  const TableOutput& table = options.request.table;
+  table.Print(FormatRigCheck(check), MovementTable(check.movements));
   if (!options.request.output.empty()) {
     WriteRigCheck(std::filesystem::path(options.request.output) / "check.json", check);
-    fmt::print("written: {}, check.json\n", WrittenBy(options.request));
+    table.Say(fmt::format("written: {}, check.json", WrittenBy(options.request)));
   }
   if (!options.update.empty()) {
     WriteExtrinsics(options.update, UpdateExtrinsics(last, now_extrinsics, check));
     SaveCommand(options.update, {{"calibration", now.options}});
-    fmt::print("written: {}\n", options.update);
+    table.Say("written: " + options.update);
   }
   if (check.MovedBeyond(0.001 * options.max_mm, options.max_deg)) return kMovedStatus;
   return check.not_compared.empty() ? 0 : kNotComparedStatus;

@@ -26,7 +26,7 @@ std::string VersionText();
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
 Command AddCheckCommand(CLI::App& program);
-Command AddCaptureCommand(CLI::App& program);
+Command AddInitCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
 Command AddConvertCommand(CLI::App& program);
 Command AddPlanCommand(CLI::App& program);

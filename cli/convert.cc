@@ -19,6 +19,8 @@ namespace {
 struct ConvertOptions {
   std::string input, from = "volalign", to, output;
   std::vector<std::string> colour_cameras;
+  std::string camera = "depth";
+  WorldChoice world;
 };
 
 /// All words but that of our own extrinsics.json.
@@ -30,34 +32,37 @@ std::string OtherFormats() {
   return fmt::format("{}", fmt::join(words, ", "));
 }
 
-PoseFormatOptions ReadColourCameras(const std::vector<std::string>& assignments) {
-  PoseFormatOptions options;
+ColourCameras ReadColourCameras(const std::vector<std::string>& assignments) {
+  ColourCameras cameras;
   for (const std::string& assignment : assignments) {
     const std::size_t equals = assignment.find('=');
     if (equals == std::string::npos || equals == 0)
       throw ConfigError(fmt::format("--colour-camera {}: expected SENSOR=FILE.json", assignment));
-    options.colour_from_depth[assignment.substr(0, equals)] =
-        ReadColourFromDepth(assignment.substr(equals + 1));
+    cameras[assignment.substr(0, equals)] = ReadKinectColour(assignment.substr(equals + 1));
   }
-  return options;
+  return cameras;
 }
 
 int RunConvert(const ConvertOptions& options) {
   const PoseFormat to = ParsePoseFormat(options.to);
-  const PoseFormatOptions cameras = ReadColourCameras(options.colour_cameras);
-  const auto poses = ReadPoses(options.input, ParsePoseFormat(options.from), cameras);
+  const PoseFormat from = ParsePoseFormat(options.from);
+  const auto poses = ReadPoses(options.input, from, ReadColourCameras(options.colour_cameras));
+  WorldChoice world = options.world;
+  world.colour = options.camera == "colour";
+  if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
   std::vector<std::string> notes;
   if (IsFolder(to)) {
     const ResultFolder folder(options.output);
-    notes = WritePoses(folder.draft(), to, poses, cameras);
+    notes = WritePoses(folder.draft(), to, poses, world);
     SaveCommand(folder.draft());
     folder.Publish("command.yaml");
   } else {
-    notes = WritePoses(options.output, to, poses, cameras);
+    notes = WritePoses(options.output, to, poses, world);
     SaveCommand(options.output);
   }
   for (const std::string& note : notes) fmt::print("note: {}\n", note);
-  fmt::print("written: {} ({} sensors)\n", options.output, poses.size());
+  fmt::print("written: {} ({} sensor{})\n", options.output, poses.size(),
+             poses.size() == 1 ? "" : "s");
   return 0;
 }
 
@@ -78,9 +83,23 @@ Command AddConvertCommand(CLI::App& program) {
   app->add_option("-o,--output", options->output,
                   "file to write; a folder for colmap, volumetric_capture and livescan3d_...")
       ->required();
-  app->add_option("--colour-camera", options->colour_cameras,
-                  "SENSOR=FILE: raw calibration JSON of that Azure Kinect, which says where its "
-                  "colour camera is; livescan3d_azure needs it of every sensor")
+  app->add_option("--origin", options->world.origin,
+                  "of the written poses: structure, floor (the point of the floor below the "
+                  "structure's origin) or a sensor's name")
+      ->capture_default_str();
+  app->add_option(
+         "--up", options->world.up,
+         "axis that is up; without it what the format has, or, where a sensor is the origin, "
+         "that sensor's own axes")
+      ->check(CLI::IsMember({"y", "z"}));
+  app->add_option("--camera", options->camera, "whose poses and intrinsics are written")
+      ->check(CLI::IsMember({"depth", "colour"}))
+      ->capture_default_str();
+  app->add_option(
+         "--colour-camera", options->colour_cameras,
+         "SENSOR=FILE: raw calibration JSON of that Azure Kinect, which says where its "
+         "colour camera is, where the input does not; --camera colour and livescan3d_azure "
+         "need it of every sensor")
       ->take_all();
   return {app, [options] { return RunConvert(*options); }};
 }

@@ -16,8 +16,11 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "cli/shipped_model.h"
+#include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/base/progress_line.h"
 #include "core/base/provenance.h"
 #include "core/formats/structure_gltf.h"
 #include "core/nn/checkpoint.h"
@@ -30,19 +33,21 @@ namespace volalign {
 
 namespace {
 
-/// Prints findings, and counts those that are in the way.
+/// What was found, and how much of it is in the way.
 class Findings {
  public:
   void Say(const std::string& what, const std::string& text) {
-    fmt::print("{:<12} {}\n", what, text);
+    table_.rows.push_back({what, text, false});
   }
   void Miss(const std::string& what, const std::string& text) {
-    Say(what, "MISSING: " + text);
+    table_.rows.push_back({what, "MISSING: " + text, true});
     ++missing_;
   }
   int missing() const { return missing_; }
+  const Table& table() const { return table_; }
 
  private:
+  Table table_{{"part", "found", {"missing", ""}}, {}};
   int missing_ = 0;
 };
 
@@ -124,7 +129,8 @@ void CheckData(const std::string& model_path, Findings* findings) {
   try {
     const Structure structure = ReadStructure(FindInputFile("configs/structure.yaml"));
     findings->Say("structure",
-                  fmt::format("{}, {} boxes", structure.name(), structure.boxes().size()));
+                  fmt::format("{}, {} box{}", structure.name(), structure.boxes().size(),
+                              structure.boxes().size() == 1 ? "" : "es"));
   } catch (const Error& error) {
     findings->Miss("structure", error.what());
   }
@@ -151,22 +157,28 @@ std::string VersionText() {
 }
 
 Command AddDoctorCommand(CLI::App& program) {
-  auto model = std::make_shared<std::string>("models/m05-lite.pt");
+  auto model = std::make_shared<std::string>(kShippedModel);
+  auto output = std::make_shared<TableOutput>();
   CLI::App* app = program.add_subcommand("doctor",
                                          "Say what the program runs on: libraries, processor, "
                                          "renderer, GPU, data and model; exits with "
                                          "status 2 where something is missing");
   app->add_option("--model", *model, "checkpoint to load")->capture_default_str();
-  return {app, [model] {
+  output->AddOptions(app);
+  return {app, [model, output] {
             Findings findings;
+            ProgressLine line;
+            line.Begin("looking at libraries, renderer, data and model");
             findings.Say("volalign", Tool());
             CheckLibraries(&findings);
             CheckProcessor(&findings);
             CheckRenderer(&findings);
             CheckGpu(&findings);
             CheckData(*model, &findings);
-            fmt::print("{}\n", findings.missing() == 0 ? "everything is there"
-                                                       : "something is missing, see above");
+            line.Stop();
+            output->Print(FormatTable(findings.table(), TableFormat::kText), findings.table());
+            output->Say(findings.missing() == 0 ? "everything is there"
+                                                : "something is missing, see above");
             return findings.missing() == 0 ? 0 : 2;
           }};
 }

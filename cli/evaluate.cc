@@ -13,10 +13,13 @@
 #include "cli/commands.h"
 #include "cli/load_segmenter.h"
 #include "cli/options.h"
+#include "cli/shipped_model.h"
+#include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/progress_line.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "infer/evaluate/suite/figures.h"
 #include "infer/evaluate/suite/method_set.h"
@@ -38,6 +41,7 @@ struct EvaluateOptions {
   int egl_device = -1;
   std::string suite, suite_config = "configs/paper/suite.yaml";
   int workers = 1, max_captures = 0;
+  TableOutput table;
 };
 
 void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
@@ -62,7 +66,8 @@ void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
 
 void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--model", options->models,
-                  "checkpoints, e.g. models/m05-lite.pt; several are compared on the same frames");
+                  "checkpoints; several are compared on the same frames; without it, the shipped "
+                  "one (models/m05-lite.pt)");
   app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "
@@ -99,22 +104,21 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
   AddSuiteOptions(app, options);
+  options->table.AddOptions(app);
+  // It writes all of its tables into suite.json.
+  for (const char* format : {"--json", "--csv"}) app->get_option(format)->excludes("--suite");
   app->add_option("-o,--output", options->output,
                   "folder for evaluation.json, or for the suite's tables; what a killed run left "
                   "there is not done again")
       ->required();
 }
 
-void PrintProgress(const std::string& line) {
-  fmt::print(stderr, "{}\n", line);
-  std::fflush(stderr);
-}
-
-EvaluateRun RunOf(const EvaluateOptions& options) {
+EvaluateRun RunOf(const EvaluateOptions& options, ProgressLine* line) {
   EvaluateRun run;
   run.output = std::filesystem::path(options.output) / "evaluation.json";
   run.program = Sha256(ReadFile("/proc/self/exe", kMaxModelBytes));
-  run.progress = PrintProgress;
+  run.progress = [line](const std::string& text) { line->Say(text); };
+  run.count = line->Counter("captures");
   return run;
 }
 
@@ -146,13 +150,16 @@ int RunPaperSuite(const EvaluateOptions& options) {
     return ChooseRenderers(options.renderer, {options.egl_device}).make();
   };
   run.max_captures = options.max_captures;
-  run.progress = PrintProgress;
+  ProgressLine line;
+  run.progress = [&line](const std::string& text) { line.Say(text); };
+  run.count = line.Counter("captures");
   SetTorchThreads(options.workers > 1 ? 1 : 2);
   const std::string tables = WriteSuite(folder.draft(), suite, RunSuite(suite, run));
   run.output = folder.draft();
   const std::vector<std::filesystem::path> figures = WriteFigures(suite, run);
   SaveCommand(folder.draft(), {{"suite", WriteConfig(suite)}});
   folder.Publish("suite.json");
+  line.Stop();
   fmt::print("{}", tables);
   std::fflush(stdout);
   for (const std::filesystem::path& figure : figures) {
@@ -165,7 +172,6 @@ int RunPaperSuite(const EvaluateOptions& options) {
 
 int RunEvaluate(const EvaluateOptions& options) {
   if (!options.suite.empty()) return RunPaperSuite(options);
-  if (options.models.empty()) throw ConfigError("evaluate wants --model, or --suite");
   if (options.rigs.files.empty() && options.captures.empty()) {
     throw ConfigError("evaluate wants --rig RIG.yaml ..., --capture capture.json ..., or both");
   }
@@ -180,7 +186,9 @@ int RunEvaluate(const EvaluateOptions& options) {
   const CalibrateOptions& first = variants.front().options;
   std::vector<std::unique_ptr<NetworkSegmenter>> networks;
   std::vector<EvaluationModel> models;
-  for (const std::string& file : options.models) {
+  const std::vector<std::string> files =
+      options.models.empty() ? std::vector<std::string>{kShippedModel} : options.models;
+  for (const std::string& file : files) {
     networks.push_back(LoadSegmenter(file, nullptr, first.device, first.threads));
     NetworkSegmenter* network = networks.back().get();
     models.push_back({{network->file(), network->sha256()}, network, &network->structure()});
@@ -196,11 +204,12 @@ int RunEvaluate(const EvaluateOptions& options) {
   for (const std::string& capture : options.captures) {
     items.push_back(CaptureItem(capture, networks.front()->structure()));
   }
-  EvaluateRun run = RunOf(options);
+  ProgressLine line;
+  EvaluateRun run = RunOf(options, &line);
   run.begin = [&] { SaveOptions(folder, source, rigs); };
   const std::vector<EvaluatedCase> cases = Evaluate(items, variants, models, run);
-  fmt::print("{}", FormatEvaluation(cases));
-  std::fflush(stdout);
+  line.Stop();
+  options.table.Print(FormatEvaluation(cases), EvaluationTable(cases));
   SaveCommand(options.output);
   fmt::print(stderr, "written: {}\n", run.output.string());
   return 0;

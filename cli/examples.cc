@@ -14,13 +14,9 @@ namespace {
 const std::map<std::string, std::string>& Examples() {
   const std::string render = "volalign render --rig configs/rig_ring4.yaml -o out/capture\n";
   const std::string calibrate =
-      render +
-      "volalign calibrate --capture out/capture/capture.json --model models/m05-lite.pt "
-      "-o out/calibration\n";
-  const std::string draft = render +
-                            "volalign capture init out/capture --depth-scale 0.001 -o "
-                            "out/draft.json --force   # lists the "
-                            "intrinsics as not known: status 2\n";
+      render + "volalign calibrate --capture out/capture/capture.json -o out/calibration\n";
+  const std::string draft =
+      render + "volalign init out/capture --depth-scale 0.001 -o out/draft.json\n";
   const std::string build =
       "volalign structure build configs/structure.yaml -o out/structure.glb\n";
   const std::string show = "volalign config show configs/rig_ring4.yaml --set seed=7\n";
@@ -29,13 +25,16 @@ const std::map<std::string, std::string>& Examples() {
       "--set run.validation_samples=16 --set optim.warmup_samples=16 -o out/try\n";
   static const std::map<std::string, std::string> examples = {
       {"calibrate", calibrate},
-      {"capture", draft},
-      {"capture init", draft},
+      {"init", draft},
       {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
-                            "out/capture/capture.json --model models/m05-lite.pt -o out/check\n"},
+                            "out/capture/capture.json -o out/check\n"},
       {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
       {"completion bash",
        "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
+      {"completion fish",
+       "volalign completion fish > volalign.fish   # for ~/.config/fish/completions\n"},
+      {"completion zsh",
+       "volalign completion zsh > volalign.zsh   # then: source volalign.zsh, in ~/.zshrc\n"},
       {"config", show},
       {"config commands", "volalign config commands\n"},
       {"config reference", "volalign config reference\n"},
@@ -43,20 +42,21 @@ const std::map<std::string, std::string>& Examples() {
       {"convert",
        calibrate + "volalign convert out/calibration/extrinsics.json --to colmap -o out/colmap\n"},
       {"doctor", "volalign doctor\n"},
-      {"evaluate",
-       "volalign evaluate --model models/m05-lite.pt --rig configs/rig_ring4.yaml --seeds 7 "
-       "-o out/evaluation\n"},
+      {"evaluate", "volalign evaluate --rig configs/rig_ring4.yaml --seeds 7 -o out/evaluation\n"},
       {"export", "volalign export --model models/m05-lite.pt --format onnx -o out/m05-lite.onnx\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
       {"runs", train + "volalign runs list out\n"},
-      {"runs compare", train + "volalign runs compare out --format csv\n"},
+      {"runs compare", train + "volalign runs compare out --csv\n"},
       {"runs list", train + "volalign runs list out\n"},
       {"runs plot", train + "volalign runs plot out -o out/runs.svg\n"},
       {"structure", build},
       {"structure build", build},
       {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
+      {"structure sheet", "volalign structure sheet configs/structure.yaml -o out/build.svg\n"},
       {"structure show", "volalign structure show configs/structure.yaml\n"},
+      {"structure suggest",
+       "volalign structure suggest '2x 500x400x300, 400x300x250' -o out/my_boxes.yaml\n"},
       {"train", train},
       {"validate",
        "volalign validate --model models/m05-lite.pt --samples 16 -o out/scores.json\n"}};

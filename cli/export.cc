@@ -10,6 +10,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "core/base/error.h"
+#include "core/base/progress_line.h"
 #include "core/nn/export_onnx.h"
 #include "core/nn/export_safetensors.h"
 #include "core/nn/export_torchscript.h"
@@ -69,7 +70,10 @@ Command AddExportCommand(CLI::App& program) {
       ->required();
   return {app, [options] {
             const Format& format = FormatOf(options->format, options->output);
+            ProgressLine line;
+            line.Begin("writing " + options->output);
             format.write(options->model, options->output, options->precision == "fp16");
+            line.Stop();
             SaveCommand(options->output);
             fmt::print("written: {} ({})\n", options->output, format.content);
             return 0;

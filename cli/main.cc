@@ -20,15 +20,31 @@ namespace volalign {
 
 namespace {
 
+/// By the headings under which the program's help lists them.
 std::vector<Command> AddCommands(CLI::App& program) {
-  return {
+  std::vector<Command> commands;
+  const auto add = [&](const char* heading, const std::vector<Command>& group) {
+    for (const Command& command : group) {
+      command.app->group(heading);
+      commands.push_back(command);
+    }
+  };
+  add("Calibrate a rig",
+      {AddStructureCommand(program),
 #ifdef VOLALIGN_HAS_INFER
-      AddCalibrateCommand(program), AddCaptureCommand(program),    AddCheckCommand(program),
-      AddConvertCommand(program),   AddEvaluateCommand(program),   AddPlanCommand(program),
+       AddPlanCommand(program), AddInitCommand(program), AddCalibrateCommand(program),
+       AddConvertCommand(program), AddCheckCommand(program)
 #endif
-      AddStructureCommand(program), AddRenderCommand(program),     AddTrainCommand(program),
-      AddRunsCommand(program),      AddValidateCommand(program),   AddExportCommand(program),
-      AddConfigCommand(program),    AddCompletionCommand(program), AddDoctorCommand(program)};
+      });
+  add("Render and train",
+      {AddRenderCommand(program), AddTrainCommand(program), AddRunsCommand(program),
+       AddValidateCommand(program), AddExportCommand(program)});
+#ifdef VOLALIGN_HAS_INFER
+  add("Measure", {AddEvaluateCommand(program)});
+#endif
+  add("Tools",
+      {AddConfigCommand(program), AddCompletionCommand(program), AddDoctorCommand(program)});
+  return commands;
 }
 
 /// Reads the arguments; true where they were understood, else `status` is that of the program.
@@ -42,11 +58,16 @@ bool Parse(CLI::App* program, int argc, char** argv, int* status) {
   try {
     program->parse(argc, argv);
     return true;
-  } catch (const CLI::ExtrasError&) {
-    fmt::print(stderr, "error: {}\n", UnknownOption(program));
-    *status = 1;
   } catch (const CLI::ParseError& error) {
-    *status = program->exit(error) == 0 ? 0 : 1;
+    if (error.get_exit_code() == 0) {  // --help, --version
+      *status = program->exit(error);
+      return false;
+    }
+    // What is misspelled is missing, too.
+    const std::string misspelled = UnknownOption(program);
+    fmt::print(stderr, "error: {}\n",
+               misspelled.empty() ? std::string(error.what()) + " (--help says more)" : misspelled);
+    *status = 1;
   }
   return false;
 }
@@ -64,6 +85,9 @@ int Run(int argc, char** argv) {
                    "volalign");
   program.set_version_flag("--version", VersionText);
   program.require_subcommand(1);
+  program.formatter(HelpFormatter());
+  SetDataFolder(FindDataFolder(""));
+  program.footer("Pages: " + WithPages("docs/index.md"));
   const std::vector<Command> commands = AddCommands(program);
   std::string data_dir;
   ForEachApp(&program, [&](CLI::App* app, const std::string&) {
@@ -80,8 +104,10 @@ int Run(int argc, char** argv) {
     for (const Command& command : commands) {
       if (*command.app) return command.run();
     }
+  } catch (const IoError& e) {
+    fmt::print(stderr, "error: {}{}\n", Shown(WithPages(e.what())), DataFolderHint(e.what()));
   } catch (const Error& e) {
-    fmt::print(stderr, "error: {}\n", Shown(e.what()));
+    fmt::print(stderr, "error: {}\n", Shown(WithPages(e.what())));
   } catch (const std::exception& e) {
     const std::string text = e.what();
     fmt::print(stderr, "error: {}\n", Shown(text.substr(0, text.find('\n'))));

@@ -8,7 +8,9 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "cli/table_output.h"
 #include "core/base/file_util.h"
+#include "core/base/progress_line.h"
 #include "core/config/config.h"
 #include "core/geometry/rig.h"
 #include "infer/plan/plan_picture.h"
@@ -23,19 +25,23 @@ struct PlanOptions {
   std::vector<std::string> assignments;
   int trials = 3;
   int threads = CalibrateOptions().threads;
+  TableOutput table;
 };
 
 int RunPlan(const PlanOptions& options) {
   const std::vector<Rig> turns = Turns(ReadRig(ReadSource(options.rig, options.assignments)));
-  if (turns.size() > 1) fmt::print("of its {} turns of the structure, the first:\n", turns.size());
+  if (turns.size() > 1)
+    options.table.Say(fmt::format("of its {} turns of the structure, the first:", turns.size()));
   CalibrateOptions calibration;
   calibration.threads = options.threads;
-  const RigPlan plan = PlanRig(turns.front(), options.trials, calibration);
-  fmt::print("{}", FormatPlan(plan));
+  ProgressLine line;
+  const RigPlan plan = PlanRig(turns.front(), options.trials, calibration, line.Counter("trials"));
+  line.Stop();
+  options.table.Print(FormatPlan(plan), PlanTable(plan));
   if (!options.picture.empty()) {
     WriteFileAtomically(options.picture, PlanPicture(plan));
     SaveCommand(options.picture, {{"rig", WriteConfig(turns.front())}});
-    fmt::print("written: {}\n", options.picture);
+    options.table.Say("written: " + options.picture);
   }
   const bool all =
       std::all_of(plan.sensors.begin(), plan.sensors.end(),
@@ -59,6 +65,7 @@ Command AddPlanCommand(CLI::App& program) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app->add_option("-o,--output", options->picture, "picture of the rig from above, SVG");
+  options->table.AddOptions(app);
   return {app, [options] { return RunPlan(*options); }};
 }
 

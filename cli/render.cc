@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -6,15 +7,18 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/progress_line.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
@@ -35,11 +39,12 @@ struct RenderOptions {
   std::uint64_t index = 0;
   std::uint64_t count = 24;
   int threads = 0;
-  bool preview = false;
+  bool preview = false, force = false;
   std::string real_frames;
   double real_depth_scale = 0.001;
   std::string renderer;
   int egl_device = -1;
+  TableOutput table;
 };
 
 void AddOptions(RenderOptions* options, CLI::App* app) {
@@ -58,7 +63,7 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
   app->add_option("--seed", options->seed, "of the samples; the recipe's run.seed without it")
       ->excludes(rig);
   app->add_option("--threads", options->threads,
-                  "threads that render, and as many that compress; 0: one a core")
+                  "threads that render, and as many that compress; 0: one per core")
       ->check(CLI::Range(0, 1024))
       ->excludes(rig);
   CLI::Option* preview =
@@ -69,74 +74,98 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
   app->add_option("--real-frames", options->real_frames,
                   "folder of real depth frames (.pgm, .png) to compare with")
       ->needs(preview);
-  app->add_option("--real-depth-scale", options->real_depth_scale, "metres a step of these frames")
+  app->add_option("--real-depth-scale", options->real_depth_scale,
+                  "metres per step of these frames")
       ->needs(preview)
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app->add_flag("--force", options->force, "replace the capture that the folder has")->needs(rig);
   app->add_option("--renderer", options->renderer,
                   "egl, cpu or auto, see data.renderer (docs/config.md); the "
                   "recipe's, and egl for a rig, without it")
       ->check(CLI::IsMember({"egl", "cpu", "auto"}));
   app->add_option("--egl-device", options->egl_device,
                   "EGL device; the first that works, or software, without it");
+  options->table.AddOptions(app);
+  for (const char* format : {"--json", "--csv"}) app->get_option(format)->needs(rig);
 }
 
-/// Each still as a capture of its own. Writes into `draft` and returns what is to be said of it,
-/// with the folder `output` that it becomes.
-std::string WritePlacements(const std::filesystem::path& draft, const std::string& output,
-                            const std::vector<RigCapture>& stills) {
-  std::string said;
+/// Of `stills`, each still as a capture of its own where there are several. Writes into `draft`,
+/// which becomes `output`, and adds a row for each frame to `table`. Returns the names of the
+/// captures.
+std::vector<std::string> WriteStills(const std::filesystem::path& draft, const std::string& output,
+                                     const std::vector<RigCapture>& stills,
+                                     const std::string& renderer, Table* table) {
+  std::vector<std::string> written;
   for (std::size_t k = 0; k < stills.size(); ++k) {
-    const std::string name = fmt::format("placement_{}", k + 1);
-    WriteCapture(draft / name, stills[k]);
-    const Eigen::Vector3d at = stills[k].first_from_placement.translation();
-    said +=
-        fmt::format("placement {}, structure at ({:+.3f}, {:+.3f}) m of the first: pixels on it in",
-                    k + 1, at.x(), at.z());
+    const std::string name = stills.size() > 1 ? fmt::format("placement_{}", k + 1) : "";
+    WriteCapture(draft / name, stills[k], renderer);
+    const std::string capture = (std::filesystem::path(output) / name / "capture.json").string();
+    written.push_back(capture);
     for (const CapturedSensor& sensor : stills[k].sensors) {
-      said += fmt::format(" {} {}", sensor.name,
-                          std::count_if(sensor.labels.begin(), sensor.labels.end(),
-                                        [](std::uint8_t label) { return label > 0; }));
+      const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
+      const auto on_stack = std::count_if(sensor.labels.begin(), sensor.labels.end(),
+                                          [](std::uint8_t label) { return label > 0; });
+      table->rows.push_back({capture, sensor.name, sensor.sensor, CellOf(sensor.intrinsics.width),
+                             CellOf(sensor.intrinsics.height), p.x(), p.y(), p.z(),
+                             std::int64_t{on_stack}});
     }
-    said += fmt::format("\nwritten: {}/{}/capture.json, contact_sheet.png\n", output, name);
   }
-  return said;
+  return written;
 }
 
-std::string WriteStills(const std::filesystem::path& draft, const std::string& output,
-                        const std::vector<RigCapture>& stills) {
-  if (stills.size() > 1) return WritePlacements(draft, output, stills);
-  const RigCapture& capture = stills.front();
-  WriteCapture(draft, capture);
-  std::string said;
-  for (const CapturedSensor& sensor : capture.sensors) {
-    const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
-    said += fmt::format("{:<12} {:<26} {}x{}  at ({:+.3f}, {:+.3f}, {:+.3f}) m\n", sensor.name,
-                        sensor.sensor, sensor.intrinsics.width, sensor.intrinsics.height, p.x(),
-                        p.y(), p.z());
-  }
-  return said + fmt::format("written: {}/capture.json, rig.yaml, contact_sheet.png\n", output);
+/// A capture of its own, or those of placements or turns.
+bool HasCapture(const std::filesystem::path& folder) {
+  const auto exists = [&](const char* part) {
+    std::error_code error;
+    return std::filesystem::exists(folder / part / "capture.json", error);
+  };
+  return exists("") || exists("placement_1") || exists("turn_1");
 }
 
 /// Each turn of the structure in a folder of its own, where there are several.
 void RenderRigTurns(const RenderOptions& options, const ConfigSource& source,
-                    DepthRenderer& renderer) {
+                    const Renderers& renderers) {
+  if (!options.force && HasCapture(options.output)) {
+    throw ConfigError(fmt::format("{} has a capture already; --force replaces it", options.output));
+  }
   const ResultFolder folder(options.output);
+  const std::unique_ptr<DepthRenderer> renderer = renderers.make();
   const std::vector<Rig> turns = Turns(ReadRig(source));
-  std::string said;
+  Table table;
+  table.columns = {"capture",
+                   "sensor",
+                   "kind",
+                   {"width_px", "width"},
+                   {"height_px", "height"},
+                   {"x_m", "x, m", 1, 3},
+                   {"y_m", "y, m", 1, 3},
+                   {"z_m", "z, m", 1, 3},
+                   {"structure_px", "pixels on the structure"}};
+  std::vector<std::string> written;
+  ProgressLine line;
   for (std::size_t k = 0; k < turns.size(); ++k) {
+    const std::string of =
+        turns.size() > 1 ? fmt::format(" of turn {} of {}", k + 1, turns.size()) : "";
     std::filesystem::path draft = folder.draft(), output = options.output;
     if (turns.size() > 1) {
       draft /= fmt::format("turn_{}", k + 1);
       output /= draft.filename();
     }
-    const std::vector<RigCapture> stills = RenderPlacements(turns[k], renderer);
+    const std::vector<RigCapture> stills =
+        RenderPlacements(turns[k], *renderer, nullptr, line.Counter("frames" + of));
     WriteFileAtomically(draft / "rig.yaml", WriteConfig(turns[k]));
-    said += WriteStills(draft, output.string(), stills);
+    for (const std::string& capture :
+         WriteStills(draft, output.string(), stills, renderers.description, &table)) {
+      written.push_back(capture);
+    }
   }
   SaveCommand(folder.draft());
   folder.Publish("capture.json");
-  fmt::print("{}", said);
+  line.Stop();
+  options.table.Print(FormatTable(table, TableFormat::kText), table);
+  options.table.Say(
+      fmt::format("written: {}, each with a contact_sheet.png", fmt::join(written, ", ")));
 }
 
 void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed,
@@ -146,7 +175,10 @@ void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std:
   const PreviewOptions preview{seed, options.index,
                                static_cast<int>(std::min(options.count, kMostSamples)),
                                options.real_frames, options.real_depth_scale};
+  ProgressLine line;
+  line.Begin("samples");
   const std::string statistics = WritePreview(folder.draft(), recipe.data, preview, renderer);
+  line.Stop();
   WriteFileAtomically(folder.draft() / "config.yaml", WriteConfig(recipe));
   SaveCommand(folder.draft(), {{"recipe", WriteConfig(recipe)}});
   folder.Publish("preview.png");
@@ -183,12 +215,11 @@ int RunRender(const RenderOptions& options) {
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
   const auto choose = [&](const std::string& renderer) {
     Renderers chosen = ChooseRenderers(renderer, {options.egl_device});
-    fmt::print("renderer: {}\n", chosen.description);
+    options.table.Say("renderer: " + chosen.description);
     return chosen;
   };
   if (!options.rig.empty()) {
-    const Renderers chosen = choose(options.renderer.empty() ? "egl" : options.renderer);
-    RenderRigTurns(options, source, *chosen.make());
+    RenderRigTurns(options, source, choose(options.renderer.empty() ? "egl" : options.renderer));
     return 0;
   }
   TrainConfig recipe = ReadTrainConfig(source);

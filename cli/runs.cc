@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "cli/command_line.h"
+#include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "train/log/run_log.h"
@@ -22,7 +22,7 @@ namespace {
 struct RunsOptions {
   std::vector<std::string> folders;
   std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"};
-  TableFormat format = TableFormat::kText;
+  TableOutput table;
   std::string output;
 };
 
@@ -31,14 +31,6 @@ CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, RunsOptions
   verb->add_option("folders", options->folders, "run folders, or folders that hold such")
       ->required();
   return verb;
-}
-
-void AddFormat(CLI::App* verb, RunsOptions* options) {
-  static const std::map<std::string, TableFormat> kFormats = {
-      {"text", TableFormat::kText}, {"csv", TableFormat::kCsv}, {"json", TableFormat::kJson}};
-  verb->add_option("--format", options->format, "text, csv or json")
-      ->transform(CLI::CheckedTransformer(kFormats))
-      ->default_str("text");
 }
 
 void WritePlot(const RunsOptions& options) {
@@ -60,13 +52,13 @@ Command AddRunsCommand(CLI::App& program) {
   app->require_subcommand(1);
   CLI::App* list = AddVerb(
       app, "list", "One row per run: how far it is, its last metrics, its speed", options.get());
-  AddFormat(list, options.get());
-  AddFormat(AddVerb(app, "compare",
-                    "A row for each configuration: the folder of its first run, the keys that "
-                    "differ, mean and standard "
-                    "deviation of the metrics over its seeds",
-                    options.get()),
-            options.get());
+  options->table.AddOptions(list);
+  CLI::App* compare = AddVerb(
+      app, "compare",
+      "A row for each configuration: the folder of its first run, the keys that differ, mean and "
+      "standard deviation of the metrics over its seeds, differences from the first one",
+      options.get());
+  options->table.AddOptions(compare);
   CLI::App* plot =
       AddVerb(app, "plot", "Curves as SVG: a line for each configuration, its seeds as a band",
               options.get());
@@ -79,7 +71,7 @@ Command AddRunsCommand(CLI::App& program) {
             }
             const std::vector<LoggedRun> runs = ReadRuns(options->folders);
             const Table table = *list ? ListRuns(runs) : CompareRuns(GroupRuns(runs));
-            fmt::print("{}", FormatTable(table, options->format));
+            options->table.Print(FormatTable(table, TableFormat::kText), table);
             return 0;
           }};
 }

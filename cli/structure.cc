@@ -1,45 +1,94 @@
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <string>
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
+#include "cli/table_output.h"
+#include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/progress_line.h"
 #include "core/formats/structure_gltf.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/plan/target_report.h"
+#include "infer/stack/build_sheet.h"
+#include "infer/stack/suggest.h"
 #endif
 
 namespace volalign {
 
 namespace {
 
-void PrintStructure(const Structure& structure) {
-  fmt::print("{}: {} boxes, {} labels and background, {:.0f} mm high, sha256 {}\n",
-             structure.name(), structure.boxes().size(), structure.num_classes() - 1,
-             structure.Height() * 1e3, structure.Hash().substr(0, 16));
-  fmt::print("{:>5}  {:<24} {:>28}  {:>28}  {:>9}\n", "label", "side", "centre, mm",
-             "exposed centroid, mm", "exposed");
+Table SidesTable(const Structure& structure) {
+  Table table;
+  table.columns = {"label",
+                   "side",
+                   {"centre_x_m", "centre x, mm", 1000, 1},
+                   {"centre_y_m", "y", 1000, 1},
+                   {"centre_z_m", "z", 1000, 1},
+                   {"exposed_centroid_x_m", "exposed centroid x, mm", 1000, 1},
+                   {"exposed_centroid_y_m", "y", 1000, 1},
+                   {"exposed_centroid_z_m", "z", 1000, 1},
+                   {"exposed", "exposed %", 100, 0}};
   for (int label = 1; label < structure.num_classes(); ++label) {
     const Side& side = structure.SideOfLabel(label);
-    const Eigen::Vector3d c = side.centre * 1e3, e = side.exposed_centroid * 1e3;
-    fmt::print("{:>5}  {:<24} {:>8.1f} {:>9.1f} {:>9.1f}  {:>8.1f} {:>9.1f} {:>9.1f}  {:>7.0f} %\n",
-               label, side.name, c.x(), c.y(), c.z(), e.x(), e.y(), e.z(),
-               100 * side.exposed_area / (4 * side.half_u * side.half_v));
+    const Eigen::Vector3d &c = side.centre, &e = side.exposed_centroid;
+    table.rows.push_back({CellOf(label), side.name, c.x(), c.y(), c.z(), e.x(), e.y(), e.z(),
+                          side.exposed_area / (4 * side.half_u * side.half_v)});
   }
+  return table;
+}
+
+void PrintStructure(const Structure& structure, const TableOutput& output) {
+  const Table table = SidesTable(structure);
+  const std::size_t boxes = structure.boxes().size();
+  output.Print(fmt::format("{}: {} box{}, {} labels and background, {:.0f} mm high, sha256 {}\n{}",
+                           structure.name(), boxes, boxes == 1 ? "" : "es",
+                           structure.num_classes() - 1, structure.Height() * 1e3,
+                           structure.Hash().substr(0, 16), FormatTable(table, TableFormat::kText)),
+               table);
 }
 
 #ifdef VOLALIGN_HAS_INFER
 void CheckStructure(const std::string& file, const TargetViewOptions& views,
-                    const std::string& picture) {
+                    const std::string& picture, const TableOutput& output) {
   const Structure structure = ReadStructure(file);
+  ProgressLine line;
+  line.Begin("views of the stack");
   const TargetQuality quality = MeasureTarget(structure, views);
-  fmt::print("{}", FormatTarget(structure, quality));
+  line.Stop();
+  output.Print(FormatTarget(structure, quality), TargetTable(quality));
   if (picture.empty()) return;
   WriteFileAtomically(picture, TargetPicture(structure, quality));
   SaveCommand(picture);
-  fmt::print("written: {}\n", picture);
+  output.Say("written: " + picture);
+}
+
+void WriteSheet(const Structure& structure, const std::string& file, const TableOutput& output) {
+  WriteFileAtomically(file, BuildSheet(structure));
+  SaveCommand(file);
+  output.Say("written: " + file);
+}
+
+void Suggest(const std::string& boxes, const std::string& file, const SuggestOptions& options,
+             const TableOutput& output) {
+  const std::filesystem::path sheet = std::filesystem::path(file).replace_extension(".svg");
+  if (sheet == file) {
+    throw ConfigError(file + ": a structure's file ends in .yaml; its sheet is put beside it");
+  }
+  ProgressLine line;
+  const SuggestedStack suggested = SuggestStack(std::filesystem::path(file).stem().string(),
+                                                ParseBoxes(boxes), options, line.Counter("stacks"));
+  line.Stop();
+  output.Print(FormatTarget(suggested.structure, suggested.quality),
+               TargetTable(suggested.quality));
+  output.Say(fmt::format("it stands until the floor is tilted by {:.0f} deg", suggested.tilt_deg));
+  WriteFileAtomically(file, SuggestedYaml(suggested));
+  SaveCommand(file);
+  output.Say("written: " + file);
+  WriteSheet(suggested.structure, sheet.string(), output);
 }
 #endif
 
@@ -48,7 +97,10 @@ void CheckStructure(const std::string& file, const TargetViewOptions& views,
 Command AddStructureCommand(CLI::App& program) {
   struct Options {
     std::string boxes, glb, show, check, picture;
+    TableOutput table;
 #ifdef VOLALIGN_HAS_INFER
+    std::string build, sheet, owned, suggested;
+    SuggestOptions suggest;
     TargetViewOptions views;
 #endif
   };
@@ -61,8 +113,10 @@ Command AddStructureCommand(CLI::App& program) {
                    "YAML of boxes, millimetres (see configs/structure.yaml)")
       ->required();
   build->add_option("-o,--output", options->glb, "structure file to write (.glb)")->required();
+  options->table.AddOptions(build);
   CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
   show->add_option("structure", options->show, ".glb or .yaml")->required();
+  options->table.AddOptions(show);
 #ifdef VOLALIGN_HAS_INFER
   CLI::App* check = app->add_subcommand(
       "check", "Say whether a set of boxes is a good target: symmetries, and what views tell");
@@ -77,21 +131,56 @@ Command AddStructureCommand(CLI::App& program) {
       // CLI11's own text of a list is another one where LibTorch's operator<< for vectors is seen.
       ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
   check->add_option("-o,--output", options->picture, "picture of it, SVG");
+  options->table.AddOptions(check);
+  CLI::App* sheet = app->add_subcommand(
+      "sheet", "Draw how to build it: one A4 page to print, with every length in mm");
+  sheet->add_option("structure", options->build, ".glb or .yaml")->required();
+  sheet->add_option("-o,--output", options->sheet, "picture to write, SVG")->required();
+  CLI::App* suggest = app->add_subcommand(
+      "suggest", "Find a stack of your boxes that is a good target: its YAML and its sheet");
+  suggest
+      ->add_option("boxes", options->owned,
+                   "numbers and edges in mm, e.g. \"3x 600x400x400, 2x 400x300x250\"")
+      ->required();
+  suggest
+      ->add_option("-o,--output", options->suggested,
+                   "file to write, YAML; its sheet is put beside it (.svg)")
+      ->required();
+  suggest->add_option("--height", options->suggest.height_m, "of the stack, m, at most")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  suggest
+      ->add_option("--candidates", options->suggest.candidates,
+                   "stacks that are drawn at random and compared")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  suggest->add_option("--threads", options->suggest.threads, "threads over the stacks")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  options->table.AddOptions(suggest);
 #endif
   return {app, [=] {
 #ifdef VOLALIGN_HAS_INFER
             if (*check) {
-              CheckStructure(options->check, options->views, options->picture);
+              CheckStructure(options->check, options->views, options->picture, options->table);
+              return 0;
+            }
+            if (*sheet) {
+              WriteSheet(ReadStructure(options->build), options->sheet, options->table);
+              return 0;
+            }
+            if (*suggest) {
+              Suggest(options->owned, options->suggested, options->suggest, options->table);
               return 0;
             }
 #endif
             if (*build) {
               WriteStructureGlb(options->glb, ReadStructureYaml(options->boxes));
               SaveCommand(options->glb);
-              PrintStructure(ReadStructureGlb(options->glb));
-              fmt::print("written: {}\n", options->glb);
+              PrintStructure(ReadStructureGlb(options->glb), options->table);
+              options->table.Say("written: " + options->glb);
             } else {
-              PrintStructure(ReadStructure(options->show));
+              PrintStructure(ReadStructure(options->show), options->table);
             }
             return 0;
           }};

@@ -35,6 +35,7 @@ struct TrainCommandOptions {
 };
 
 int TrainOne(const TrainCommandOptions& options) {
+  WaitPassively();
   TrainOptions train_options;
   train_options.world = ReadWorld();
   train_options.run_dir = options.run_dir;
@@ -60,6 +61,7 @@ int TrainOne(const TrainCommandOptions& options) {
 }
 
 int TrainMany(const TrainCommandOptions& options) {
+  WaitPassively();
   KeepFreedMemory();
   const std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
@@ -84,15 +86,16 @@ Command AddTrainCommand(CLI::App& program) {
       program.add_subcommand("train", "Train the segmentation network on rendered samples");
   CLI::Option* config =
       app->add_option("--config", options->config, "recipe, e.g. configs/m05-lite.yaml");
-  CLI::Option* sweep =
-      app->add_option("--sweep", options->sweep,
-                      "YAML of recipes, values and seeds: trains all combinations in folders of "
-                      "--output, and goes on where it was stopped");
+  CLI::Option* sweep = app->add_option(
+      "--sweep", options->sweep,
+      "YAML of recipes, values and seeds: trains all combinations in folders of "
+      "--output, those with the same samples side by side, and goes on where it was "
+      "stopped");
   sweep->excludes(config);
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")
       ->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one per core");
   AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("-o,--output,--run-dir", options->run_dir,
                   "folder for config, metrics and checkpoints")

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <utility>
@@ -9,7 +8,9 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "cli/table_output.h"
 #include "core/base/file_util.h"
+#include "core/base/progress_line.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/checkpoint_validation.h"
@@ -23,6 +24,7 @@ struct ValidateOptions {
   std::string config, output;
   std::vector<std::string> assignments;
   int samples = 1000;
+  TableOutput table;
 };
 
 /// The recipe that the samples are of is added to `recipes`.
@@ -37,11 +39,15 @@ ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& opt
   const TrainConfig config = ReadTrainConfig(source);
   recipes->emplace_back("recipe of " + file, WriteConfig(config));
   SetTorchThreads(config.run.threads);
-  const ValidatedModel validated{file, model.meta.samples,
-                                 ValidateCheckpoint(model, config, options.samples)};
-  fmt::print("{}: {} training samples, validated on seed {}\n\n{}", file, model.meta.samples,
-             config.run.validation_seed, ValidationTable(validated.result));
-  std::fflush(stdout);
+  ProgressLine line;
+  const ValidatedModel validated{
+      file, model.meta.samples,
+      ValidateCheckpoint(model, config, options.samples, line.Counter("samples"))};
+  line.Stop();
+  const bool recorded = !config.data.real.validation.empty();
+  options.table.Say(fmt::format(
+      "{}: {} training samples, validated on {}", file, model.meta.samples,
+      recorded ? "recorded frames" : fmt::format("seed {}", config.run.validation_seed)));
   return validated;
 }
 
@@ -49,29 +55,31 @@ ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& opt
 
 Command AddValidateCommand(CLI::App& program) {
   auto options = std::make_shared<ValidateOptions>();
-  CLI::App* app =
-      program.add_subcommand("validate", "Score checkpoints on rendered validation samples");
+  CLI::App* app = program.add_subcommand(
+      "validate",
+      "Score checkpoints on rendered validation samples, or on the frames of data.real.validation");
   app->add_option("--model", options->models, "checkpoints")->required();
   app->add_option("--config", options->config,
                   "recipe that says what the samples are; each checkpoint's own without it");
   app->add_option("--set", options->assignments, "KEY=VALUE over the recipe")->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one a core");
+  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one per core");
   AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("--samples", options->samples, "number of samples, rounded up to whole batches")
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
   app->add_option("-o,--output", options->output, "also write the scores to this file, JSON");
+  options->table.AddOptions(app);
   return {app, [options] {
             std::vector<ValidatedModel> all;
             std::vector<std::pair<std::string, std::string>> recipes;
-            for (const std::string& file : options->models) {
-              if (!all.empty()) fmt::print("\n");
+            for (const std::string& file : options->models)
               all.push_back(ValidateModel(file, *options, &recipes));
-            }
+            const Table table = ValidationTable(all);
+            options->table.Print(FormatTable(table, TableFormat::kText), table);
             if (!options->output.empty()) {
               WriteFileAtomically(options->output, ValidationJson(all));
               SaveCommand(options->output, recipes);
-              fmt::print("\nwritten: {}\n", options->output);
+              options->table.Say("written: " + options->output);
             }
             return 0;
           }};

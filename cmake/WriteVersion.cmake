@@ -2,6 +2,7 @@
 # date, "" where the tree is neither a repository of its own nor an archive of one (.gitattributes); touches the file only where it changes.
 file(READ "${SOURCE}/cmake/commit.txt" commit)
 string(STRIP "${commit}" commit)
+string(REGEX REPLACE "^(............)[0-9a-f]* of" "\\1 of" commit "${commit}")
 if(commit MATCHES "Format")
   set(commit "")
   if(EXISTS "${SOURCE}/.git")

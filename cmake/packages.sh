@@ -10,11 +10,13 @@ VOLALIGN_BUILD_PACKAGES=(
   libcli11-dev libfmt-dev libonnx-dev libprotobuf-dev protobuf-compiler
   libjs-three
   pybind11-dev python3-dev
-  libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libsqlite3-dev
+  libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev
 )
-VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file python3 python3-numpy python3-pytest python3-torch)
+VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file iproute2 mono-mcs mono-runtime python3 python3-numpy python3-pytest python3-torch)
 # For the test of report.html, which is skipped without them: 80 MB to fetch, 350 MB installed. CI has them.
 VOLALIGN_BROWSER_PACKAGES=(chromium fonts-dejavu-core)
+# For the tests that compare with other programs' readers and writers, beside tests/requirements.txt, and for the reference of the headers; likewise.
+VOLALIGN_READERS_PACKAGES=(mkvtoolnix python3-venv doxygen)
 # llvm-14 has the symbolizer, which names the functions in a sanitizer's report.
 VOLALIGN_SANITIZER_PACKAGES=(clang-14 libclang-rt-14-dev llvm-14)
 VOLALIGN_TIDY_PACKAGES=(clang-14 clang-tidy-14)

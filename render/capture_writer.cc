@@ -23,26 +23,27 @@ constexpr double kPictureFar = 6.0;
 
 }  // namespace
 
-void AppendPictures(const std::string& name, const DepthImage& clean, const DepthImage& depth,
-                    const LabelImage& labels, const Pose& structure_from_sensor,
-                    std::vector<RgbImage>* pictures) {
+RgbImage SheetPicture(const std::string& name, const DepthImage& clean, const DepthImage& depth,
+                      const LabelImage& labels, const Pose& structure_from_sensor) {
   const int turns = UprightTurns(structure_from_sensor);
-  const auto append = [&](const RgbImage& picture, const char* what) {
-    pictures->push_back(Captioned(Turn(picture, turns), name + " " + what));
+  const auto upright = [&](const RgbImage& picture, const char* what) {
+    return Captioned(Turn(picture, turns), name + " " + what);
   };
-  append(ColourSheetDepth(clean), "exact");
-  append(ColourSheetDepth(depth), "measured");
-  append(ColourLabels(labels), "labels");
+  return Montage(
+      {upright(ColourSheetDepth(clean), "exact"), upright(ColourSheetDepth(depth), "measured"),
+       upright(ColourLabels(labels), "labels")},
+      3);
 }
 
 RgbImage ColourSheetDepth(const DepthImage& depth) {
   return ColourDepth(depth, kPictureNear, kPictureFar);
 }
 
-void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures,
-                       int columns) {
-  if (columns == 0) columns = pictures.size() > 9 ? 6 : 3;
-  const RgbImage sheet = Montage(pictures, columns);
+void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures) {
+  WriteContactSheet(path, Shelves(pictures, pictures.size() > 3 ? 2 : 1));
+}
+
+void WriteContactSheet(const std::filesystem::path& path, const RgbImage& sheet) {
   constexpr int kMargin = 6, kWidest = 400;
   RgbImage with_scale(sheet.width(), sheet.height() + kScaleHeight + kTextHeight + 3 * kMargin,
                       kPaper);
@@ -59,7 +60,8 @@ void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbI
   WritePng(path, with_scale);
 }
 
-void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
+void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture,
+                  const std::string& renderer) {
   Json json{{"format", "volalign.capture/1"},
             {"depth_scale", kDepthScale},
             {"structure", "structure.glb"},
@@ -67,17 +69,19 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture) {
   Json ground_truth;
   std::vector<RgbImage> pictures;
   for (const CapturedSensor& sensor : capture.sensors) {
-    const std::string depth_name = sensor.name + "_Depth.png";
+    const std::string depth_name = sensor.name + "_depth.png";
+    const Json intrinsics = DescribedJson(sensor.stated_intrinsics, sensor.name);
     WritePng(dir / depth_name, FromMetres(sensor.depth, kDepthScale));
     WritePng(dir / (sensor.name + "_labels.png"), sensor.labels);
-    json["sensors"].push_back(
-        {{"name", sensor.name},
-         {"sensor", sensor.sensor},
-         {"depth", depth_name},
-         {"intrinsics", DescribedJson(sensor.stated_intrinsics, sensor.name)}});
+    WriteFileAtomically(dir / (sensor.name + "_intrinsics.json"), intrinsics.dump(2) + "\n");
+    json["sensors"].push_back({{"name", sensor.name},
+                               {"sensor", sensor.sensor},
+                               {"depth", depth_name},
+                               {"renderer", renderer},
+                               {"intrinsics", intrinsics}});
     ground_truth[sensor.name] = ToRows(sensor.structure_from_sensor);
-    AppendPictures(sensor.name, sensor.depth_clean, sensor.depth, sensor.labels,
-                   sensor.structure_from_sensor, &pictures);
+    pictures.push_back(SheetPicture(sensor.name, sensor.depth_clean, sensor.depth, sensor.labels,
+                                    sensor.structure_from_sensor));
   }
   if (capture.structure_present) json["ground_truth"] = ground_truth;
   WriteStructureGlb(dir / "structure.glb", capture.structure);

@@ -15,6 +15,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/progress_line.h"
 #include "core/base/text.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
@@ -159,36 +160,6 @@ std::vector<std::string_view> Lines(const std::string& text) {
   return lines;
 }
 
-/// A line that redraws itself on a terminal, and one every half minute elsewhere.
-class Progress {
- public:
-  Progress(bool shown, std::uint64_t done, std::uint64_t total)
-      : shown_(shown), terminal_(isatty(STDERR_FILENO) != 0), start_done_(done), total_(total) {}
-
-  void Show(std::uint64_t done) {
-    const auto now = Clock::now();
-    const bool last = done == total_;
-    const auto pause = terminal_ ? std::chrono::milliseconds(200) : std::chrono::seconds(30);
-    if (!shown_ || (!last && now - shown_at_ < pause)) return;
-    shown_at_ = now;
-    const double seconds = std::chrono::duration<double>(now - start_).count();
-    const double rate = static_cast<double>(done - start_done_) / std::max(seconds, 1e-9);
-    const auto left = static_cast<long>(static_cast<double>(total_ - done) / std::max(rate, 1e-9));
-    fmt::print(stderr, "{}{}/{} samples  {:.1f} %  {:.0f} samples/s  {}h{:02}m{:02}s left{}",
-               terminal_ ? "\r" : "", done, total_,
-               100 * static_cast<double>(done) / static_cast<double>(total_), rate, left / 3600,
-               left / 60 % 60, left % 60, terminal_ ? "\033[K" : "\n");
-    if (terminal_ && last) fmt::print(stderr, "\n");
-    std::fflush(stderr);
-  }
-
- private:
-  bool shown_, terminal_;
-  std::uint64_t start_done_, total_;
-  Clock::time_point start_ = Clock::now();
-  Clock::time_point shown_at_ = start_;
-};
-
 class DatasetWriter {
  public:
   DatasetWriter(const fs::path& dir, std::shared_ptr<const SampleContext> context,
@@ -306,15 +277,21 @@ class DatasetWriter {
         std::max<std::uint64_t>(4, 2 * static_cast<std::uint64_t>(options_.num_threads) / batch);
     stream_options.prefetch = static_cast<int>(std::min(batches, ahead));
     SampleStream stream(context_, stream_options);
-    Progress progress(options_.progress, next_ - header_.first_index, header_.count);
+    ProgressLine line(options_.progress);
+    const auto show = [&] {
+      line.Count("samples", static_cast<std::int64_t>(next_ - header_.first_index),
+                 static_cast<std::int64_t>(header_.count));
+    };
+    show();
     auto committed_at = Clock::now();
     std::vector<RgbImage> pictures;
     while (next_ < End()) {
       for (Sample& sample : stream.Next()) {
         if (sample.index < start || sample.index >= End()) continue;
         if (start == header_.first_index && sample.index < sheet_end) {
-          AppendPictures(std::to_string(sample.index), sample.depth_clean, sample.depth,
-                         sample.labels, sample.structure_from_sensor, &pictures);
+          pictures.push_back(SheetPicture(std::to_string(sample.index), sample.depth_clean,
+                                          sample.depth, sample.labels,
+                                          sample.structure_from_sensor));
           if (sample.index + 1 == sheet_end) {
             WriteContactSheet(dir_ / "contact_sheet.png", pictures);
             pictures.clear();
@@ -330,7 +307,7 @@ class DatasetWriter {
           Commit();
           committed_at = Clock::now();
         }
-        progress.Show(next_ - header_.first_index);
+        show();
       }
     }
   }

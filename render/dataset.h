@@ -39,7 +39,7 @@ struct DatasetOptions {
   int num_threads = 1;                      ///< that render, and as many that compress and write
   RendererFactory make_renderer = nullptr;  ///< called by each thread that renders; must be given
   int samples_per_folder = 1000;
-  bool progress = false;  ///< on stderr
+  bool progress = false;  ///< a ProgressLine
 };
 
 struct DatasetResult {
@@ -58,7 +58,7 @@ DatasetResult WriteDataset(const std::filesystem::path& dir,
                            std::shared_ptr<const SampleContext> context,
                            const DatasetOptions& options);
 
-/// The keys of a header's data section and of `context` that differ, one line a key, e.g.
+/// The keys of a header's data section and of `context` that differ, one line for each key, e.g.
 /// "data.noise.model = sensor (dataset: paper)"; empty when both draw the same samples. Paths are
 /// not compared, what they name is; nor are renderers. A key that the dataset does not know had its
 /// default's effect.

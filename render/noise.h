@@ -51,8 +51,11 @@ struct StereoDevice {
 struct DeviceErrors {
   std::optional<TofDevice> tof;
   std::optional<StereoDevice> stereo;
+  std::optional<std::uint64_t> seed;  ///< of noise.model "physics"
 };
 
+/// Whether this value of noise.model wants sensors that have a model.
+bool WantsSensorModel(const std::string& model);
 /// Whether a sensor model exists for a pool name.
 bool HasSensorModel(const std::string& sensor);
 /// The beginnings of such names, for messages: "azure_kinect*, kinect_v2*, ...".
@@ -68,7 +71,7 @@ void RegisterNoiseModel(const std::string& name, NoiseModel model);
 
 /// Random stage "noise". `device`: where it has errors, they take the place of those that the frame
 /// would draw; where it is empty, it receives the ones that the frame has drawn. Throws ConfigError
-/// for model "sensor" and a sensor without one.
+/// for the models "sensor" and "physics" and a sensor that is none of SensorModelNames.
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
                      std::uint64_t index, DeviceErrors* device = nullptr);
 

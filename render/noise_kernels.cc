@@ -22,9 +22,20 @@ const KernelSets<NoiseKernels>& AllNoiseKernels() {
   return all;
 }
 
+namespace {
+
+thread_local const NoiseKernels* on_this_thread = nullptr;
+
+}  // namespace
+
 const NoiseKernels& Kernels() {
+  if (on_this_thread != nullptr) return *on_this_thread;
   static const NoiseKernels kernels = AllNoiseKernels().sets[AllNoiseKernels().count - 1];
   return kernels;
 }
+
+KernelsOnThisThread::KernelsOnThisThread(const NoiseKernels& kernels) { on_this_thread = &kernels; }
+
+KernelsOnThisThread::~KernelsOnThisThread() { on_this_thread = nullptr; }
 
 }  // namespace volalign::noise

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "core/base/field_loops.h"
 #include "core/base/kernel_sets.h"
 
 namespace volalign::noise {
@@ -71,9 +72,9 @@ struct SeamRow {
 /// last bit as the plain loops that they stand for (tests/render/noise_kernels_test.cc).
 struct NoiseKernels {
   const char* name;  ///< of the instruction set
-  /// PixelRandom's numbers of `key` from index `first` on.
+  /// PixelRandom's uniform numbers of `key` from index `first` on.
   void (*uniform)(std::uint64_t key, std::uint64_t first, int count, float* out);
-  void (*normal)(std::uint64_t key, std::uint64_t first, int count, float* out);
+  FieldLoops fields;
   /// Of row v: source[u], the index of the pixel that the window takes for u, `reach` (du, dv) and
   /// a dither in [0, 1) less a half away; nearer[u], whether its depth is positive and, where the
   /// pixel's own is, less by `step`.
@@ -102,7 +103,17 @@ struct NoiseKernels {
 
 const KernelSets<NoiseKernels>& AllNoiseKernels();
 
-/// The best of them.
+/// The best of them, or what KernelsOnThisThread says.
 const NoiseKernels& Kernels();
+
+/// Has Kernels() give `kernels` on the calling thread as long as this lives: tests and benchmarks
+/// compare instruction sets.
+class KernelsOnThisThread {
+ public:
+  explicit KernelsOnThisThread(const NoiseKernels& kernels);
+  ~KernelsOnThisThread();
+  KernelsOnThisThread(const KernelsOnThisThread&) = delete;
+  KernelsOnThisThread& operator=(const KernelsOnThisThread&) = delete;
+};
 
 }  // namespace volalign::noise

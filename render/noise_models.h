@@ -4,11 +4,26 @@
 #include <optional>
 #include <vector>
 
+#include "core/base/noise_fields.h"
 #include "core/base/random.h"
 #include "render/noise.h"
 #include "render/noise_kernels.h"
 
 namespace volalign {
+
+/// px, of the pictures that the figures of the models are for.
+inline constexpr double kReferenceWidth = 320;
+
+/// A number of a range, uniform.
+inline double Draw(const double (&range)[2], RandomStream& random) {
+  return random.Uniform(range[0], range[1]);
+}
+
+/// SmoothField by the kernels in use.
+inline Image<float> SmoothNoise(int width, int height, double correlation_px,
+                                RandomStream& random) {
+  return SmoothField(width, height, correlation_px, random, noise::Kernels().fields);
+}
 
 /// Paper, "Implementation details": zero depth along the structure's outline and its boxes' depth
 /// edges, and elliptical holes.
@@ -24,9 +39,11 @@ void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& 
   for (int first = 0; first < count; first += 8) {
     std::uint64_t eight = 0;
     std::memcpy(&eight, &bytes[static_cast<std::size_t>(first)], sizeof eight);
-    if (eight == 0) continue;
-    for (int i = first; i < first + 8; ++i) {
-      if (bytes[static_cast<std::size_t>(i)]) visit(i);
+    // The first byte is the lowest.
+    while (eight != 0) {
+      const int next = __builtin_ctzll(eight) / 8;
+      visit(first + next);
+      eight &= ~(std::uint64_t{0xFF} << (8 * next));
     }
   }
 }
@@ -37,6 +54,11 @@ template <class Visit>
 void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
   for (int begin = 0, end = 0; begin < count; begin = end) {
     const std::uint16_t face = faces[begin];
+    const std::uint64_t four = face * 0x0001000100010001ULL;
+    for (std::uint64_t next = 0; end + 4 <= count; end += 4) {
+      std::memcpy(&next, faces + end, sizeof next);
+      if (next != four) break;
+    }
     while (end < count && faces[end] == face) ++end;
     if (face != 0) visit(begin, end, static_cast<std::size_t>(face - 1));
   }
@@ -73,6 +95,11 @@ struct TofModel {
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
                    std::optional<TofDevice>* device);
 
+/// What the Azure Kinect's lamp does not light is set to 0 in `keep`: outside of a hexagon about
+/// `centre_u`, px at 320x288.
+void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep);
+double DrawHexagonCentre(RandomStream& random);
+
 /// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d. The
 /// defaults are a D415's.
 struct StereoModel {
@@ -85,5 +112,19 @@ struct StereoModel {
 /// `device` as in TofNoise.
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random,
                       std::optional<StereoDevice>* device);
+
+// noise.model "physics" (docs/sensor-models.md): what a sensor does with light, from which its
+// errors follow, instead of errors. `device_seed`: of what a device does alike in all of its
+// frames.
+
+/// Phasors of two modulation frequencies: mixed at edges, bounced between surfaces, scattered in
+/// the lens, with shot noise; what is too weak, or differs between the frequencies, is lost.
+NoisyView TofPhysics(const TofModel& model, const NoiseInput& input, std::uint64_t device_seed,
+                     RandomStream& random);
+
+/// Two pictures of the textured scene under the projector's dots, of a pair that is calibrated but
+/// nearly, matched block by block.
+NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
+                        std::uint64_t device_seed, RandomStream& random);
 
 }  // namespace volalign

@@ -10,7 +10,6 @@ namespace {
 
 // The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
 // 320 px wide and scale with the width.
-constexpr double kReferenceWidth = 320;
 // Foreground as the matching window grows it.
 constexpr double kFattenCorrelation = 6;  // px, of the wavy outline
 constexpr float kForegroundStep = 0.05F;  // m, least depth step that counts as foreground
@@ -49,8 +48,8 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
   const int width = view.depth.width(), height = view.depth.height();
   MatchedView out{{view.depth, view.labels}, view.faces};
   if (!known) {
-    device->outline_u = SmoothField(width, height, kFattenCorrelation * scale, random);
-    device->outline_v = SmoothField(width, height, kFattenCorrelation * scale, random);
+    device->outline_u = SmoothNoise(width, height, kFattenCorrelation * scale, random);
+    device->outline_v = SmoothNoise(width, height, kFattenCorrelation * scale, random);
   }
   const Image<float>&du = device->outline_u, &dv = device->outline_v;
   const PixelRandom pixel(random);
@@ -84,7 +83,7 @@ void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
   LabelImage& labels = matched->view.labels;
   const Image16& faces = matched->faces;
   const int width = depth.width(), height = depth.height();
-  const Image<float> edge_loss = SmoothField(width, height, kEdgeLossCorrelation * scale, random);
+  const Image<float> edge_loss = SmoothNoise(width, height, kEdgeLossCorrelation * scale, random);
   const PixelRandom edge_dice(random);
   ForEachFaceEdge(faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = depth(u, v), b = depth(p, q);
@@ -110,14 +109,14 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
   if (!known) {
     device->local_sigma = random.Uniform(model.local_sigma[0], model.local_sigma[1]);
     device->warp_sigma = random.Uniform(model.warp_sigma[0], model.warp_sigma[1]);
-    device->warp = SmoothField(
+    device->warp = SmoothNoise(
         width, height, scale * random.Uniform(kWarpCorrelation[0], kWarpCorrelation[1]), random);
   }
   const Image<float>& warp = device->warp;
   const PixelRandom pixel(random);
   Image<float> error(width, height);
-  noise::Kernels().normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
-  SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
+  noise::Kernels().fields.normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
+  SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error, noise::Kernels().fields);
   for (std::size_t i = 0; i < error.size(); ++i) {
     error[i] = static_cast<float>(device->local_sigma) * error[i] +
                static_cast<float>(device->warp_sigma) * warp[i];
@@ -137,10 +136,10 @@ struct FaceInfo {
 class MatchConfidence {
  public:
   MatchConfidence(int width, int height, double scale, RandomStream& random)
-      : coarse_(SmoothField(width, height,
+      : coarse_(SmoothNoise(width, height,
                             scale * random.Uniform(kCoarseCorrelation[0], kCoarseCorrelation[1]),
                             random)),
-        fine_(SmoothField(width, height,
+        fine_(SmoothNoise(width, height,
                           scale * random.Uniform(kFineCorrelation[0], kFineCorrelation[1]),
                           random)),
         quality_(static_cast<float>(random.Uniform(kQuality[0], kQuality[1]))),

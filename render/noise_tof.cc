@@ -48,10 +48,6 @@ constexpr float kMixedDetected = 0.7F;                  // share of them that is
 constexpr double kHexagonCentreU[2] = {158, 170}, kHexagonCentreV = 147.6;
 constexpr double kHexagonHalfWidth = 175.2, kHexagonSlopeAbove = 0.557, kHexagonSlopeBelow = 0.600;
 
-double Draw(const double (&range)[2], RandomStream& random) {
-  return random.Uniform(range[0], range[1]);
-}
-
 /// Face data that every pixel needs.
 struct TofFace {
   float height = 0;        // distance of the eye from the plane, m
@@ -134,23 +130,11 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
   return infos;
 }
 
-void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
-  const double su = kTofWidth / width, sv = kTofHeight / height;
-  for (int v = 0; v < height; ++v) {
-    const double dv = (v + 0.5) * sv - 0.5 - kHexagonCentreV;
-    const double half =
-        kHexagonHalfWidth - (dv < 0 ? -kHexagonSlopeAbove : kHexagonSlopeBelow) * dv;
-    for (int u = 0; u < width; ++u) {
-      if (std::abs((u + 0.5) * su - 0.5 - centre_u) > half) (*keep)(u, v) = 0;
-    }
-  }
-}
-
 /// Gaps along depth edges, and flying pixels where there is no gap.
 void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
                 Image<std::uint8_t>* keep) {
   const int width = clean.depth.width(), height = clean.depth.height();
-  const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
+  const Image<float> coherence = SmoothNoise(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
   ForEachFaceEdge(clean.faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = clean.depth(u, v), b = clean.depth(p, q);
@@ -216,13 +200,14 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
       std::exp(random.Uniform(std::log(kAmplitudeThreshold[0]), std::log(kAmplitudeThreshold[1]))));
   const double warp_correlation =
       scale * kShortestWarp * std::exp(random.Uniform(0, std::log(kWarpRatio)));
-  device.warp = SmoothField(width, height, warp_correlation, random);
-  frame.patches = SmoothField(width, height, scale * Draw(kPatchCorrelation, random), random);
+  device.warp = SmoothNoise(width, height, warp_correlation, random);
+  frame.patches = SmoothNoise(width, height, scale * Draw(kPatchCorrelation, random), random);
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
   frame.grain = Image<float>(width, height);
-  noise::Kernels().normal(pixel.key(), 0, static_cast<int>(frame.grain.size()), frame.grain.data());
-  SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
+  noise::Kernels().fields.normal(pixel.key(), 0, static_cast<int>(frame.grain.size()),
+                                 frame.grain.data());
+  SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain, noise::Kernels().fields);
   return frame;
 }
 
@@ -308,6 +293,21 @@ void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep
 
 }  // namespace
 
+double DrawHexagonCentre(RandomStream& random) { return Draw(kHexagonCentreU, random); }
+
+void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep) {
+  const double su = kTofWidth / width, sv = kTofHeight / height;
+  for (int v = 0; v < height; ++v) {
+    const double dv = (v + 0.5) * sv - 0.5 - kHexagonCentreV;
+    const double half =
+        kHexagonHalfWidth - (dv < 0 ? -kHexagonSlopeAbove : kHexagonSlopeBelow) * dv;
+    const auto is_outside = [&](int u) { return std::abs((u + 0.5) * su - 0.5 - centre_u) > half; };
+    int left = 0, right = width - 1;
+    for (; left < width && is_outside(left); ++left) (*keep)(left, v) = 0;
+    for (; right > left && is_outside(right); --right) (*keep)(right, v) = 0;
+  }
+}
+
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
                    std::optional<TofDevice>* device) {
   const int width = input.view.depth.width(), height = input.view.depth.height();
@@ -321,7 +321,7 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
   DropMixedPixels(random, out.depth, &keep);
   ClearSpeckles(scale, random, &keep);
   if (model.hexagon) {
-    if (!*device) frame.device.mask_centre_u = Draw(kHexagonCentreU, random);
+    if (!*device) frame.device.mask_centre_u = DrawHexagonCentre(random);
     ClearOutsideHexagon(width, height, frame.device.mask_centre_u, &keep);
   }
   *device = std::move(frame.device);

@@ -190,7 +190,7 @@ std::string WritePreview(const fs::path& dir, const SampleConfig& config,
     tables +=
         PreviewSensor(sensor, real[sensor], MakeSampleContext(one, 1), options, renderer, &sheet);
   }
-  WriteContactSheet(dir / "preview.png", sheet.pictures(), kColumns);
+  WriteContactSheet(dir / "preview.png", Montage(sheet.pictures(), kColumns));
   return tables;
 }
 

@@ -19,7 +19,7 @@ struct PreviewOptions {
   /// to have that sensor's first intrinsics of the pool, and its label map is `labels/NAME.png`
   /// where that is there (as `volalign calibrate` writes it; NAME without "_Depth").
   std::filesystem::path real_frames;
-  double real_depth_scale = 0.001;  ///< m a step
+  double real_depth_scale = 0.001;  ///< m per step
 };
 
 /// Draws preview.png in `dir`: for each sensor of `config` its real frames, then the first twelve

@@ -182,7 +182,7 @@ void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView
 }  // namespace
 
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
-                                         const InfraredRequest* infrared) {
+                                         const InfraredRequest* infrared, const CountDone& count) {
   if (!rig.turns_deg.empty()) {
     throw Error("RenderPlacements: a rig with turns_deg has several captures");
   }
@@ -207,6 +207,9 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
 
   NoiseConfig noise;
   noise.model = rig.noise;
+  std::int64_t frames = 0;
+  const auto frames_of_all = static_cast<std::int64_t>(rig.sensors.size() * stills.size());
+  if (count) count(frames, frames_of_all);
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const CapturedSensor& device = devices[i];
     DeviceErrors errors;
@@ -239,6 +242,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
                                          rig.seed, kRigIndex + k * kStillStride + i);
       }
       stills[k].sensors.push_back(std::move(sensor));
+      if (count) count(++frames, frames_of_all);
     }
   }
   return stills;

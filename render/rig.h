@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/base/image.h"
+#include "core/base/progress_line.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/rig.h"
@@ -50,12 +51,14 @@ struct RigCapture {
 /// One still of the first placement, and one of each further: the same sensors, with the errors of
 /// their devices (Rig::device_errors), and the same room; pixel noise, gaps and holes are drawn
 /// anew. All sensors see the same structure; each has noise of its own. `infrared`, where given,
-/// asks for infrared pictures too, and changes nothing else. A pure function of the rig. Throws
+/// asks for infrared pictures too, and changes nothing else. `count` is told of frames. A pure
+/// function of the rig. Throws
 /// Error for a rig with turns_deg (core/geometry/rig.h, Turns), ConfigError (a sensor that
 /// the pool lacks, an image size of another aspect ratio, a placement in a tripod), IoError or
 /// DataError.
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
-                                         const InfraredRequest* infrared = nullptr);
+                                         const InfraredRequest* infrared = nullptr,
+                                         const CountDone& count = nullptr);
 
 /// `count` further placements for a rig, from its seed: uniform in a disc about the first, in any
 /// orientation, none in a sensor's tripod. The first ones do not depend on `count`. Throws

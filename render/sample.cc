@@ -120,12 +120,12 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
       context.pool.push_back(entry);
     }
   }
-  if (config.noise.model == "sensor") {
+  if (WantsSensorModel(config.noise.model)) {
     for (const IntrinsicsPoolEntry& entry : context.pool) {
       if (!HasSensorModel(entry.sensor)) {
         throw ConfigError(fmt::format(
-            "data.noise.model = sensor: no model for sensor {}, but for {}; use paper or none",
-            entry.sensor, SensorModelNames()));
+            "data.noise.model = {}: no model for sensor {}, but for {}; use paper or none",
+            config.noise.model, entry.sensor, SensorModelNames()));
       }
     }
   }

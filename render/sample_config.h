@@ -69,7 +69,9 @@ struct NoiseConfig {
   void Describe(Archive& ar) {
     ar("model", model,
        "none, paper (zeroed borders and holes, paper's Results), sensor (models of the drawn "
-       "sensor), or one that the program registers (render/noise.h)",
+       "sensor), physics (what the drawn sensor does with light; to test with, not to train with), "
+       "or "
+       "one that the program registers (render/noise.h)",
        OneOf(NoiseModelNames()));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0));

@@ -677,7 +677,7 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
     offset.translation() = centre - offset.linear() * centre + Eigen::Vector3d(x, y, z);
     out.box_offsets.push_back(offset);
   }
-  out.structure = nominal.Displaced(out.box_offsets, out.size_scale);
+  out.structure = nominal.DisplacedToDraw(out.box_offsets, out.size_scale);
   RandomStream tilt_random(seed, index, "floor");
   const double about_x = config.floor_tilt_deg * M_PI / 180 * tilt_random.Normal();
   const double about_z = config.floor_tilt_deg * M_PI / 180 * tilt_random.Normal();

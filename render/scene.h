@@ -13,7 +13,7 @@ namespace volalign {
 
 /// The structure as somebody built it.
 struct AssembledStructure {
-  Structure structure;
+  Structure structure;            ///< Structure::DisplacedToDraw
   std::vector<Pose> box_offsets;  ///< structure_from_structure of each box (Structure::Displaced)
   double size_scale = 1;
   /// Turn of everything but the structure about the point of the floor below the origin.

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """How accurate calibration is and how true its covariances are: one table, of one program or of two side by side.
 
-    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,rendered] [--rigs 40] [--json FILE]
+    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
 
 docs/evaluation.md, section "One table", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
-project. What an earlier run left in --work for the same program (the same bytes) is not done again.
+project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import sys
 
 import numpy as np
 
-MODEL, STRUCTURE = "models/m05-lite.pt", "configs/structure.yaml"
+STRUCTURE = "configs/structure.yaml"
 RIGS = ["ring8", "arc8", "ring4", "irregular"]
 KINDS = ["azure_kinect_nfov_binned", "realsense_d415"]
 GOLDEN_ANGLE_DEG = 137.50776405003785  # between seeds, as in volalign evaluate
@@ -75,10 +75,14 @@ def best_motion(estimates, truths):
 
 # Calibrations.
 
+def digest(path):
+    return hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()[:12]
+
+
 class Program:
     def __init__(self, path, options):
         self.path, self.options = path, options
-        self.work = options.work / hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()[:12]
+        self.work = options.work / digest(path)
         self.work.mkdir(parents=True, exist_ok=True)
 
     def run(self, *arguments):
@@ -88,12 +92,12 @@ class Program:
 
     def calibrate(self, name, captures, model, structure=None):
         """extrinsics.json of a calibration; whatever else it writes is dropped."""
-        kept = self.work / f"{name}{'' if model else '_no_model'}.json"
+        kept = self.work / f"{name}_{digest(self.options.model) if model else 'no_model'}.json"
         if not kept.exists():
             print(kept, file=sys.stderr)
             structure = structure or (None if model else STRUCTURE)
             arguments = [x for capture in captures for x in ("--capture", capture)]
-            arguments += ["--model", MODEL] if model else []
+            arguments += ["--model", self.options.model if model else "none"]
             arguments += ["--structure", structure] if structure else []
             folder = kept.with_suffix(".out")
             self.run("calibrate", *arguments, "-o", folder, "--no-report", "--threads", self.options.threads)
@@ -178,20 +182,22 @@ def real(program, captures, result):
             program.calibrate("pallet", [pallet / "capture.json"], False, pallet / "pal.yaml"), {})
 
 
-def rendered(program, renderer, result):
-    """Rigs as those of README's table, which `volalign evaluate` renders: each rig with one seed after the other."""
+def rendered(program, renderer, result, noise):
+    """Rigs as those of README's table, which `volalign evaluate` renders: but that each is drawn with a seed of its own: boxes of one seed are displaced alike. `noise`: of rig.yaml."""
+    part = {"sensor": "rendered"}.get(noise, noise)
     options = program.options
     for kind, k in itertools.product(KINDS, range(options.rigs)):
-        rig, seed = options.rig[k % len(options.rig)], options.seed + k // len(options.rig)
-        name = f"{rig}_{kind}_{seed}"
+        rig, seed = options.rig[k % len(options.rig)], options.seed + k
+        name = f"{rig}_{kind}_{seed}" + ("" if part == "rendered" else f"_{part}")
         folder = options.work / "rendered" / name
         if not (folder / "capture.json").exists():
             folder.mkdir(parents=True, exist_ok=True)
             text = pathlib.Path(f"configs/rig_{rig}.yaml").read_text()
             (folder / "rig_of_one_kind.yaml").write_text(re.sub(r"sensor: \w+,", f"sensor: {kind},", text))
             renderer.run("render", "--rig", folder / "rig_of_one_kind.yaml", "-o", folder, "--set", f"seed={seed}", "--set",
-                         f"structure_yaw_deg={GOLDEN_ANGLE_DEG * seed % 360}", "--set", "assembly.position_mm=3")
-        measure(result, f"rendered {kind}", name, program.calibrate(name, [folder / "capture.json"], True),
+                         f"structure_yaw_deg={GOLDEN_ANGLE_DEG * seed % 360}", "--set", "assembly.position_mm=3",
+                         "--set", f"noise={noise}")
+        measure(result, f"{part} {kind}", name, program.calibrate(name, [folder / "capture.json"], True),
                 truth_of(folder / "capture.json"))
 
 
@@ -236,7 +242,7 @@ def table_of(result):
     for name in dict.fromkeys(of(result["sensors"], "set")):
         rows = {key: [row for row in rows if row["set"] == name] for key, rows in result.items()}
         table[name] = cells(rows)
-        for key in ("capture",) if name.startswith("foreign") else ("status", "source", "code") if name.startswith("rendered") else ():
+        for key in ("capture",) if name.startswith("foreign") else ("status", "source", "code") if name.startswith(("rendered", "physics")) else ():
             for value in sorted(set(of(rows["sensors"], key)) - {""}):
                 table[f"{name}: {key} {value}"] = cells({of_what: [row for row in some if row.get(key) == value] for of_what, some in rows.items()})
     return table
@@ -274,7 +280,8 @@ def print_sensors(results):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("programs", nargs="+", help="volalign, or two to compare")
-    parser.add_argument("--parts", default="foreign,real,rendered")
+    parser.add_argument("--model", type=pathlib.Path, default="models/m05-lite.pt")
+    parser.add_argument("--parts", default="foreign,real,rendered,physics")
     parser.add_argument("--rigs", type=int, default=40, help="rendered rigs of each kind of sensor")
     parser.add_argument("--rig", nargs="+", default=RIGS, help="rigs of configs/, in turn")
     parser.add_argument("--seed", type=int, default=1000, help="the first one")
@@ -286,7 +293,7 @@ def main():
     parts = options.parts.split(",")
     if not captures.exists():
         print(f"{captures} does not exist (VOLALIGN_CAPTURES names it): rendered rigs alone", file=sys.stderr)
-        parts = ["rendered"]
+        parts = [part for part in parts if part in ("rendered", "physics")]
     options.work = options.work.resolve()
     programs = [Program(path, options) for path in options.programs]
     results = [{"sensors": [], "pairs": [], "clouds": []} for _ in programs]
@@ -296,7 +303,9 @@ def main():
         if "real" in parts:
             real(program, captures, result)
         if "rendered" in parts:
-            rendered(program, programs[0], result)
+            rendered(program, programs[0], result, "sensor")
+        if "physics" in parts:
+            rendered(program, programs[0], result, "physics")
     for number, path in enumerate(options.programs, 1):
         print(f"Program {number}: {path}")
     print_table(results)

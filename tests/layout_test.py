@@ -56,6 +56,7 @@ HOMES = {
     "PkgConfig::EGL": ("render/egl",),
     "PkgConfig::EPOXY": ("render/egl",),
     "PkgConfig::LZ4": ("infer/formats",),
+    "PkgConfig::ZSTD": ("infer/formats",),
     "SQLite::SQLite3": ("infer/formats",),
     "TIFF::TIFF": ("infer/formats",),
     "onnx_proto": ("core/model", "core/nn", "infer/segment_onnx"),
@@ -79,6 +80,7 @@ REASONS = {
     "infer/formats/depth_exr.cc": DEPTH_FILE,
     "infer/formats/depth_npy.cc": DEPTH_FILE,
     "infer/formats/depth_tiff.cc": DEPTH_FILE,
+    "infer/formats/mcap_recording.cc": RECORDING,
     "infer/formats/mkv_recording.cc": RECORDING,
     "infer/formats/poses/colmap_codec.cc": POSE_FORMAT,
     "infer/formats/poses/json_codecs.cc": POSE_FORMAT,
@@ -92,12 +94,17 @@ REASONS = {
     "render/noise_kernels_baseline.cc": NOISE_KERNELS,
     "render/noise_paper.cc": NOISE_MODEL,
     "render/noise_stereo.cc": NOISE_MODEL,
+    "render/noise_stereo_physics.cc": NOISE_MODEL,
     "render/noise_tof.cc": NOISE_MODEL,
+    "render/noise_tof_physics.cc": NOISE_MODEL,
     "render/tiles/tile_kernels_avx2.cc": TILE_KERNELS,
     "render/tiles/tile_kernels_avx512.cc": TILE_KERNELS,
     "render/tiles/tile_kernels_baseline.cc": TILE_KERNELS,
     "train/run.cc": "what Train() of trainer.h does, tested by tests/train/trainer_test.cc",
 }
+
+# The most characters of a line of a page.
+LINE = 200
 
 CITATIONS = (r"\.\./shared", r"design section", r"\bfacts/", r"design\.md", r"house-style", r"review\.md")
 
@@ -433,6 +440,50 @@ def check_paths(root):
     return violations
 
 
+def check_regex(root):
+    """None of std::regex, whose depth of calls is the length of its text: a long line of a file, or an option, ends the program."""
+    return [f"{path} includes <regex>; scan the text instead" for path in files_of(root, CODE, CODE_FOLDERS) if "#include <regex>" in text_of(root, path)]
+
+
+def check_lines(root):
+    """No line of a page is longer than an editor shows and a diff can compare."""
+    violations = []
+    for path in files_of(root, (".md",)):
+        for number, line in enumerate(text_of(root, path).splitlines(), 1):
+            if len(line) > LINE:
+                violations.append(f"{path}:{number} has {len(line)} characters, more than {LINE}")
+    return violations
+
+
+def check_lists(root):
+    """A list or a table of a page begins after an empty line, and so does an item after a paragraph within an item, which is
+    indented by four; otherwise Python-Markdown takes it for a part of what stands before it."""
+    violations = []
+    item, paragraph = re.compile(r"(-|\d+\.) "), re.compile(r" {1,3}\S")
+    for path in files_of(root, (".md",)):
+        before, within = "", False
+        for number, line in enumerate(text_of(root, path).splitlines(), 1):
+            in_list = item.match(before) or before.startswith(" ") and not within
+            within = line.startswith("    ") and (within or not before)
+            if before and line and (item.match(line) and not in_list or line.startswith("|") != before.startswith("|") and not before.startswith(" ")):
+                violations.append(f"{path}:{number} begins a block without an empty line before it")
+            if not before and paragraph.match(line):
+                violations.append(f"{path}:{number} begins a paragraph that is not indented by four")
+            before = line
+    return violations
+
+
+def check_python(root):
+    """Python that no test runs compiles at least."""
+    violations = []
+    for path in files_of(root, (".py",), ("examples",)):
+        try:
+            compile(text_of(root, path), path, "exec")
+        except SyntaxError as error:
+            violations.append(f"{path} does not compile: {error}")
+    return violations
+
+
 class Repository(unittest.TestCase):
     """The rules on the repository itself."""
 
@@ -475,6 +526,18 @@ class Repository(unittest.TestCase):
 
     def test_paths(self):
         self.expect_none(check_paths(ROOT))
+
+    def test_regex(self):
+        self.expect_none(check_regex(ROOT))
+
+    def test_lines(self):
+        self.expect_none(check_lines(ROOT))
+
+    def test_lists(self):
+        self.expect_none(check_lists(ROOT))
+
+    def test_python(self):
+        self.expect_none(check_python(ROOT))
 
 
 class Rules(unittest.TestCase):
@@ -706,6 +769,26 @@ class Rules(unittest.TestCase):
         self.expect(check_paths, {**files, "docs/b.md": "[x](missing.md)\n"}, ["docs/b.md"])
         self.expect(check_paths, {**files, "docs/b.md": "`core/missing.h`\n"}, ["docs/b.md"])
         self.expect(check_paths, {**files, "core/b.cc": '"see core/missing.h"\n'}, ["core/b.cc"])
+
+    def test_regex(self):
+        self.expect(check_regex, {"core/a.cc": "// a regex\n", "tests/core/a_test.cc": "#include <regex>\n"}, [])
+        self.expect(check_regex, {"core/a.h": "", "cli/a.cc": "#include <map>\n#include <regex>\n"}, ["cli/a.cc"])
+
+    def test_lines(self):
+        self.expect(check_lines, {"docs/a.md": "é" * LINE + "\n", "core/a.h": "x" * (LINE + 1)}, [])
+        self.expect(check_lines, {"docs/a.md": "a\n" + "x" * (LINE + 1) + "\n", "README.md": ""}, ["docs/a.md"])
+
+    def test_lists(self):
+        self.expect(check_lists, {"docs/a.md": "a\n\n- b\n  c\n- d\n\n| e |\n|---|\n\n1. f\n   g\n2. h\n", "README.md": ""}, [])
+        self.expect(check_lists, {"docs/a.md": "| a |\n|---|\n- b\n"}, ["docs/a.md"])
+        self.expect(check_lists, {"docs/a.md": "a\n- b\n"}, ["docs/a.md"])
+        self.expect(check_lists, {"docs/a.md": "1. b\n\n   c\n"}, ["docs/a.md"])
+        self.expect(check_lists, {"docs/a.md": "1. b\n\n    c\n2. d\n"}, ["docs/a.md"])
+        self.expect(check_lists, {"docs/a.md": "a\n| b |\n|---|\n"}, ["docs/a.md"])
+
+    def test_python(self):
+        self.expect(check_python, {"examples/a.py": "print(1)\n"}, [])
+        self.expect(check_python, {"examples/a.py": "print(1\n"}, ["examples/a.py"])
 
 
 if __name__ == "__main__":

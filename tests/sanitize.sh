@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs tests with assertions, address sanitizer and undefined-behaviour sanitizer (preset asan: clang 14, build/asan).
-#   tests/sanitize.sh               the whole suite
-#   tests/sanitize.sh core infer    the quick tests of these folders; builds no more than they need (this is what CI runs)
+#   tests/sanitize.sh                       the whole suite
+#   tests/sanitize.sh core infer/formats    the quick tests of these folders; builds no more than they need
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source cmake/packages.sh
@@ -12,7 +12,8 @@ if [ $# -eq 0 ]; then
   build_preset asan all
   ctest --preset asan
 else
-  build_preset asan "${@/#/quick_tests_}"
+  targets=("${@/#/quick_tests_}")
+  build_preset asan "${targets[@]//\//_}"
   modules=$(IFS='|'; echo "$*")
   ctest --preset asan -L quick -R "^($modules)/"
 fi

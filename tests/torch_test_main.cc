@@ -13,6 +13,6 @@ class Reseed : public testing::EmptyTestEventListener {
 
 int main(int argc, char** argv) {
   testing::UnitTest::GetInstance()->listeners().Append(new Reseed);
-  torch::set_num_threads(2);
+  torch::set_num_threads(1);  // ctest runs as many tests as there are cores
   return volalign::RunTests(argc, argv);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/nn/network.h"
 #include "train/distributed/flat_module.h"
@@ -21,6 +22,9 @@ class WeightAverage {
   void Refresh(FlatModule& source);
   /// Starts again from these weights.
   void Reset(FlatModule& source);
+
+  /// The flat vectors that an Update changes.
+  std::vector<at::Tensor> values() { return {flat_.parameters(), flat_.buffers()}; }
 
   StructureNet& net() { return net_; }
   const StructureNet& net() const { return net_; }

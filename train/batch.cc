@@ -1,41 +1,26 @@
 #include "train/batch.h"
 
+#include <ATen/TensorOperators.h>
 #include <ATen/ops/empty.h>
+#include <ATen/ops/stack.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
+#include <cstring>
 #include <utility>
 
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
 
 namespace volalign {
-
-Batch Batch::To(const at::Device& device) const {
-  return {depth.to(device), labels.to(device), rays.to(device)};
-}
-
-Batch Batch::Narrow(std::int64_t first, std::int64_t count) const {
-  return {depth.narrow(0, first, count), labels.narrow(0, first, count),
-          rays.narrow(0, first, count)};
-}
-
 namespace {
 
-/// The rays of a batch's cameras, each computed once: a pool has few.
-class RayTables {
- public:
-  const RayTable& Of(const Intrinsics& intrinsics) {
-    for (const auto& [known, table] : tables_) {
-      if (known == intrinsics) return table;
-    }
-    return tables_.emplace_back(intrinsics, ComputeRays(intrinsics)).second;
-  }
+/// Beyond so many cameras their rays are computed anew: a pool has some ten at its image sizes, a
+/// folder of frames may have one a sample, and 64 of 320x288 take 47 MB.
+constexpr std::size_t kMostCameras = 64;
 
- private:
-  std::deque<std::pair<Intrinsics, RayTable>> tables_;
-};
+/// As depth is rounded to millimetres (render/noise_kernels.inc) and as Unpack multiplies.
+constexpr float kMillimetre = 0.001F;
 
 void RequireSize(const Sample& s, int width, int height) {
   if (s.depth.width() == width && s.depth.height() == height && s.labels.width() == width &&
@@ -46,34 +31,109 @@ void RequireSize(const Sample& s, int width, int height) {
                           s.depth.height(), width, height));
 }
 
+/// False where a depth is no whole number of millimetres that int16 holds. Numbers are compared by
+/// their bits, which have vector instructions everywhere.
+bool CopyMillimetres(const float* depth, std::size_t count, std::int16_t* out) {
+  constexpr float kMost = 32.767F;
+  std::uint32_t most = 0, differ = 0;
+  std::memcpy(&most, &kMost, sizeof most);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::uint32_t bits = 0, again = 0;
+    std::memcpy(&bits, depth + i, sizeof bits);
+    // Negative and larger numbers and NaN have larger bits.
+    const std::uint32_t clamped = std::min(bits, most);
+    float metres = 0;
+    std::memcpy(&metres, &clamped, sizeof metres);
+    const int mm = static_cast<int>(metres * 1000 + 0.5F);
+    const float rounded = static_cast<float>(mm) * kMillimetre;
+    std::memcpy(&again, &rounded, sizeof again);
+    out[i] = static_cast<std::int16_t>(mm);
+    differ |= bits ^ again;
+  }
+  return differ == 0;
+}
+
+template <class T>
+void ClearWithoutRay(const std::vector<std::uint8_t>& has_ray, T* depth) {
+  for (std::size_t i = 0; i < has_ray.size(); ++i) {
+    if (has_ray[i] == 0) depth[i] = 0;
+  }
+}
+
 }  // namespace
 
-Batch Collate(const std::vector<Sample>& samples) {
-  if (samples.empty()) throw Error("Collate needs at least one sample");
+Batch Batch::Narrow(std::int64_t first, std::int64_t count) const {
+  return {depth.narrow(0, first, count), labels.narrow(0, first, count),
+          rays.narrow(0, first, count)};
+}
+
+const BatchPacker::Camera& BatchPacker::Of(const Intrinsics& intrinsics) {
+  for (const Camera& known : cameras_) {
+    if (known.intrinsics == intrinsics) return known;
+  }
+  if (cameras_.size() == kMostCameras) cameras_.pop_front();
+  const RayTable table = ComputeRays(intrinsics);
+  const std::size_t pixels = table.rays.size();
+  Camera camera{intrinsics, {}, at::empty({2, intrinsics.height, intrinsics.width}, at::kFloat)};
+  float* rays = camera.rays.data_ptr<float>();
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const bool has_ray = table.rays[i].allFinite();
+    if (!has_ray && camera.has_ray.empty()) camera.has_ray.assign(pixels, 1);
+    if (!has_ray) camera.has_ray[i] = 0;
+    rays[i] = has_ray ? table.rays[i].x() : 0.0F;
+    rays[pixels + i] = has_ray ? table.rays[i].y() : 0.0F;
+  }
+  camera.rays = camera.rays.to(device_);
+  return cameras_.emplace_back(std::move(camera));
+}
+
+PackedBatch BatchPacker::Pack(const std::vector<Sample>& samples) {
+  if (samples.empty()) throw Error("a batch needs at least one sample");
   const std::int64_t n = static_cast<std::int64_t>(samples.size());
   const int width = samples[0].depth.width(), height = samples[0].depth.height();
-  Batch batch;
-  batch.depth = at::empty({n, 1, height, width}, at::kFloat);
-  batch.labels = at::empty({n, height, width}, at::kLong);
-  batch.rays = at::empty({n, 2, height, width}, at::kFloat);
-  float* depth = batch.depth.data_ptr<float>();
-  std::int64_t* labels = batch.labels.data_ptr<std::int64_t>();
-  float* rays = batch.rays.data_ptr<float>();
-  RayTables tables;
+  const std::size_t pixels = samples[0].depth.size();
+  const auto images = [&](at::IntArrayRef sizes, at::ScalarType type) {
+    return at::empty(sizes, at::TensorOptions(type).pinned_memory(!device_.is_cpu()));
+  };
+  PackedBatch packed;
+  packed.labels = images({n, height, width}, at::kByte);
+  packed.depth = images({n, 1, height, width}, at::kShort);
+  std::uint8_t* labels = packed.labels.data_ptr<std::uint8_t>();
+  auto* millimetres = packed.depth.data_ptr<std::int16_t>();
+  bool exact = true;
   for (const Sample& s : samples) {
     RequireSize(s, width, height);
+    const Camera& camera = Of(s.intrinsics);
+    packed.cameras.push_back(s.intrinsics);
+    packed.rays.push_back(camera.rays);
     labels = std::copy(s.labels.begin(), s.labels.end(), labels);
-    const std::size_t pixels = s.depth.size();
-    const std::vector<Eigen::Vector2f>& table = tables.Of(s.intrinsics).rays;
-    for (std::size_t i = 0; i < pixels; ++i) {
-      const bool has_ray = table[i].allFinite();
-      *depth++ = has_ray ? s.depth[i] : 0.0F;
-      rays[i] = has_ray ? table[i].x() : 0.0F;
-      rays[pixels + i] = has_ray ? table[i].y() : 0.0F;
-    }
-    rays += 2 * pixels;
+    exact = exact && CopyMillimetres(s.depth.data(), pixels, millimetres);
+    ClearWithoutRay(camera.has_ray, millimetres);
+    millimetres += pixels;
   }
+  if (exact) return packed;
+  packed.depth = images({n, 1, height, width}, at::kFloat);
+  auto* metres = packed.depth.data_ptr<float>();
+  for (const Sample& s : samples) {
+    std::copy(s.depth.begin(), s.depth.end(), metres);
+    ClearWithoutRay(Of(s.intrinsics).has_ray, metres);
+    metres += pixels;
+  }
+  return packed;
+}
+
+Batch Unpack(const PackedBatch& packed) {
+  const at::Device device = packed.rays.at(0).device();
+  Batch batch;
+  batch.depth = packed.depth.to(device).to(at::kFloat);
+  if (packed.depth.scalar_type() == at::kShort) batch.depth.mul_(kMillimetre);
+  batch.labels = packed.labels.to(device).to(at::kLong);
+  batch.rays = at::stack(packed.rays);
   return batch;
+}
+
+Batch Collate(const std::vector<Sample>& samples) {
+  return Unpack(BatchPacker(at::kCPU).Pack(samples));
 }
 
 }  // namespace volalign

@@ -12,22 +12,34 @@
 
 #include "render/egl/renderers.h"
 #include "train/compute.h"
+#include "train/real_frames.h"
 #include "train/rendered_source.h"
 
 namespace volalign {
 
-ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples) {
+ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
+                                    const CountDone& count) {
   const auto context =
       std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
   CheckStructure(model.meta, context->structure);
   const Compute compute = ChooseCompute(config.run);
   model.net->to(compute.device);
   const TrainingLoss loss(config.loss, context->structure, compute.device);
-  const Renderers renderers = ChooseRenderers(config.data.renderer, {}, compute.device.is_cuda());
-  RenderedSource source(context, config.run, renderers.make,
-                        static_cast<std::uint64_t>(config.run.validation_seed), 0);
+  std::unique_ptr<SampleSource> source;
+  if (config.data.real.validation.empty()) {
+    const Renderers renderers = ChooseRenderers(config.data.renderer, {}, compute.device.is_cuda());
+    source =
+        std::make_unique<RenderedSource>(context, config.run, renderers.make,
+                                         static_cast<std::uint64_t>(config.run.validation_seed), 0);
+  } else {
+    const std::vector<RealFrame> frames =
+        ReadRealFrames(config.data.real.validation, context->structure);
+    samples = static_cast<int>(frames.size());
+    source = HeldOut(frames, context->image_sizes, config.run.batch_size,
+                     config.data.pose.roll_offsets_deg);
+  }
   return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
-                  source, samples, compute.device, compute.channels_last);
+                  *source, samples, compute.device, compute.channels_last, count);
 }
 
 namespace {
@@ -42,6 +54,12 @@ std::vector<SampleScore> InBand(const std::vector<SampleScore>& scores,
     if (score.rho_m >= band.first && score.rho_m < band.second) inside.push_back(score);
   }
   return inside;
+}
+
+std::map<std::string, std::vector<SampleScore>> BySensor(const std::vector<SampleScore>& scores) {
+  std::map<std::string, std::vector<SampleScore>> by_sensor;
+  for (const SampleScore& score : scores) by_sensor[score.sensor].push_back(score);
+  return by_sensor;
 }
 
 std::string InCentimetres(std::pair<double, double> band) {
@@ -69,9 +87,7 @@ std::string ValidationJson(const std::vector<ValidatedModel>& models) {
     nlohmann::ordered_json j = {{"model", model.file},
                                 {"training_samples", model.training_samples}};
     j.update(ToJson(model.result));
-    std::map<std::string, std::vector<SampleScore>> by_sensor;
-    for (const SampleScore& score : model.result.scores) by_sensor[score.sensor].push_back(score);
-    for (const auto& [sensor, scores] : by_sensor) {
+    for (const auto& [sensor, scores] : BySensor(model.result.scores)) {
       j["by_sensor"][sensor] = ToJson(Summarise(scores));
     }
     for (const auto& band : kBands) {
@@ -83,23 +99,36 @@ std::string ValidationJson(const std::vector<ValidatedModel>& models) {
   return list.dump(1) + "\n";
 }
 
-std::string ValidationTable(const ValidationResult& result) {
-  std::string table =
-      "| samples of | number | miou | miou_authors | loss_seg | with a pose | median error of it "
-      "|\n"
-      "|---|---|---|---|---|---|---|\n";
-  const auto row = [&](const std::string& name, const std::vector<SampleScore>& scores) {
-    if (scores.empty()) return;
-    const ValidationResult r = Summarise(scores);
-    table += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.4f} | {} | {} |\n", name, r.samples,
-                         r.miou, r.miou_authors, r.loss_seg, r.posed, MedianPoseError(r));
-  };
-  row("all", result.scores);
-  std::map<std::string, std::vector<SampleScore>> by_sensor;
-  for (const SampleScore& score : result.scores) by_sensor[score.sensor].push_back(score);
-  for (const auto& [sensor, scores] : by_sensor) row(sensor, scores);
-  for (const auto& band : kBands)
-    row(fmt::format("rho {} cm", InCentimetres(band)), InBand(result.scores, band));
+Table ValidationTable(const std::vector<ValidatedModel>& models) {
+  Table table;
+  table.columns = {"model",
+                   "training_samples",
+                   {"group", "samples of"},
+                   {"samples", "number"},
+                   {"miou", "miou", 1, 3},
+                   {"miou_authors", "miou_authors", 1, 3},
+                   {"loss_seg", "loss_seg", 1, 4},
+                   {"posed", "with a pose"},
+                   {"median_translation_error_m", "median error, cm", 100, 1},
+                   {"median_rotation_error_deg", "deg", 1, 2}};
+  for (const ValidatedModel& model : models) {
+    const auto row = [&](const std::string& group, const std::vector<SampleScore>& scores) {
+      if (scores.empty()) return;
+      const ValidationResult r = Summarise(scores);
+      const bool posed = r.posed > 0;
+      const auto if_posed = [&](double error) {
+        return posed ? Table::Cell(error) : Table::Cell();
+      };
+      table.rows.push_back({model.file, model.training_samples, group, CellOf(r.samples), r.miou,
+                            r.miou_authors, r.loss_seg, CellOf(r.posed),
+                            if_posed(r.median_translation_error_m),
+                            if_posed(r.median_rotation_error_deg)});
+    };
+    row("all", model.result.scores);
+    for (const auto& [sensor, scores] : BySensor(model.result.scores)) row(sensor, scores);
+    for (const auto& band : kBands)
+      row(fmt::format("rho {} cm", InCentimetres(band)), InBand(model.result.scores, band));
+  }
   return table;
 }
 

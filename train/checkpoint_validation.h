@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/json/table.h"
 #include "core/nn/checkpoint.h"
 #include "train/train_config.h"
 #include "train/validation.h"
@@ -11,10 +12,12 @@
 namespace volalign {
 
 /// Scores a network on `samples` rendered samples (rounded up to whole batches) of config.data,
-/// config.run.batch_size and the seed config.run.validation_seed, in float32 on config.run.device;
-/// the losses are config.loss's. Throws DataError when the model has other labels than the
-/// configuration's structure.
-ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples);
+/// config.run.batch_size and the seed config.run.validation_seed, or on the recorded frames of
+/// config.data.real.validation, each once, in float32 on config.run.device; the losses are
+/// config.loss's. Throws DataError when the model has other labels than the
+/// configuration's structure. `count` is told of samples.
+ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
+                                    const CountDone& count = nullptr);
 
 /// A checkpoint and its scores.
 struct ValidatedModel {
@@ -27,8 +30,9 @@ struct ValidatedModel {
 /// and `by_sensor` and `by_rho_cm`, the same for each sensor and each band of ValidationTable.
 std::string ValidationJson(const std::vector<ValidatedModel>& models);
 
-/// Markdown table: all samples, each sensor, and each band of horizontal distance 150-225, 225-275
-/// and 275-350 cm that has samples: what each of the paper's three ranges adds to the one before.
-std::string ValidationTable(const ValidationResult& result);
+/// For each checkpoint a row for all samples, for each sensor, and for each band of horizontal
+/// distance 150-225, 225-275 and 275-350 cm that has samples: what each of the paper's three ranges
+/// adds to the one before.
+Table ValidationTable(const std::vector<ValidatedModel>& models);
 
 }  // namespace volalign

@@ -17,6 +17,17 @@ struct Compute {
   bool channels_last = false;
 };
 
+/// What `auto` is decided by.
+struct Machine {
+  bool processor_bf16 = false;  ///< ProcessorHasBf16
+  bool device_bf16 = false;     ///< the CUDA device convolves in bfloat16: compute capability 8
+};
+
+/// The type and layout of a run on `device`: `auto` is bfloat16 where there are instructions for
+/// it, and channels-last on a CPU, whose kernels of core/nn/cpu want it, and on a CUDA device with
+/// bfloat16, as its tensor cores read them.
+Compute DecideCompute(const RunConfig& run, const at::Device& device, const Machine& machine);
+
 /// As run.device, run.precision and run.channels_last say; `auto` is decided for this machine, and
 /// `cuda` without a number is the device of the process's local rank. Throws ConfigError for a
 /// device that this LibTorch does not have.
@@ -30,6 +41,12 @@ bool ProcessorHasBf16();
 /// system, which hands them out again a page at a time and cleared: a tenth of a training step,
 /// whose maps all have such blocks. The program's to decide, as SetTorchThreads.
 void KeepFreedMemory();
+
+/// From here on OpenMP's threads sleep while they wait for work, where OMP_WAIT_POLICY says nothing
+/// else. By default they spin for a while, which takes from the other work of a shared processor
+/// what the threads at work wait for. OpenMP reads that variable while it is loaded, so that the
+/// program starts itself again, as it was called: to be called before it has done anything.
+void WaitPassively();
 
 /// "cpu, bf16, channels last".
 std::string ToString(const Compute& compute);

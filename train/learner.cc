@@ -1,9 +1,13 @@
 #include "train/learner.h"
 
 #include <ATen/Context.h>
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/where.h>
+#include <c10/core/GradMode.h>
 #include <fmt/format.h>
 
 #include <map>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/nn/checkpoint.h"
@@ -20,7 +24,7 @@ StructureNet MakeNet(const StructureNetOptions& options, const Compute& compute)
 }
 
 StructureNet DrawNet(const TrainConfig& config, int num_classes, const Compute& compute) {
-  at::manual_seed(static_cast<std::uint64_t>(config.run.seed));
+  at::manual_seed(static_cast<std::uint64_t>(config.run.WeightSeed()));
   return MakeNet(config.model.Options(num_classes), compute);
 }
 
@@ -32,9 +36,33 @@ Learner::Learner(const TrainConfig& config, int num_classes, const Compute& comp
       optimizer(config.optim, &flat),
       average(MakeNet(net->options(), compute), config.optim.ema_decay, flat) {}
 
-void Learner::Update(double lr, const at::Tensor& gradient_norm) {
+void Learner::Step(double lr, const at::Tensor& gradient_norm) {
   optimizer.Step(lr, gradient_norm);
   average.Update(flat, optimizer.steps());
+}
+
+void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
+  if (!finite.is_cpu()) {
+    UpdateUnseen(lr, gradient_norm, finite);
+  } else if (finite.item<bool>()) {
+    Step(lr, gradient_norm);
+  } else {
+    c10::NoGradGuard no_grad;
+    flat.gradients().zero_();
+  }
+}
+
+void Learner::UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
+  c10::NoGradGuard no_grad;
+  std::vector<at::Tensor> changed = {flat.parameters()};
+  for (const auto& [name, moment] : optimizer.moments()) changed.push_back(moment);
+  for (const at::Tensor& values : average.values()) changed.push_back(values);
+  std::vector<at::Tensor> before;
+  before.reserve(changed.size());
+  for (const at::Tensor& values : changed) before.push_back(values.clone());
+  Step(lr, gradient_norm);
+  for (std::size_t i = 0; i < changed.size(); ++i)
+    changed[i].copy_(at::where(finite, changed[i], before[i]));
 }
 
 std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner) {

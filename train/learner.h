@@ -16,18 +16,25 @@ namespace volalign {
 /// its weights.
 class Learner {
  public:
-  /// A new network for the structure's classes, drawn with config.run.seed.
+  /// A new network for the structure's classes, drawn with config.run.WeightSeed().
   Learner(const TrainConfig& config, int num_classes, const Compute& compute);
   Learner(const Learner&) = delete;
   Learner& operator=(const Learner&) = delete;
 
-  /// Clips, steps the optimiser and the average; the gradient is zero afterwards.
-  void Update(double lr, const at::Tensor& gradient_norm);
+  /// Clips, steps the optimiser and the average; the gradient is zero afterwards. Where `finite`, a
+  /// bool scalar, is false nothing else changes and no step is counted.
+  void Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
+  /// The same without a look at `finite`, for which the host would have to wait for the device:
+  /// what the step made is taken back on the device, and it is counted.
+  void UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
 
   StructureNet net;
   FlatModule flat;  ///< the parameters of `net`
   Optimizer optimizer;
   WeightAverage average;
+
+ private:
+  void Step(double lr, const at::Tensor& gradient_norm);
 };
 
 /// Takes over the weights of the checkpoint `path` (run.init) and returns the number of samples

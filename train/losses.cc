@@ -2,7 +2,6 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/core/Reduction.h>
-#include <ATen/ops/arange.h>
 #include <ATen/ops/empty.h>
 #include <ATen/ops/nll_loss_nd.h>
 #include <ATen/ops/zeros.h>
@@ -34,6 +33,11 @@ at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& label
   return sum / weights.index_select(0, labels.flatten()).sum().clamp_min(1e-12);
 }
 
+at::Tensor LossShare::OfSegmentation(const at::Tensor& x) const {
+  const at::Tensor own = x * segmentation;
+  return weighted.defined() ? own * weighted.to(x.scalar_type()) : own;
+}
+
 at::Tensor ClassWeights(const LossConfig& config, int num_classes) {
   std::vector<double> given = config.class_weights;
   if (given.empty()) return {};
@@ -55,13 +59,9 @@ at::Tensor ClassWeights(const LossConfig& config, int num_classes) {
 
 at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int num_classes,
                         int min_pixels) {
-  const std::int64_t batch = labels.size(0);
-  const at::Tensor measured = labels * (depth.select(1, 0) > 0);  // [B,H,W]
-  // One histogram a sample: bin b K + k holds the pixels of label k in sample b.
-  const at::Tensor offsets = at::arange(batch, labels.options()).view({-1, 1}) * num_classes;
-  const at::Tensor bins = measured.flatten(1) + offsets;
-  const at::Tensor counts =
-      bins.flatten().bincount({}, batch * num_classes).view({batch, num_classes});
+  const at::Tensor measured = (depth.select(1, 0) > 0).to(at::kLong).flatten(1);  // [B,HW]
+  const at::Tensor counts = at::zeros({labels.size(0), num_classes}, labels.options())
+                                .scatter_add_(1, labels.flatten(1), measured);
   return counts.narrow(1, 1, num_classes - 1) >= min_pixels;
 }
 
@@ -69,7 +69,7 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
                            const at::Device& device)
     : config_(config),
       num_classes_(structure.num_classes()),
-      targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints)).to(device)),
+      targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints))),
       weights_(ClassWeights(config, num_classes_)) {
   if (weights_.defined()) weights_ = weights_.to(device);
   for (const std::string& name : config.terms)
@@ -83,10 +83,9 @@ LossShare TrainingLoss::ShareOf(const at::Tensor& labels, std::int64_t first,
   share.segmentation = share.procrustes;
   if (!weights_.defined()) return share;
   const at::Tensor of_pixel = weights_.index_select(0, labels.flatten()).to(at::kDouble);
-  const at::Tensor of_sample = of_pixel.view({labels.size(0), -1}).sum(1).to(at::kCPU);
-  const double all = of_sample.sum().item<double>();
-  const double part = of_sample.narrow(0, first, count).sum().item<double>();
-  share.segmentation = all > 0 ? part / all : 0;
+  const at::Tensor of_sample = of_pixel.view({labels.size(0), -1}).sum(1);
+  share.segmentation = 1;
+  share.weighted = of_sample.narrow(0, first, count).sum() / of_sample.sum().clamp_min(1e-12);
   return share;
 }
 
@@ -112,7 +111,7 @@ LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor&
   LossTerms terms;
   if (!config_.procrustes) {
     terms.segmentation = SegmentationLoss(log_probs, labels, weights_);
-    terms.total = share.segmentation * terms.segmentation;
+    terms.total = share.OfSegmentation(terms.segmentation);
     terms.procrustes = at::zeros({}, log_probs.options().requires_grad(false));
     terms.degenerate = at::zeros({}, labels.options());
     return terms;
@@ -133,7 +132,7 @@ LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor&
                           ? 1.0
                           : std::min(1.0, static_cast<double>(samples) /
                                               static_cast<double>(config_.lambda_warmup_samples));
-  terms.total = share.segmentation * terms.segmentation +
+  terms.total = share.OfSegmentation(terms.segmentation) +
                 share.procrustes * config_.lambda * ramp * loss.loss;
   terms.procrustes = loss.loss;
   terms.degenerate = loss.degenerate;

@@ -34,6 +34,12 @@ struct LossTerms {
 struct LossShare {
   double segmentation = 1;  ///< of the pixels' weights
   double procrustes = 1;    ///< of the samples
+  /// A further factor of `segmentation`, a scalar on the device, or undefined: 1. It is not read,
+  /// so that the device need not be waited for.
+  at::Tensor weighted;
+
+  /// `x`, a segmentation loss or such, as it counts.
+  at::Tensor OfSegmentation(const at::Tensor& x) const;
 };
 
 /// L = L_seg + lambda L_3D (paper, section "Soft Procrustes") + the weighted loss.terms.
@@ -62,7 +68,7 @@ class TrainingLoss {
 
   LossConfig config_;
   int num_classes_;
-  at::Tensor targets_;  // [K-1,3]
+  at::Tensor targets_;  // [K-1,3], on the CPU
   at::Tensor weights_;  // [K], or undefined
   std::vector<std::unique_ptr<LossTerm>> terms_;
 };

@@ -1,12 +1,12 @@
 #include "train/run.h"
 
+#include <ATen/TensorOperators.h>
+#include <ATen/ops/where.h>
 #include <ATen/ops/zeros.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <cmath>
 #include <csignal>
 #include <functional>
 #include <memory>
@@ -16,16 +16,13 @@
 #include "core/base/file_util.h"
 #include "train/log/metrics.h"
 #include "train/schedule.h"
-#include "train/step.h"
 #include "train/together.h"
 
 namespace volalign {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
+double Seconds(std::chrono::steady_clock::time_point since) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
 bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
@@ -53,16 +50,20 @@ class Interruptible : public SampleSource {
 }  // namespace
 
 Run::Run(const TrainingData& data, const TrainConfig& config, const Compute& compute,
-         ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state, bool quiet)
+         ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state,
+         const TrainOptions& options, const InterruptGuard& guard)
     : data_(data),
       config_(config),
       group_(group),
       folder_(folder),
+      guard_(guard),
       compute_(compute),
+      stop_(options.stop_at_samples > 0 ? std::min(options.stop_at_samples, config.run.samples)
+                                        : config.run.samples),
       learner_(config, data.structure.num_classes(), compute_),
       loss_(config.loss, data.structure, compute_.device) {
   saved_ = std::stoll(group.FromLead([&] {
-    Lead(std::move(state), quiet);
+    Lead(std::move(state), options);
     return std::to_string(saved_);
   }));
   ShareState(group, &learner_, &progress_);
@@ -73,45 +74,54 @@ void Run::Say(const std::string& sentence) {
   if (bar_) bar_->Line(sentence);
 }
 
-TrainResult Run::Train(std::int64_t stop) {
-  const InterruptGuard guard;
-  TrainResult result;
-  if (folder_ != nullptr) result.checkpoint = folder_->model();
-  const RunConfig& run = config_.run;
-  // False where it was interrupted.
-  const auto validate = [&] {
-    if (!OwesValidation()) return true;
-    const std::optional<ValidationResult> validation = ValidateNow(guard);
-    if (validation) result.validation = *validation;
-    return validation.has_value();
-  };
+bool Run::Begin() {
+  if (folder_ != nullptr) result_.checkpoint = folder_->model();
   // Of a run that was interrupted in a validation, or whose length was changed to what it had
   // reached already.
   const bool owed = OwesValidation();
-  bool goes_on = validate();
-  if (owed && goes_on) saved_ = -1;
-  std::unique_ptr<SampleSource> source;
-  if (goes_on && progress_.samples < stop) source = data_.open_training(progress_.samples);
-  while (goes_on && progress_.samples < stop && !LostPatience()) {
-    const std::int64_t before = progress_.samples;
-    const std::optional<double> loss = StepOrRescue(*source, guard);
-    if (!loss) break;
-    result.loss = *loss;
-    const bool last = progress_.samples >= run.samples;
-    const auto due = [&](std::int64_t every) {
-      return last || Crossed(before, progress_.samples, every);
-    };
-    if (due(run.log_every)) WriteTrainRow();
-    goes_on = validate();
-    if (!goes_on) break;
-    if (LostPatience() && progress_.means.steps > 0) WriteTrainRow();
-    // After the rows of these samples, so that a run that goes on from here has them all.
-    if (due(run.checkpoint_every) || LostPatience()) Save();
-  }
+  if (!ValidateIfOwed()) return false;
+  if (owed) saved_ = -1;
+  ended_ = Clock::now();
+  return progress_.samples < stop_ && !LostPatience();
+}
+
+bool Run::Ready() {
+  return Rescued([&] { return !Interrupted(); });
+}
+
+bool Run::Advance(const FedBatch& fed) {
+  const std::int64_t before = progress_.samples;
+  if (!Rescued([&] { return Step(fed); })) return false;
+  const RunConfig& run = config_.run;
+  const bool last = progress_.samples >= run.samples;
+  const auto due = [&](std::int64_t every) {
+    return last || Crossed(before, progress_.samples, every);
+  };
+  if (due(run.log_every)) WriteTrainRow();
+  if (!ValidateIfOwed()) return false;
+  if (LostPatience() && progress_.means.sum.steps > 0) WriteTrainRow();
+  // After the rows of these samples, so that a run that goes on from here has them all.
+  if (due(run.checkpoint_every) || LostPatience()) Save();
+  ended_ = Clock::now();
+  return progress_.samples < stop_ && !LostPatience();
+}
+
+std::string Run::OutOfMemory() const {
+  const int micro = config_.run.micro_batch;
+  return fmt::format(
+      "step {}: {} is out of memory with {} samples at once: set run.micro_batch to fewer, which "
+      "gives the same step, or run.batch_size; the last state, for --resume, is {}",
+      learner_.optimizer.steps() + 1, compute_.device.str(),
+      micro > 0 ? micro : config_.run.batch_size, LastState());
+}
+
+TrainResult Run::End() {
+  Collect();
+  TrainResult& result = result_;
   result.samples = progress_.samples;
   result.early = LostPatience();
   result.signal = signal_;
-  result.finished = (progress_.samples >= run.samples || result.early) && signal_ == 0;
+  result.finished = (progress_.samples >= config_.run.samples || result.early) && signal_ == 0;
   if (saved_ != progress_.samples) {
     Save();
   } else if (modelled_ != progress_.samples && folder_ != nullptr) {
@@ -125,8 +135,17 @@ TrainResult Run::Train(std::int64_t stop) {
   return result;
 }
 
+/// False where it was interrupted.
+bool Run::ValidateIfOwed() {
+  if (!OwesValidation()) return true;
+  std::optional<ValidationResult> validation = ValidateNow();
+  if (!validation) return false;
+  result_.validation = std::move(*validation);
+  return true;
+}
+
 /// The folder, and what it has of the run so far.
-void Run::Lead(std::optional<SavedState> state, bool quiet) {
+void Run::Lead(std::optional<SavedState> state, const TrainOptions& options) {
   if (state) {
     Restore(*state, &learner_);
     progress_ = state->progress;
@@ -141,19 +160,20 @@ void Run::Lead(std::optional<SavedState> state, bool quiet) {
     sinks_.push_back(
         &board_.emplace(folder_->tensorboard(), WriteConfig(config_), progress_.samples));
   }
-  if (!quiet) sinks_.push_back(&bar_.emplace(config_.run.samples));
+  if (!options.quiet) sinks_.push_back(&bar_.emplace(config_.run.samples, options.name));
 }
 
 bool Run::LostPatience() const {
   return config_.run.patience > 0 && progress_.best.since >= config_.run.patience;
 }
 
-/// Step, after which, should another process be lost, the state before it is saved.
-std::optional<double> Run::StepOrRescue(SampleSource& source, const InterruptGuard& guard) {
-  if (group_.size() == 1) return Step(source, guard);
+/// f(), after which, should another process be lost, the state before it is saved.
+template <class F>
+bool Run::Rescued(const F& f) {
+  if (group_.size() == 1) return f();
   const at::Tensor buffers = learner_.flat.buffers().clone();
   try {
-    return Step(source, guard);
+    return f();
   } catch (const LostProcess& e) {
     learner_.flat.buffers().copy_(buffers);
     if (folder_ != nullptr && saved_ != progress_.samples) SaveAlone();
@@ -164,8 +184,8 @@ std::optional<double> Run::StepOrRescue(SampleSource& source, const InterruptGua
 }
 
 /// Whether any of the processes was.
-bool Run::Interrupted(const InterruptGuard& guard) {
-  signal_ = guard.Signal();
+bool Run::Interrupted() {
+  signal_ = guard_.Signal();
   if (group_.size() == 1) return signal_ != 0;
   constexpr std::array<int, 2> kSignals = {SIGINT, SIGTERM};
   at::Tensor came = at::zeros({kSignals.size()}, at::kInt);
@@ -197,75 +217,118 @@ LossShare Run::ShareOf(const Batch& slice) {
   return share;
 }
 
-/// The loss, or nothing where a process was interrupted.
-std::optional<double> Run::Step(SampleSource& source, const InterruptGuard& guard) {
-  const auto start = Clock::now();
-  if (Interrupted(guard)) return std::nullopt;
-  const std::vector<Sample> drawn = source.Next();
-  const std::int64_t samples =
-      group_.size() == 1 ? static_cast<std::int64_t>(drawn.size()) : config_.run.batch_size;
-  const Batch batch = Collate(drawn).To(compute_.device);
-  StepReport report;
-  const LossShare share = ShareOf(batch);
-  report.times.data = Seconds(start);
+/// False where a process was interrupted.
+bool Run::Step(const FedBatch& fed) {
+  const Batch& batch = fed.batch;
   // Micro-batches of several processes differ in number, so that they cannot agree between them.
   const bool alone = group_.size() == 1;
-  const at::Tensor buffers =
-      alone && config_.run.micro_batch > 0 ? learner_.flat.buffers().clone() : at::Tensor();
-  at::Tensor norm;
+  const std::int64_t samples = alone ? batch.depth.size(0) : config_.run.batch_size;
+  const LossShare share = ShareOf(batch);
+  StepTimes times;
+  times.data = Seconds(ended_);
+  // A device is not to be waited for, but for one step of each row.
+  const bool measured = compute_.device.is_cpu() || !pending_.sums.defined();
+  const auto start = Clock::now();
+  const at::Tensor buffers = learner_.flat.buffers().clone();
+  StepNumbers numbers;
   try {
-    norm = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
-                           config_.run.micro_batch, &report, share, reducer_ ? &*reducer_ : nullptr,
-                           [&] {
-                             if (alone && Interrupted(guard)) throw Interruption();
-                           });
+    numbers = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
+                              config_.run.micro_batch, measured ? &times : nullptr, share,
+                              reducer_ ? &*reducer_ : nullptr, [&] {
+                                if (alone && Interrupted()) throw Interruption();
+                              });
   } catch (const Interruption&) {
     learner_.flat.buffers().copy_(buffers);
-    return std::nullopt;
+    return false;
   }
-  progress_.NoteCameras(drawn);
-  RequireFinite(report, samples);
+  progress_.NoteCameras(fed.cameras);
   const auto updating = Clock::now();
   progress_.lr = LearningRate(config_.optim, progress_.samples, config_.run.samples);
-  learner_.Update(progress_.lr, norm);
-  Synchronize(compute_.device);
-  report.times.optim = Seconds(updating);
+  at::Tensor& moved = learner_.flat.buffers();
+  moved.copy_(at::where(numbers.finite, moved, buffers));
+  learner_.Update(progress_.lr, numbers.norm, numbers.finite);
+  if (measured) {
+    Synchronize(compute_.device);
+    pending_.measured = times;
+    pending_.measured.optim = Seconds(updating);
+  }
+  times = StepTimes{times.data};
+  times.optim = Seconds(start);
   progress_.samples += samples;
-  progress_.means.Add(report, samples);
-  return report.loss;
+  Note(numbers, times, samples);
+  return true;
 }
 
-/// Before the weights change, so that no bad step ever reaches them.
-void Run::RequireFinite(const StepReport& report, std::int64_t samples) const {
-  if (std::isfinite(report.loss) && std::isfinite(report.gradient_norm)) return;
-  throw Error(fmt::format(
-      "step {} (samples {} to {}): loss {} with gradient norm {}: lower optim.lr or set "
-      "optim.clip_norm; the last good state is {}",
-      learner_.optimizer.steps() + 1, progress_.samples, progress_.samples + samples - 1,
-      report.loss, report.gradient_norm,
-      folder_ != nullptr && saved_ >= 0 ? folder_->State(saved_).string() : "none"));
+/// `times`: data, and all the rest in optim.
+void Run::Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples) {
+  const at::Tensor sums = numbers.Sums();
+  pending_.sums = pending_.sums.defined() ? pending_.sums + sums : sums;
+  pending_.times.data += times.data;
+  pending_.times.optim += times.optim;
+  pending_.samples += samples;
+  if (compute_.device.is_cpu()) Collect();
+  timed_samples_ += samples;
+  timed_s_ += Total(times);
+  Foretell();
+}
+
+/// Has progress_.means know of all steps. Waits for the device.
+void Run::Collect() {
+  if (!pending_.sums.defined()) return;
+  StepReport report = ReadSums(pending_.sums);
+  report.times = ShareOut(pending_.times, pending_.measured);
+  progress_.means.Add(report, pending_.samples);
+  pending_ = {};
+}
+
+/// How long the run will take, once, when enough steps have been timed.
+void Run::Foretell() {
+  constexpr std::int64_t kTimed = 100;  // samples: some steps, of which the first is slower
+  constexpr double kDay = 24 * 3600;    // for which configs/paper/lite.yaml needs no CPU
+  if (foretold_ || timed_samples_ < kTimed) return;
+  foretold_ = true;
+  const double left = static_cast<double>(config_.run.samples - progress_.samples) * timed_s_ /
+                      static_cast<double>(timed_samples_);
+  if (left <= 0) return;
+  const bool too_long = compute_.device.is_cpu() && left > kDay;
+  Say(fmt::format("about {} at this speed{}", RoundDuration(left),
+                  too_long ? "; configs/paper/lite.yaml suits a CPU" : ""));
 }
 
 void Run::WriteTrainRow() {
+  Collect();
+  const StepReport& sum = progress_.means.sum;
+  if (sum.skipped == sum.steps) {
+    throw Error(fmt::format(
+        "step {} (samples up to {}): loss or gradient is not finite, as in all {} steps since the "
+        "last row of the log: lower optim.lr or set optim.clip_norm; the last good state is {}",
+        learner_.optimizer.steps() + 1, progress_.samples - 1, sum.steps, LastState()));
+  }
   const TrainRow row =
       progress_.means.Take(learner_.optimizer.steps(), progress_.samples, progress_.lr);
   for (MetricSink* sink : sinks_) sink->Train(row);
 }
 
+/// For a message.
+std::string Run::LastState() const {
+  return folder_ != nullptr && saved_ >= 0 ? folder_->State(saved_).string() : "none";
+}
+
 /// Nothing where a process was interrupted.
-std::optional<ValidationResult> Run::ValidateNow(const InterruptGuard& guard) {
+std::optional<ValidationResult> Run::ValidateNow() {
+  Collect();
   if (config_.run.validation_samples == 0) {
     progress_.validated = progress_.samples;
     return ValidationResult();
   }
   learner_.average.Refresh(learner_.flat);
   const std::unique_ptr<SampleSource> opened = data_.open_validation();
-  Interruptible source(*opened, [&] { return Interrupted(guard); });
+  Interruptible source(*opened, [&] { return Interrupted(); });
   ValidationResult own;
   try {
     own = Validate(learner_.average.net(), loss_, data_.structure,
                    ParseKeypointKind(config_.loss.keypoints), source, OwnValidationSamples(),
-                   compute_.device, compute_.channels_last);
+                   compute_.device, compute_.channels_last, bar_ ? bar_->Counter() : nullptr);
   } catch (const Interruption&) {
     return std::nullopt;
   }
@@ -284,7 +347,8 @@ std::optional<ValidationResult> Run::ValidateNow(const InterruptGuard& guard) {
 }
 
 int Run::OwnValidationSamples() const {
-  const int all = config_.run.validation_samples;
+  const int all =
+      data_.validation_frames > 0 ? data_.validation_frames : config_.run.validation_samples;
   if (group_.size() == 1) return all;
   World world;
   world.rank = group_.rank();
@@ -300,6 +364,7 @@ void Run::Save() {
 }
 
 void Run::SaveAlone() {
+  Collect();
   SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, learner_,
             progress_);
   folder_->KeepStates(config_.run.keep_states);

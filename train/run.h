@@ -1,11 +1,13 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "core/base/interrupt.h"
+#include "train/batch_feed.h"
 #include "train/compute.h"
 #include "train/distributed/gradient_reducer.h"
 #include "train/distributed/process_group.h"
@@ -15,34 +17,53 @@
 #include "train/log/tensorboard_sink.h"
 #include "train/losses.h"
 #include "train/state.h"
+#include "train/step.h"
 #include "train/trainer.h"
 
 namespace volalign {
 
 /// A run at work: its parts, and what joins them. Of several processes rank 0 alone has a folder,
-/// and the others nullptr. All that is given by reference outlives the run.
+/// and the others nullptr. All that is given by reference outlives the run. Every process calls the
+/// same functions: Begin, then, as long as they and it say true, Ready and Advance in turn, then
+/// End.
 class Run {
  public:
-  /// Continues `state`, or starts at the first sample. Every process calls the same functions.
+  /// Continues `state`, or starts at the first sample, up to options.stop_at_samples.
   Run(const TrainingData& data, const TrainConfig& config, const Compute& compute,
-      ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state, bool quiet);
+      ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state,
+      const TrainOptions& options, const InterruptGuard& guard);
 
   /// On stderr, in rank 0 of a run that is not quiet.
   void Say(const std::string& sentence);
-  /// Up to `stop` samples, or an interruption.
-  TrainResult Train(std::int64_t stop);
+  /// Samples drawn so far, with which the next batch begins.
+  std::int64_t samples() const { return progress_.samples; }
+  /// Makes up for a validation that was interrupted.
+  bool Begin();
+  /// Before a batch is drawn, which may take long. False: it was interrupted.
+  bool Ready();
+  /// A step, and what is due after it.
+  bool Advance(const FedBatch& fed);
+  TrainResult End();
+  /// What to say where the device's memory is short.
+  std::string OutOfMemory() const;
 
  private:
-  void Lead(std::optional<SavedState> state, bool quiet);
+  using Clock = std::chrono::steady_clock;
+  void Lead(std::optional<SavedState> state, const TrainOptions& options);
   bool LostPatience() const;
-  bool Interrupted(const InterruptGuard& guard);
+  bool Interrupted();
   bool OwesValidation() const;
-  std::optional<double> StepOrRescue(SampleSource& source, const InterruptGuard& guard);
-  std::optional<double> Step(SampleSource& source, const InterruptGuard& guard);
+  bool ValidateIfOwed();
+  template <class F>
+  bool Rescued(const F& f);
+  bool Step(const FedBatch& fed);
   LossShare ShareOf(const Batch& slice);
-  void RequireFinite(const StepReport& report, std::int64_t samples) const;
+  void Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples);
+  void Collect();
+  void Foretell();
   void WriteTrainRow();
-  std::optional<ValidationResult> ValidateNow(const InterruptGuard& guard);
+  std::string LastState() const;
+  std::optional<ValidationResult> ValidateNow();
   int OwnValidationSamples() const;
   void Save();
   void SaveAlone();
@@ -50,11 +71,25 @@ class Run {
   const TrainConfig& config_;
   ProcessGroup& group_;
   const RunFolder* folder_;
+  const InterruptGuard& guard_;
   Compute compute_;
+  std::int64_t stop_;
   Learner learner_;
   TrainingLoss loss_;
   std::optional<GradientReducer> reducer_;
   RunProgress progress_;
+  TrainResult result_;
+  /// What the device knows of the steps since the last row and progress_.means does not; on a CPU
+  /// there is nothing between steps.
+  struct {
+    at::Tensor sums;  ///< StepNumbers::Sums
+    StepTimes times, measured;
+    std::int64_t samples = 0;
+  } pending_;
+  Clock::time_point ended_;         ///< the last step, with what was due after it
+  std::int64_t timed_samples_ = 0;  ///< of the steps of this call,
+  double timed_s_ = 0;              ///< which took so long
+  bool foretold_ = false;
   int signal_ = 0;              ///< that interrupted the run
   std::int64_t saved_ = -1;     ///< samples of the newest state
   std::int64_t modelled_ = -1;  ///< samples of the model.pt that this process wrote

@@ -15,13 +15,16 @@ namespace {
 /// rounding of its sums, which run.threads and run.device change. So does data.renderer, and few
 /// pixels at edges.
 const std::set<std::string>& FreeKeys() {
-  static const std::set<std::string> keys = {
-      "data.renderer",      "run.samples",          "run.validation_samples",
-      "run.validate_every", "run.checkpoint_every", "run.keep_states",
-      "run.best_metric",    "run.patience",         "run.tensorboard",
-      "run.log_every",      "run.half_checkpoint",  "run.threads",
-      "run.loader_threads", "run.prefetch",         "run.device",
-      "run.lost_after_s",   "run.dataset",          "run.validation_dataset"};
+  static const std::set<std::string> keys = {"data.real.validation",  "data.renderer",
+                                             "run.samples",           "run.validation_samples",
+                                             "run.validate_every",    "run.checkpoint_every",
+                                             "run.keep_states",       "run.best_metric",
+                                             "run.patience",          "run.tensorboard",
+                                             "run.log_every",         "run.half_checkpoint",
+                                             "run.threads",           "run.loader_threads",
+                                             "run.prefetch",          "run.device",
+                                             "run.lost_after_s",      "run.dataset",
+                                             "run.validation_dataset"};
   return keys;
 }
 
@@ -56,7 +59,8 @@ bool SameValidation(const std::string& saved_yaml, const TrainConfig& config) {
       ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, "the saved configuration"));
   return before.run.best_metric == config.run.best_metric &&
          before.run.validation_samples == config.run.validation_samples &&
-         before.run.validation_dataset == config.run.validation_dataset;
+         before.run.validation_dataset == config.run.validation_dataset &&
+         before.data.real.validation == config.data.real.validation;
 }
 
 }  // namespace volalign

@@ -8,13 +8,14 @@
 #include <ATen/ops/isfinite.h>
 #include <ATen/ops/linalg_det.h>
 #include <ATen/ops/linalg_svd.h>
-#include <ATen/ops/linalg_svdvals.h>
 #include <ATen/ops/ones_like.h>
 #include <ATen/ops/stack.h>
 #include <ATen/ops/where.h>
 #include <ATen/ops/zeros_like.h>
 #include <fmt/format.h>
 #include <torch/csrc/autograd/custom_function.h>
+
+#include <Eigen/Eigenvalues>
 
 #include "core/base/error.h"
 #include "core/geometry/procrustes.h"
@@ -60,11 +61,17 @@ at::Tensor Determined(const at::Tensor& sigma) {
 
 class RotationFunction : public torch::autograd::Function<RotationFunction> {
  public:
-  static at::Tensor forward(torch::autograd::AutogradContext* context, const at::Tensor& m) {
-    const SignedSvd svd = DecomposeSigned(FiniteOrIdentity(m.to(at::kDouble)));
+  /// The members of ProcrustesFit.
+  static torch::autograd::variable_list forward(torch::autograd::AutogradContext* context,
+                                                const at::Tensor& m) {
+    const at::Tensor wide = m.to(at::kDouble);
+    const SignedSvd svd = DecomposeSigned(FiniteOrIdentity(wide));
+    const at::Tensor determined =
+        Determined(svd.sigma).logical_and(at::isfinite(wide).flatten(1).all(1));
     context->save_for_backward({svd.u, svd.sigma, svd.vt});
+    context->mark_non_differentiable({determined});
     context->saved_data["type"] = static_cast<std::int64_t>(m.scalar_type());
-    return at::bmm(svd.u, svd.vt).to(m.scalar_type());
+    return {at::bmm(svd.u, svd.vt).to(m.scalar_type()), determined};
   }
 
   static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
@@ -84,6 +91,21 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
     return {at::where(keep, grad, at::zeros_like(grad)).to(type)};
   }
 };
+
+/// bool [B]: the second singular value of the point sets [B,N,3], float64 on the CPU, is
+/// kMinSecondSingularValue at least. Its square is the second eigenvalue of s^T s, in closed form.
+at::Tensor SpreadEnough(const at::Tensor& s) {
+  const at::Tensor products = at::bmm(s.transpose(1, 2), s).contiguous();  // [B,3,3]
+  const at::Tensor enough = at::empty({s.size(0)}, at::kBool);
+  for (std::int64_t i = 0; i < s.size(0); ++i) {
+    const Eigen::Map<const Eigen::Matrix3d> product(products.data_ptr<double>() + 9 * i);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    solver.computeDirect(product, Eigen::EigenvaluesOnly);
+    enough.data_ptr<bool>()[i] =
+        solver.eigenvalues()[1] >= kMinSecondSingularValue * kMinSecondSingularValue;
+  }
+  return enough;
+}
 
 }  // namespace
 
@@ -107,16 +129,10 @@ at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points) 
   return sums.narrow(2, 0, 3) / sums.narrow(2, 3, 1).clamp_min(kMinProbability);
 }
 
-at::Tensor ProcrustesRotation(const at::Tensor& m) {
+ProcrustesFit FitRotation(const at::Tensor& m) {
   Require(m.dim() == 3 && m.size(1) == 3 && m.size(2) == 3, "m", m, "[B,3,3]");
-  return RotationFunction::apply(m);
-}
-
-at::Tensor DeterminedRotation(const at::Tensor& m) {
-  Require(m.dim() == 3 && m.size(1) == 3 && m.size(2) == 3, "m", m, "[B,3,3]");
-  const at::Tensor wide = m.detach().to(at::kDouble);
-  return Determined(DecomposeSigned(FiniteOrIdentity(wide)).sigma)
-      .logical_and(at::isfinite(wide).flatten(1).all(1));
+  const torch::autograd::variable_list fit = RotationFunction::apply(m);
+  return {fit[0], fit[1]};
 }
 
 at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind) {
@@ -138,23 +154,28 @@ ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor&
   Require(visible.dim() == 2 && visible.size(0) == keypoints.size(0) &&
               visible.size(1) == keypoints.size(1),
           "visible", visible, "[B,K-1]");
-  const at::Tensor mask = visible.to(at::kDouble).unsqueeze(2);         // [B,K-1,1]
+  const at::Tensor known =  // [B,K-1,4], in one transfer
+      at::cat({keypoints, visible.unsqueeze(2).to(keypoints.scalar_type())}, 2)
+          .to(at::kCPU, at::kDouble);
+  const at::Tensor mask = known.narrow(2, 3, 1).detach();               // [B,K-1,1]
   const at::Tensor count = mask.sum(1, /*keepdim=*/true).clamp_min(1);  // [B,1,1]
   const auto centre = [&](const at::Tensor& points) {                   // [B,K-1,3]
     return (points - (points * mask).sum(1, true) / count) * mask;
   };
-  const at::Tensor c = centre(keypoints.to(at::kDouble));
-  const at::Tensor s = centre(targets.to(at::kDouble).unsqueeze(0).expand_as(c));
-  const at::Tensor m = at::bmm(s.transpose(1, 2), c);  // [B,3,3], sum_k S_k C_k^T
-  const at::Tensor spread = at::linalg_svdvals(s).select(1, 1);
-  const at::Tensor fixed =
-      (spread >= kMinSecondSingularValue).logical_and(DeterminedRotation(m));  // [B]
-  const at::Tensor residual = s - at::bmm(c, ProcrustesRotation(m).transpose(1, 2));
+  const at::Tensor c = centre(known.narrow(2, 0, 3));
+  const at::Tensor s = centre(targets.to(at::kCPU, at::kDouble).unsqueeze(0).expand_as(c));
+  const ProcrustesFit fit = FitRotation(at::bmm(s.transpose(1, 2), c));  // of sum_k S_k C_k^T
+  const at::Tensor fixed = SpreadEnough(s).logical_and(fit.determined);  // [B]
+  const at::Tensor residual = s - at::bmm(c, fit.rotation.transpose(1, 2));
   // The norm's gradient at 0 is taken as 0: the clamp cuts it off.
   const at::Tensor norm = residual.square().sum({1, 2}).clamp_min(1e-20).sqrt();  // [B]
   const at::Tensor kept = at::where(fixed, norm, at::zeros_like(norm));
   const double batch = static_cast<double>(keypoints.size(0));
-  return {(kept.sum() / batch).to(keypoints.scalar_type()), fixed.logical_not().sum()};
+  const auto back = [&](const at::Tensor& x, at::ScalarType type) {
+    return x.to(keypoints.device(), type, /*non_blocking=*/true);
+  };
+  return {back(kept.sum() / batch, keypoints.scalar_type()),
+          back(fixed.logical_not().sum(), at::kLong)};
 }
 
 }  // namespace volalign

@@ -20,16 +20,20 @@ inline constexpr double kMinProbability = 1e-12;
 /// there is no depth). Differentiable with respect to log_probs.
 at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points);
 
+/// What a matrix says about its rotation.
+struct ProcrustesFit {
+  at::Tensor rotation;  ///< [B,3,3], type of the matrices, differentiable
+  /// bool [B]: (s2 + d s3) / s1 >= 1e-3 with singular values s1 >= s2 >= s3 of M and d = sign det
+  /// M: the matrix fixes its rotation. False for M = 0 and for non-finite M.
+  at::Tensor determined;
+};
+
 /// The proper rotation R [B,3,3] that maximises tr(R^T M) for M [B,3,3] (orthogonal Procrustes
 /// problem), with the closed-form adjoint dL/dM = U' Z V^T, Z_ij = (Y_ij - Y_ji) / (sigma_i +
 /// sigma_j), Y = U'^T dL/dR V. Unlike the backward of an SVD it is finite for repeated and
-/// vanishing singular values. Computed in float64; type of `m`. Where the rotation is not
-/// determined (DeterminedRotation is false) the gradient is zero.
-at::Tensor ProcrustesRotation(const at::Tensor& m);
-
-/// bool [B]: (s2 + d s3) / s1 >= 1e-3 with singular values s1 >= s2 >= s3 of M and d = sign det M:
-/// the matrix fixes its rotation. False for M = 0 and for non-finite M.
-at::Tensor DeterminedRotation(const at::Tensor& m);
+/// vanishing singular values. Computed in float64. Where the rotation is not determined the
+/// gradient is zero.
+ProcrustesFit FitRotation(const at::Tensor& m);
 
 /// Keypoints S [K-1,3] of the labels 1..K-1, structure frame, m, float32 on the CPU.
 at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind);
@@ -45,7 +49,8 @@ struct ProcrustesLoss {
 /// over the visible sides, Omega aligns C^ to S^. A sample adds nothing and is counted where the
 /// second singular value of its visible centred S is below kMinSecondSingularValue
 /// (core/geometry/procrustes.h) or the rotation is not determined. The gradient is finite for every
-/// input, zero residuals included.
+/// input, zero residuals included. Computed in float64 on the CPU, whatever the device of the
+/// keypoints, on which the results are: cuSOLVER decomposes small matrices one after another.
 ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
                                   const at::Tensor& visible);
 

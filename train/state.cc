@@ -24,7 +24,7 @@ template <class Archive>
 void Describe(Archive& ar, StepMeans& means) {
   StepReport& sum = means.sum;
   StepTimes& t = sum.times;
-  ar("steps", means.steps);
+  ar("steps", sum.steps);
   ar("samples", means.samples);
   ar("loss", sum.loss);
   ar("loss_seg", sum.loss_seg);
@@ -34,6 +34,7 @@ void Describe(Archive& ar, StepMeans& means) {
   Eigen::Matrix<double, 5, 1> times;
   times << t.data, t.forward, t.loss, t.backward, t.optim;
   ar("times", times);
+  ar.Later("skipped", sum.skipped);
   t = {times[0], times[1], times[2], times[3], times[4]};
 }
 
@@ -92,14 +93,14 @@ void RestoreMoment(const TensorFile& state, const std::string& prefix, const Fla
 
 }  // namespace
 
-void RunProgress::NoteCameras(const std::vector<Sample>& drawn) {
-  for (const Sample& s : drawn) {
-    for (double f : {s.intrinsics.fx, s.intrinsics.fy}) {
+void RunProgress::NoteCameras(const std::vector<Intrinsics>& cameras) {
+  for (const Intrinsics& camera : cameras) {
+    for (double f : {camera.fx, camera.fy}) {
       focal_px.first = focal_px.first == 0 ? f : std::min(focal_px.first, f);
       focal_px.second = std::max(focal_px.second, f);
     }
   }
-  image_sizes.insert({drawn[0].depth.width(), drawn[0].depth.height()});
+  image_sizes.insert({cameras[0].width, cameras[0].height});
 }
 
 std::string WriteProgress(const RunProgress& progress) {
@@ -140,8 +141,8 @@ SavedState ReadState(const std::filesystem::path& path, const TrainConfig& confi
   RequireSameRun(meta.config, config, path.string());
   if (meta.data_identity != data_identity) {
     throw ConfigError(fmt::format(
-        "{} was trained on other samples than run.dataset = '{}' gives: resume with the "
-        "run's own dataset (config.yaml there names it), or start a new run",
+        "{} was trained on other samples than run.dataset = '{}' and data.real give: resume with "
+        "the run's own (config.yaml there names them), or start a new run",
         path.string(), config.run.dataset));
   }
   saved.progress = meta.progress;

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/geometry/camera.h"
 #include "core/nn/checkpoint.h"
-#include "render/sample.h"
 #include "train/learner.h"
 #include "train/log/metrics.h"
 #include "train/log/run_folder.h"
@@ -32,7 +32,7 @@ struct RunProgress {
   BestValidation best;
   StepMeans means;  ///< the steps since the last row of the log
 
-  void NoteCameras(const std::vector<Sample>& drawn);
+  void NoteCameras(const std::vector<Intrinsics>& cameras);
 };
 
 /// As text, and back. ReadProgress throws DataError for any other text.

@@ -2,7 +2,11 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/cat.h>
+#include <ATen/ops/isfinite.h>
+#include <ATen/ops/ones_like.h>
 #include <ATen/ops/stack.h>
+#include <ATen/ops/where.h>
+#include <ATen/ops/zeros_like.h>
 
 #include <algorithm>
 #include <chrono>
@@ -21,31 +25,54 @@ double Seconds(Clock::time_point from, Clock::time_point to) {
 at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& part,
                        const LossShare& share, const Compute& compute, std::int64_t samples,
                        StepTimes* times) {
-  const auto start = Clock::now();
+  const auto now = [&] {
+    if (times != nullptr) Synchronize(compute.device);
+    return Clock::now();
+  };
+  const auto start = now();
   const at::Tensor log_probs = learner.net->forward(
       EncodeFor(compute, part.depth, learner.net->options().input));  // [B,K,H,W]
-  Synchronize(compute.device);
-  const auto forward = Clock::now();
+  const auto forward = now();
   const LossTerms terms = loss(log_probs, part.depth, part.labels, part.rays, samples, share);
-  Synchronize(compute.device);
-  const auto compared = Clock::now();
+  const auto compared = now();
   terms.total.backward();
-  Synchronize(compute.device);
-  times->forward += Seconds(start, forward);
-  times->loss += Seconds(forward, compared);
-  times->backward += Seconds(compared, Clock::now());
+  if (times != nullptr) {
+    times->forward += Seconds(start, forward);
+    times->loss += Seconds(forward, compared);
+    times->backward += Seconds(compared, now());
+  }
   return at::stack({terms.total.detach().to(at::kDouble),
-                    terms.segmentation.detach().to(at::kDouble) * share.segmentation,
+                    share.OfSegmentation(terms.segmentation.detach().to(at::kDouble)),
                     terms.procrustes.detach().to(at::kDouble) * share.procrustes,
                     terms.degenerate.to(at::kDouble)});
 }
 
 }  // namespace
 
-at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
-                           const Compute& compute, std::int64_t samples, int micro_batch,
-                           StepReport* report, const LossShare& share, GradientReducer* reducer,
-                           const std::function<void()>& between) {
+at::Tensor StepNumbers::Sums() const {
+  const at::Tensor kept = at::where(finite, values, at::zeros_like(values));
+  const at::Tensor skipped = finite.logical_not().to(at::kDouble).view(1);
+  return at::cat({kept, at::ones_like(skipped), skipped});
+}
+
+StepReport ReadSums(const at::Tensor& sums) {
+  const at::Tensor host = sums.to(at::kCPU);
+  const double* value = host.data_ptr<double>();
+  StepReport report;
+  report.loss = value[0];
+  report.loss_seg = value[1];
+  report.loss_3d = value[2];
+  report.degenerate = static_cast<std::int64_t>(value[3]);
+  report.gradient_norm = value[4];
+  report.steps = static_cast<std::int64_t>(value[5]);
+  report.skipped = static_cast<std::int64_t>(value[6]);
+  return report;
+}
+
+StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
+                            const Compute& compute, std::int64_t samples, int micro_batch,
+                            StepTimes* times, const LossShare& share, GradientReducer* reducer,
+                            const std::function<void()>& between) {
   learner.net->train();
   const std::int64_t size = batch.depth.size(0);
   const std::int64_t part = micro_batch == 0 ? size : micro_batch;
@@ -59,25 +86,20 @@ at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Bat
     of_part.procrustes *= share.procrustes;
     if (reducer != nullptr && first + count == size) reducer->Arm();
     const at::Tensor terms = AddGradient(learner, loss, whole ? batch : batch.Narrow(first, count),
-                                         of_part, compute, samples, &report->times);
+                                         of_part, compute, samples, times);
     sums = sums.defined() ? sums + terms : terms;
   }
   if (reducer != nullptr) {
     const auto start = Clock::now();
     reducer->Finish();
     reducer->group().Sum(sums);
-    report->times.backward += Seconds(start, Clock::now());
+    if (times != nullptr) times->backward += Seconds(start, Clock::now());
   }
-  const at::Tensor norm = learner.optimizer.GradientNorm();
-  // One transfer a step.
-  const at::Tensor numbers = at::cat({sums, norm.to(at::kDouble).view(1)}).to(at::kCPU);
-  const double* value = numbers.data_ptr<double>();
-  report->loss = value[0];
-  report->loss_seg = value[1];
-  report->loss_3d = value[2];
-  report->degenerate = static_cast<std::int64_t>(value[3]);
-  report->gradient_norm = value[4];
-  return norm;
+  StepNumbers numbers;
+  numbers.norm = learner.optimizer.GradientNorm();
+  numbers.values = at::cat({sums, numbers.norm.to(at::kDouble).view(1)});
+  numbers.finite = at::isfinite(sums.select(0, 0)).logical_and(at::isfinite(numbers.norm));
+  return numbers;
 }
 
 }  // namespace volalign

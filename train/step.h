@@ -14,18 +14,32 @@
 
 namespace volalign {
 
+/// What a step computed, on its device.
+struct StepNumbers {
+  /// [5] float64: loss, segmentation and Procrustes loss, degenerate samples, norm of the gradient.
+  at::Tensor values;
+  at::Tensor norm;    ///< float32 scalar: that of the gradient, before clipping
+  at::Tensor finite;  ///< bool scalar: loss and norm are
+
+  /// [7] float64 that add up over steps: `values`, or 0 where the step is not finite, 1, and
+  /// whether the step is to be skipped.
+  at::Tensor Sums() const;
+};
+
+/// Of sums of StepNumbers::Sums, but for the times. Waits for the device.
+StepReport ReadSums(const at::Tensor& sums);
+
 /// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
-/// time (0: all): fills `learner.flat`'s
-/// gradient and the report, but for times.data and times.optim, and returns the gradient's norm as
-/// a scalar on the device. Changes no weight, so that a caller can refuse a loss or norm that is
-/// not finite; running statistics of a batch normalisation move.
+/// time (0: all): fills `learner.flat`'s gradient. Changes no weight, so that a step that is not
+/// finite can be skipped; running statistics of a batch normalisation move. `times`, but for data
+/// and optim, are measured where it is not null: that waits for the device after each part.
 /// `between` is called between micro-batches; what it throws is passed on.
 /// Where `batch` is a process's slice of one, `share` is its share of the loss, and `reducer` adds
 /// up gradients and report over the processes.
-at::Tensor ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
-                           const Compute& compute, std::int64_t samples, int micro_batch,
-                           StepReport* report, const LossShare& share = LossShare(),
-                           GradientReducer* reducer = nullptr,
-                           const std::function<void()>& between = {});
+StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
+                            const Compute& compute, std::int64_t samples, int micro_batch,
+                            StepTimes* times = nullptr, const LossShare& share = LossShare(),
+                            GradientReducer* reducer = nullptr,
+                            const std::function<void()>& between = {});
 
 }  // namespace volalign

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cstdio>
 #include <filesystem>
+#include <utility>
 
 #include "core/base/error.h"
 #include "core/base/interrupt.h"
@@ -55,6 +57,30 @@ void RequireDifferentNames(const std::vector<SweepRun>& runs) {
   }
 }
 
+/// In order of the first of each group.
+std::vector<std::vector<SweepRun>> GroupBySamples(const std::vector<SweepRun>& runs) {
+  std::vector<std::vector<SweepRun>> groups;
+  for (const SweepRun& run : runs) {
+    const auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) {
+      return ShareSamples(g[0].config, run.config);
+    });
+    if (group == groups.end()) {
+      groups.push_back({run});
+    } else {
+      group->push_back(run);
+    }
+  }
+  return groups;
+}
+
+/// All runs would have the one value, under names that say others.
+void RequireNotListed(const Sweep& sweep, const std::string& key) {
+  for (const SweepKey& of : sweep.keys) {
+    if (of.listed && of.key == key)
+      throw ConfigError(fmt::format("{}: the sweep has several values of it", key));
+  }
+}
+
 }  // namespace
 
 Sweep ReadSweep(const ConfigSource& source) {
@@ -87,11 +113,14 @@ std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::str
       ConfigSource source = ConfigSource::FromFile(recipe);
       SweepRun run;
       run.name = fs::path(recipe).stem().string();
-      for (const std::string& assignment : assignments) source.Set(assignment);
       for (std::size_t i = 0; i < values.size(); ++i) {
         const SweepKey& key = sweep.keys[i];
         source.Set(key.key + "=" + values[i]);
         if (key.listed) run.name += fmt::format("_{}={}", key.key, InName(values[i]));
+      }
+      for (const std::string& assignment : assignments) {
+        RequireNotListed(sweep, assignment.substr(0, assignment.find('=')));
+        source.Set(assignment);
       }
       run.config = ReadTrainConfig(source);
       runs.push_back(std::move(run));
@@ -104,23 +133,33 @@ std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::str
 SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet) {
   const InterruptGuard guard;
   SweepResult result;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
+  for (const std::vector<SweepRun>& together : GroupBySamples(runs)) {
     result.signal = guard.Signal();
     if (result.signal != 0) return result;
-    TrainOptions options;
-    options.run_dir = fs::path(dir) / runs[i].name;
-    options.resume = fs::exists(options.run_dir / "config.yaml");
-    options.quiet = quiet;
-    if (!quiet) fmt::print(stderr, "run {} of {}: {}\n", i + 1, runs.size(), runs[i].name);
-    try {
-      SetTorchThreads(runs[i].config.run.threads);
-      const TrainResult run = Train(runs[i].config, options);
-      result.signal = run.signal;
-      if (!run.finished) return result;
-    } catch (const Error& e) {
-      result.failures.push_back(fmt::format("{}: {}", runs[i].name, e.what()));
+    std::vector<TrainJob> jobs;
+    for (const SweepRun& run : together) {
+      if (!quiet)
+        fmt::print(stderr, "{}{}\n", jobs.empty() ? "" : "side by side with it: ", run.name);
+      TrainJob job{run.config, {}};
+      job.options.run_dir = fs::path(dir) / run.name;
+      job.options.resume = fs::exists(job.options.run_dir / "config.yaml");
+      job.options.quiet = quiet;
+      if (together.size() > 1) job.options.name = run.name;
+      jobs.push_back(std::move(job));
+    }
+    SetTorchThreads(together[0].config.run.threads);
+    const std::vector<JobResult> results = TrainSideBySide(jobs);
+    bool all = true;
+    for (std::size_t i = 0; i < results.size(); ++i) {
+      if (results[i].failure.empty()) {
+        result.signal = std::max(result.signal, results[i].result.signal);
+        all = all && results[i].result.finished;
+        continue;
+      }
+      result.failures.push_back(fmt::format("{}: {}", together[i].name, results[i].failure));
       if (!quiet) fmt::print(stderr, "error: {}\n", result.failures.back());
     }
+    if (!all) return result;
   }
   result.finished = true;
   return result;

@@ -10,8 +10,8 @@
 #include "core/config/config_word.h"
 #include "core/geometry/structure.h"
 #include "core/model/network_limits.h"
-#include "render/sample_config.h"
 #include "train/log/metrics.h"
+#include "train/training_data_config.h"
 
 namespace volalign {
 
@@ -133,7 +133,7 @@ struct OptimConfig {
     ar("min_lr", min_lr, "learning rate to which one_cycle and cosine fall", AtLeast(0));
     ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
     ar("ema_decay", ema_decay,
-       "decay a step of the averaged weights that are validated and shipped; 0: the weights "
+       "decay per step of the averaged weights that are validated and shipped; 0: the weights "
        "themselves",
        Between(0, 0.999999));
   }
@@ -158,6 +158,7 @@ struct RunConfig {
   int micro_batch = 0;
   std::string init;
   std::int64_t seed = 1;
+  std::int64_t weight_seed = -1;
   std::int64_t validation_seed = 1000001;
   int validation_samples = 256;
   std::int64_t validate_every = 50000;
@@ -184,7 +185,7 @@ struct RunConfig {
        "length of the run; a resumed run may have another one unless the learning rate depends on "
        "it (optim.schedule one_cycle, or cosine without period_samples)",
        AtLeast(1));
-    ar("batch_size", batch_size, "samples a step, of all processes together", AtLeast(1));
+    ar("batch_size", batch_size, "samples per step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
        "samples that pass the network at once, for less memory: a step adds up the gradients of "
        "its batch's parts, which is the whole batch's gradient except with batch normalisation, "
@@ -193,6 +194,7 @@ struct RunConfig {
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
     ar("seed", seed, "of weights and training samples", AtLeast(0));
+    ar("weight_seed", weight_seed, "of the weights alone; -1: that of run.seed", AtLeast(-1));
     ar("validation_seed", validation_seed, "of validation samples; has to differ from run.seed",
        AtLeast(0));
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
@@ -211,8 +213,9 @@ struct RunConfig {
        "pictures, configuration");
     DescribeWord(ar, "precision", precision, kPrecisions,
                  "fp32; bf16 for everything but depth, the first convolution and the soft "
-                 "Procrustes term; auto: bf16 on a processor that has instructions for it, else "
-                 "fp32; a resumed run keeps what was chosen");
+                 "Procrustes term; auto: bf16 on a processor that has instructions for it and on a "
+                 "CUDA device of compute capability 8 or higher, else fp32; a resumed run keeps "
+                 "what was chosen");
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
                  "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
@@ -231,11 +234,12 @@ struct RunConfig {
     ar("validation_dataset", validation_dataset,
        "such a folder to validate on, of any recipe for the same structure; empty: render");
   }
+  std::int64_t WeightSeed() const { return weight_seed < 0 ? seed : weight_seed; }
 };
 
 /// A whole training run: configs/m01.yaml and its like.
 struct TrainConfig {
-  SampleConfig data;
+  TrainingDataConfig data;
   ModelConfig model;
   LossConfig loss;
   OptimConfig optim;

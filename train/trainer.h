@@ -2,6 +2,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "train/distributed/world.h"
 #include "train/train_config.h"
@@ -19,6 +22,7 @@ struct TrainOptions {
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
   bool quiet = false;  ///< no progress on stderr
+  std::string name;    ///< before each line of it, where several networks train
   World world;         ///< this process among those that train together
 };
 
@@ -27,7 +31,6 @@ struct TrainResult {
   bool finished = false;             ///< false: interrupted, can be resumed
   int signal = 0;                    ///< that interrupted it; 0: none did
   bool early = false;                ///< finished before run.samples, by run.patience
-  double loss = 0;                   ///< of the last step, where this call took one
   ValidationResult validation;       ///< the last one, where this call made one
   std::filesystem::path checkpoint;  ///< run_dir/model.pt
 };
@@ -45,13 +48,38 @@ struct TrainResult {
 /// SIGINT and SIGTERM stop it after the current micro-batch or batch of a validation, with the
 /// state saved; of several processes, after the current step. A run that was stopped or killed at
 /// any moment and is resumed ends with the weights of one that was not, bit for bit on a CPU with
-/// the same number of threads. Throws ConfigError (a resumed run's configuration differs in a key
-/// that changes it), Error (a run is there already; loss or gradient is not finite), IoError,
-/// DataError.
+/// the same number of threads. A step whose loss or gradient is not finite is skipped and counted.
+/// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
+/// run is there already; no step between two rows was finite), IoError, DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 
 /// The same on other samples than the configuration's.
 TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options);
+
+/// A network of several that train on the same samples.
+struct TrainJob {
+  TrainConfig config;
+  TrainOptions options;
+};
+
+struct JobResult {
+  TrainResult result;
+  std::string failure;  ///< why it ended without one; empty: it has one
+};
+
+/// Whether the runs of two configurations draw the same batches, on the same device and as many
+/// threads.
+bool ShareSamples(const TrainConfig& a, const TrainConfig& b);
+
+/// Train of each job, in one process and from one stream of batches: with the weights that a run of
+/// its own has, bit for bit on a CPU. Any two of the configurations ShareSamples. A job that is
+/// ahead of another where they are resumed waits for it; one that fails leaves the others alone.
+/// Each network, with its optimiser, is in memory until its job has ended.
+std::vector<JobResult> TrainSideBySide(const std::vector<TrainJob>& jobs);
+
+/// The same on other samples than the configurations'.
+std::vector<JobResult> TrainSideBySideOn(const TrainingData& data,
+                                         const std::vector<TrainJob>& jobs);
 
 }  // namespace volalign

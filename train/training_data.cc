@@ -3,15 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
+#include "core/base/file_util.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "train/dataset_source.h"
+#include "train/real_frames.h"
 #include "train/rendered_source.h"
 
 namespace volalign {
@@ -110,6 +114,45 @@ std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& d
       DatasetSource::Options{of, first, run.batch_size, run.loader_threads, run.prefetch, slice});
 }
 
+/// The frames of a list of calibrations, each of which fits an image size; null for none.
+std::shared_ptr<const std::vector<RealFrame>> OpenRealFrames(const std::vector<std::string>& files,
+                                                             const TrainConfig& config,
+                                                             const SampleContext& context) {
+  if (files.empty()) return nullptr;
+  auto frames =
+      std::make_shared<const std::vector<RealFrame>>(ReadRealFrames(files, context.structure));
+  HeldOut(*frames, context.image_sizes, config.run.batch_size, config.data.pose.roll_offsets_deg);
+  return frames;
+}
+
+void RequireHeldOut(const RealConfig& real, const BatchSlice& slice) {
+  if (!real.validation.empty() && slice.count != 0)
+    throw ConfigError("data.real.validation: frames are scored by one process alone");
+  for (const std::string& held : real.validation) {
+    for (const std::string& seen : real.calibrations) {
+      if (!std::filesystem::equivalent(held, seen)) continue;
+      throw ConfigError(fmt::format(
+          "data.real.validation: {} is one of data.real.calibrations: validation would see frames "
+          "of the training",
+          held));
+    }
+  }
+}
+
+/// Of the contents that samples come from beside the configuration.
+std::string IdentityOf(const Dataset* training, const RealConfig& real,
+                       const std::vector<RealFrame>* frames) {
+  std::string identity = training ? training->header().Identity() : "";
+  for (const std::string& file : real.calibrations)
+    identity += " " + Sha256(ReadFile(file, kMaxResultBytes));
+  if (frames == nullptr) return identity;
+  for (const RealFrame& frame : *frames) {
+    const auto* bytes = reinterpret_cast<const char*>(frame.depth.data());
+    identity += " " + Sha256({bytes, frame.depth.size() * sizeof(float)});
+  }
+  return identity;
+}
+
 }  // namespace
 
 TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice) {
@@ -119,20 +162,34 @@ TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice
   const std::shared_ptr<const Dataset> training = OpenTrainingSet(config, *context);
   const std::shared_ptr<const Dataset> validation = OpenValidationSet(config, *context);
   RequireApart(config, training.get(), validation.get());
+  const auto real = OpenRealFrames(config.data.real.calibrations, config, *context),
+             held = OpenRealFrames(config.data.real.validation, config, *context);
+  RequireHeldOut(config.data.real, slice);
   TrainingData data;
   data.renderer = config.data.renderer;
   RendererFactory make;
-  if (!training || (!validation && config.run.validation_samples > 0)) {
+  if (!training || (!validation && !held && config.run.validation_samples > 0)) {
     Renderers renderers = RendererOf(config, training != nullptr);
     data.renderer = std::move(renderers.name);
     data.drawn_by = std::move(renderers.description);
     make = std::move(renderers.make);
   }
   data.structure = context->structure;
-  if (training) data.identity = training->header().Identity();
-  data.open_training = [training, context, run = config.run, make, slice](std::int64_t first) {
-    return OpenSource(training, context, run, make, run.seed, first, slice);
+  data.identity = IdentityOf(training.get(), config.data.real, real.get());
+  const std::vector<double> rolls = config.data.pose.roll_offsets_deg;
+  data.open_training = [training, context, run = config.run, make, slice, real, rolls,
+                        share = config.data.real.share](std::int64_t first) {
+    auto source = OpenSource(training, context, run, make, run.seed, first, slice);
+    if (!real) return source;
+    return MixIn(std::move(source), real, share, static_cast<std::uint64_t>(run.seed), rolls);
   };
+  if (held) {
+    data.validation_frames = static_cast<int>(held->size());
+    data.open_validation = [held, context, rolls, batch = config.run.batch_size] {
+      return HeldOut(*held, context->image_sizes, batch, rolls);
+    };
+    return data;
+  }
   data.open_validation = [validation, context, run = config.run, make, slice] {
     return OpenSource(validation, context, run, make, run.validation_seed, 0, slice);
   };

@@ -15,8 +15,9 @@ namespace volalign {
 /// What a run learns from and is scored on.
 struct TrainingData {
   Structure structure;
-  /// Of a finite set of samples (DatasetHeader::Identity); a run resumes only with the same. Empty
-  /// where samples depend on configuration and seed alone.
+  /// Of a finite set of samples (DatasetHeader::Identity) and of recorded frames with their
+  /// calibrations; a run resumes only with the same. Empty where samples depend on configuration
+  /// and seed alone.
   std::string identity;
   /// What draws the samples, for people; empty where all are read. The name of the choice is in
   /// `renderer`: data.renderer with `auto` decided.
@@ -26,6 +27,8 @@ struct TrainingData {
   std::function<std::unique_ptr<SampleSource>(std::int64_t first_sample)> open_training;
   /// The samples that no step has seen, from the first; the same ones each time.
   std::function<std::unique_ptr<SampleSource>()> open_validation;
+  /// Of them there are so many; 0: as many as are asked for.
+  int validation_frames = 0;
 };
 
 /// Samples that are rendered as they are drawn, or read from run.dataset and

@@ -67,7 +67,7 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
 
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
-                          const at::Device& device, bool channels_last) {
+                          const at::Device& device, bool channels_last, const CountDone& count) {
   c10::NoGradGuard no_grad;
   net->eval();
   std::vector<SampleScore> scores;
@@ -76,9 +76,11 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
   MiouOptions present, all;
   present.num_classes = all.num_classes = structure.num_classes();
   all.absent_counts_as_one = true;
+  BatchPacker packer(device);
   while (static_cast<int>(scores.size()) < samples) {
+    if (count) count(static_cast<std::int64_t>(scores.size()), samples);
     const std::vector<Sample> drawn = source.Next();
-    const Batch batch = Collate(drawn).To(device);
+    const Batch batch = Unpack(packer.Pack(drawn));
     at::Tensor input = EncodeDepth(batch.depth, net->options().input);
     if (channels_last) input = input.contiguous(at::MemoryFormat::ChannelsLast);
     const at::Tensor log_probs = net->forward(input);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/progress_line.h"
 #include "core/nn/network.h"
 #include "train/batch.h"
 #include "train/log/metrics.h"
@@ -29,9 +30,10 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
 
 /// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
 /// source, of which the first kLabelExamples become examples. Poses are those of the keypoints
-/// (FindKeypoints) of the argmax labels.
+/// (FindKeypoints) of the argmax labels. `count` is told of samples.
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
-                          const at::Device& device, bool channels_last);
+                          const at::Device& device, bool channels_last,
+                          const CountDone& count = nullptr);
 
 }  // namespace volalign

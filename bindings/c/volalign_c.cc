@@ -33,8 +33,9 @@ struct volalign_options {
 };
 
 struct volalign_model {
-  std::string file;
+  std::string file, runtime;
   std::unique_ptr<volalign::NetworkSegmenter> segmenter;
+  int threads = volalign::CalibrateOptions().threads;  // of the segmenter
   std::string fits;  // hash of the structure that its labels were compared with
 };
 
@@ -143,13 +144,16 @@ volalign::SensorFrame FrameOf(const volalign_frame& from) {
   return frame;
 }
 
-/// The model, whose labels are those of `structure`.
+/// The model with `threads` threads, whose labels are those of `structure`.
 volalign::NetworkSegmenter* Fitting(volalign_model* model,
-                                    const std::optional<volalign::Structure>& structure) {
+                                    const std::optional<volalign::Structure>& structure,
+                                    int threads) {
   if (!model) return nullptr;
-  if (structure && model->fits != structure->Hash()) {
-    model->segmenter = volalign::LoadOnnxSegmenter(model->file, &*structure);
-    model->fits = structure->Hash();
+  if ((structure && model->fits != structure->Hash()) || model->threads != threads) {
+    model->segmenter = volalign::LoadOnnxSegmenter(model->file, structure ? &*structure : nullptr,
+                                                   model->runtime, threads);
+    model->threads = threads;
+    if (structure) model->fits = structure->Hash();
   }
   return model->segmenter.get();
 }
@@ -261,10 +265,16 @@ volalign_code volalign_options_set(volalign_options* options, const char* key, c
 void volalign_options_free(volalign_options* options) { delete options; }
 
 volalign_code volalign_model_load(const char* onnx, volalign_model** model) {
+  return volalign_model_load_with(onnx, "auto", model);
+}
+
+volalign_code volalign_model_load_with(const char* onnx, const char* runtime,
+                                       volalign_model** model) {
   return Created(model, [&](volalign_model* made) {
-    Require(onnx, "onnx is NULL");
+    Require(onnx && runtime, "onnx or runtime is NULL");
     made->file = onnx;
-    made->segmenter = volalign::LoadOnnxSegmenter(onnx);
+    made->runtime = runtime;
+    made->segmenter = volalign::LoadOnnxSegmenter(onnx, nullptr, runtime, made->threads);
     made->fits = made->segmenter->structure().Hash();
   });
 }
@@ -279,16 +289,20 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     for (const volalign::Still& still : capture->stills) {
       if (still.frames.empty()) throw DataError("the capture has a still without a frame");
     }
-    volalign::NetworkSegmenter* segmenter = Fitting(model, capture->structure);
+    const volalign::CalibrateOptions values =
+        options ? options->values : volalign::CalibrateOptions();
+    volalign::NetworkSegmenter* segmenter = Fitting(model, capture->structure, values.threads);
     if (!capture->structure && !segmenter) {
       throw ConfigError("neither the capture nor a model has a structure; give its file");
     }
-    const volalign::CalibrateOptions values =
-        options ? options->values : volalign::CalibrateOptions();
     made->structure = capture->structure ? *capture->structure : segmenter->structure();
     made->stills = capture->stills;
-    made->source = {capture->files, segmenter ? segmenter->file() : "",
-                    segmenter ? segmenter->sha256() : "", segmenter ? segmenter->runtime() : ""};
+    made->source.captures = capture->files;
+    if (segmenter) {
+      made->source.model_file = segmenter->file();
+      made->source.model_sha256 = segmenter->sha256();
+      made->source.model_runtime = segmenter->runtime();
+    }
     made->options = volalign::WriteConfig(values);
     made->calibration = volalign::Calibrate(
         made->stills, made->structure, segmenter, values, [&](const std::string& stage) {

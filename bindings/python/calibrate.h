@@ -3,6 +3,7 @@
 #include <pybind11/pybind11.h>
 
 #include <memory>
+#include <string>
 
 #include "bindings/python/result.h"
 
@@ -10,7 +11,9 @@ namespace volalign::python {
 
 /// What `calibrate` and `check` have in common. Each as in `calibrate`.
 struct CalibrateArguments {
-  pybind11::object capture, structure, model, options, progress;
+  pybind11::object capture, structure, model;
+  std::string runtime;
+  pybind11::object options, progress;
   pybind11::dict keywords;
 };
 

@@ -133,6 +133,8 @@ void AddFrame(py::module_& module) {
       .def_readonly("intrinsics", &SensorFrame::intrinsics)
       .def_readonly("sensor", &SensorFrame::sensor)
       .def_readonly("serial", &SensorFrame::serial)
+      .def_readonly("renderer", &SensorFrame::renderer,
+                    "What drew the frame; empty where a sensor measured it.")
       .def_property_readonly("quarter_turns",
                              [](const SensorFrame& frame) {
                                return frame.quarter_turns == kAutoTurns

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "bindings/python/module.h"
 #include "bindings/python/options.h"
 #include "bindings/python/result.h"
+#include "core/base/error.h"
 #include "core/base/folder.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/report/pose_format.h"
@@ -37,47 +39,76 @@ std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
   std::vector<SensorPose> list;
   for (const FrameResult& sensor : calibrated.result.sensors) {
     if (sensor.structure_from_sensor)
-      list.push_back({sensor.name, *sensor.structure_from_sensor, sensor.intrinsics});
+      list.push_back({sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, {}});
+  }
+  for (const Still& still : calibrated.stills) {
+    for (const SensorFrame& frame : still.frames) {
+      const auto pose = std::find_if(list.begin(), list.end(),
+                                     [&](const SensorPose& one) { return one.name == frame.name; });
+      if (pose != list.end() && frame.colour) pose->colour = frame.colour;
+    }
   }
   return list;
 }
 
-PoseFormatOptions OptionsOf(const std::map<std::string, py::object>& colour_cameras) {
-  PoseFormatOptions options;
-  for (const auto& [name, file] : colour_cameras)
-    options.colour_from_depth[name] = ReadColourFromDepth(PathOf(file));
-  return options;
+using ColourFiles = std::map<std::string, py::object>;
+
+ColourCameras CamerasOf(const ColourFiles& files) {
+  ColourCameras cameras;
+  for (const auto& [name, file] : files) cameras[name] = ReadKinectColour(PathOf(file));
+  return cameras;
 }
 
 std::vector<std::string> Write(const std::string& path, PoseFormat format,
-                               const std::vector<SensorPose>& poses,
-                               const PoseFormatOptions& options) {
-  if (!IsFolder(format)) return WritePoses(path, format, poses, options);
+                               std::vector<SensorPose> poses, const ColourCameras& cameras,
+                               const WorldChoice& choice = {}) {
+  for (SensorPose& pose : poses) {
+    const auto given = cameras.find(pose.name);
+    if (given != cameras.end()) pose.colour = given->second;
+  }
+  if (!IsFolder(format)) return WritePoses(path, format, poses, choice);
   const ResultFolder folder(path);
-  std::vector<std::string> notes = WritePoses(folder.draft(), format, poses, options);
+  std::vector<std::string> notes = WritePoses(folder.draft(), format, poses, choice);
   folder.Publish("");
   return notes;
 }
 
-using ColourCameras = std::map<std::string, py::object>;
+WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>& up,
+                     const std::string& camera) {
+  if (camera != "depth" && camera != "colour")
+    throw ConfigError(fmt::format("camera = '{}': use depth or colour", camera));
+  if (up && *up != "y" && *up != "z") throw ConfigError(fmt::format("up = '{}': use y or z", *up));
+  WorldChoice choice;
+  choice.origin = origin;
+  choice.up = up.value_or("");
+  choice.colour = camera == "colour";
+  return choice;
+}
 
 std::vector<std::string> Convert(const py::object& source, const std::string& format,
                                  const py::object& output, const std::string& from_format,
-                                 const ColourCameras& colour_cameras) {
-  const PoseFormat to = ParsePoseFormat(format);
-  const PoseFormatOptions options = OptionsOf(colour_cameras);
-  const std::vector<SensorPose> poses =
-      py::isinstance<Calibrated>(source)
-          ? PosesOf(source.cast<const Calibrated&>())
-          : ReadPoses(PathOf(source), ParsePoseFormat(from_format), options);
-  return Write(PathOf(output), to, poses, options);
+                                 const ColourFiles& colour_cameras, const std::string& origin,
+                                 const std::optional<std::string>& up, const std::string& camera) {
+  const PoseFormat to = ParsePoseFormat(format), from = ParsePoseFormat(from_format);
+  const ColourCameras cameras = CamerasOf(colour_cameras);
+  WorldChoice choice = ChoiceOf(origin, up, camera);
+  std::vector<SensorPose> poses;
+  if (py::isinstance<Calibrated>(source)) {
+    const auto& calibrated = source.cast<const Calibrated&>();
+    poses = PosesOf(calibrated);
+    choice.floor_m = calibrated.structure.FloorHeight();
+  } else {
+    poses = ReadPoses(PathOf(source), from, cameras);
+    if (origin == "floor") choice.floor_m = ReadFloor(PathOf(source), from);
+  }
+  return Write(PathOf(output), to, std::move(poses), cameras, choice);
 }
 
 std::map<std::string, SensorPose> Read(const py::object& path, const std::string& format,
-                                       const ColourCameras& colour_cameras) {
+                                       const ColourFiles& colour_cameras) {
   std::map<std::string, SensorPose> poses;
   for (SensorPose& pose :
-       ReadPoses(PathOf(path), ParsePoseFormat(format), OptionsOf(colour_cameras)))
+       ReadPoses(PathOf(path), ParsePoseFormat(format), CamerasOf(colour_cameras)))
     poses[pose.name] = std::move(pose);
   return poses;
 }
@@ -93,7 +124,8 @@ void AddConvert(py::module_& module) {
                          "A sensor's pose and, where they are known, its "
                          "intrinsics.")
       .def(py::init([](const py::object& pose, std::optional<Intrinsics> intrinsics) {
-             return SensorPose{"", PoseOf(pose, "structure_from_sensor"), std::move(intrinsics)};
+             return SensorPose{
+                 "", PoseOf(pose, "structure_from_sensor"), std::move(intrinsics), {}, {}};
            }),
            py::arg("structure_from_sensor"), py::arg("intrinsics") = py::none())
       .def_property_readonly(
@@ -109,29 +141,34 @@ void AddConvert(py::module_& module) {
   const std::string colour = kColourCameras;
   module.def("convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"),
              py::kw_only(), py::arg("from_format") = "volalign",
-             py::arg("colour_cameras") = ColourCameras(),
+             py::arg("colour_cameras") = ColourFiles(), py::arg("origin") = "structure",
+             py::arg("up") = py::none(), py::arg("camera") = "depth",
              ("Writes poses as another program reads them (docs/conversion.md).\n\n"
               "source: a Result, or a file or folder of from_format. format: one of pose_formats "
               "but volalign. output: a file; a folder for colmap, volumetric_capture and "
               "livescan3d_... " +
               colour +
+              "origin: of the written poses: structure, floor (the point of the floor below the "
+              "structure's origin) or a sensor's name. up: y or z, the axis that is up; None: what "
+              "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
+              "depth or colour, whose poses and intrinsics are written. "
               "Returns what the format has no place for, a sentence each. Raises ConfigError, "
               "DataError, IoError.")
                  .c_str());
   module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
-             py::arg("colour_cameras") = ColourCameras(),
+             py::arg("colour_cameras") = ColourFiles(),
              ("SensorPose by name, of a file or folder of any of pose_formats. " + colour +
               "Raises ConfigError, DataError, IoError.")
                  .c_str());
   module.def(
       "write_poses",
       [](const py::object& path, const std::string& format, const py::dict& poses,
-         const ColourCameras& colour_cameras) {
+         const ColourFiles& colour_cameras) {
         return Write(PathOf(path), ParsePoseFormat(format), PosesOf(poses),
-                     OptionsOf(colour_cameras));
+                     CamerasOf(colour_cameras));
       },
       py::arg("path"), py::arg("format"), py::arg("poses"), py::kw_only(),
-      py::arg("colour_cameras") = ColourCameras(),
+      py::arg("colour_cameras") = ColourFiles(),
       ("The other way: poses is a dict of SensorPose or (4, 4) arrays. " + colour +
        "Returns what the format has no place for. Raises ConfigError, DataError, IoError.")
           .c_str());

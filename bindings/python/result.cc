@@ -261,6 +261,10 @@ void AddResult(py::module_& module) {
                                                : std::optional(c.source.model_file);
           },
           "The file of the network that was used; None: geometry alone.")
+      .def_property(
+          "note", [](const Calibrated& c) { return c.source.note; },
+          [](Calibrated& c, const std::string& note) { c.source.note = note; },
+          "Anything to remember of it; stands in what save() and report() write.")
       .def_property_readonly(
           "options", [](const Calibrated& c) { return c.options; },
           "Every option as it was used, YAML.")

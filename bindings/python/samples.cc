@@ -17,6 +17,7 @@
 #include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "render/sample_stream.h"
+#include "train/training_data_config.h"
 
 namespace volalign::python {
 
@@ -35,7 +36,7 @@ struct SampleRecipe {
     }
   };
   Run run;
-  SampleConfig data;
+  TrainingDataConfig data;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -156,7 +157,7 @@ void AddSamples(py::module_& module) {
              "data, run.seed and run.batch_size count. Further keywords stand over it: "
              "**{\"data.image_sizes\": [\"160x144\"]}. seed: instead of run.seed. start: first "
              "index, a multiple of the batch size. A sample depends on recipe, seed and index "
-             "alone. threads: that draw, ahead of the reader; 0: one a core. renderer: \"egl\", "
+             "alone. threads: that draw, ahead of the reader; 0: one per core. renderer: \"egl\", "
              "\"cpu\" or \"auto\" instead of data.renderer; cpu needs no OpenGL. Raises "
              "ConfigError, DataError, IoError.");
 }

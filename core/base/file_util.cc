@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +17,8 @@
 #include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/base/interrupt.h"
+#include "core/base/shown_path.h"
+#include "core/base/temporary_file.h"
 
 namespace volalign {
 
@@ -41,8 +44,9 @@ class FileHandle {
 }  // namespace
 
 std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const std::string name = ShownPath(path);
   const auto fail = [&](const char* reason) {
-    throw IoError(fmt::format("cannot read {}: {}", path.string(), reason));
+    throw IoError(fmt::format("cannot read {}: {}", name, reason));
   };
   // Opening a pipe without O_NONBLOCK would wait for its writer.
   const FileHandle file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
@@ -50,16 +54,15 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
   struct stat status {};
   if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
   if (S_ISDIR(status.st_mode)) {
-    throw IoError(fmt::format("{} is a folder; a file is expected", path.string()));
+    throw IoError(fmt::format("{} is a folder; a file is expected", name));
   }
   if (!S_ISREG(status.st_mode)) {
-    throw IoError(
-        fmt::format("{} is a device or a pipe; a file on disk is expected", path.string()));
+    throw IoError(fmt::format("{} is a device or a pipe; a file on disk is expected", name));
   }
   const auto require_size = [&](std::uint64_t size) {
     if (size <= max_bytes) return;
     throw IoError(fmt::format("{} has {} bytes, more than the {} that are read of such a file",
-                              path.string(), size, max_bytes));
+                              name, size, max_bytes));
   };
   const auto announced = static_cast<std::uint64_t>(status.st_size);
   require_size(announced);
@@ -76,11 +79,19 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
     if (at == content.size()) content.resize(2 * content.size() + 4096);
   }
   content.resize(at);
+  // Of a file that is cut meanwhile, zeros may have been read: the system clears the page of the
+  // new end, after it has made the size known.
+  if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
+  if (static_cast<std::uint64_t>(status.st_size) < announced) {
+    fail("it became shorter while it was read");
+  }
   return content;
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
   MakeFolder(path.parent_path());
+  if (sync) RemoveAbandoned(path);
+  const std::string shown = ShownPath(path);
   int file = -1;
   // Two writers never share a file: a name that is taken, by a writer of the same process number on
   // another machine or by one that was killed, is passed over.
@@ -91,12 +102,13 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
       file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     } while (file < 0 && errno == EEXIST);
     if (file < 0) {
-      throw IoError(fmt::format("cannot create {}: {}", path.string(), std::strerror(errno)));
+      throw IoError(fmt::format("cannot create {}: {}", shown, std::strerror(errno)));
     }
+    ::flock(file, LOCK_EX | LOCK_NB);  // see RemoveAbandoned
     return name;
   });
   const auto fail = [&](const char* what, int reason) {
-    throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
+    throw IoError(fmt::format("cannot {} {}: {}", what, shown, std::strerror(reason)));
   };
   std::size_t written = 0;
   while (written < bytes.size()) {

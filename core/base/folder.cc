@@ -5,7 +5,6 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -13,7 +12,7 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/text.h"
+#include "core/base/temporary_file.h"
 
 namespace volalign {
 namespace {
@@ -46,17 +45,6 @@ fs::path MakeDraft(const fs::path& dir) {
                               dir.string(), std::strerror(errno)));
   }
   return draft;
-}
-
-/// Whether a name ends as WriteFileAtomically's temporary ones do: .tmp-PID-N, formerly .tmp-PID.
-bool IsTemporary(const std::string& name) {
-  const std::string mark = ".tmp-";
-  const std::size_t at = name.rfind(mark);
-  if (at == std::string::npos) return false;
-  const std::vector<std::string> numbers = Split(name.substr(at + mark.size()), '-');
-  return numbers.size() <= 2 && std::all_of(numbers.begin(), numbers.end(), [](const auto& number) {
-           return !number.empty() && number.find_first_not_of("0123456789") == std::string::npos;
-         });
 }
 
 /// By their paths in it, in a fixed order.
@@ -126,7 +114,7 @@ void RemoveTemporaries(const fs::path& folder) {
   std::error_code ignored;
   std::vector<fs::path> found;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
-    if (IsTemporary(entry.path().filename().string())) found.push_back(entry.path());
+    if (ReadTemporary(entry.path().filename().string())) found.push_back(entry.path());
   }
   for (const fs::path& path : found) fs::remove(path, ignored);
 }

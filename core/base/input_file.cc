@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "core/base/error.h"
+#include "core/base/shown_path.h"
 
 namespace volalign {
 
@@ -56,11 +57,12 @@ void RequireInputFile(const std::string& key, const std::string& path) {
   std::string where = "no such file";
   if (!fs::path(path).is_absolute()) {
     where += fmt::format(" in the working directory {}", fs::current_path(error).string());
-    if (!Folder().empty()) where += fmt::format(" or the data folder {}", Folder());
+    where += Folder().empty() ? ", and no data folder was found"
+                              : fmt::format(" or the data folder {}", Folder());
   }
   throw IoError(fmt::format(
       "{} = {}: {}: run volalign in the folder that holds it, or name another file: --set {}=FILE",
-      key, path, where, key));
+      key, ShownPath(path), where, key));
 }
 
 }  // namespace volalign

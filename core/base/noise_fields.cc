@@ -7,95 +7,115 @@
 namespace volalign {
 namespace {
 
-struct SplineTap {
-  int first = 0;
-  std::array<float, 4> weight{};
-};
+void Normal(std::uint64_t key, std::uint64_t first, int count, float* out) {
+  const PixelRandom random(key);
+  for (int i = 0; i < count; ++i) out[i] = random.Normal(first + static_cast<std::uint64_t>(i));
+}
 
-/// Taps of a uniform cubic B-spline, scaled so that independent unit-variance nodes give unit
-/// variance.
-std::vector<SplineTap> SplineTaps(int size, double cell, double phase) {
-  std::vector<SplineTap> taps(static_cast<std::size_t>(size));
-  for (int i = 0; i < size; ++i) {
+void Taps(int count, double cell, double phase, std::int32_t* first, float* weights) {
+  for (int i = 0; i < count; ++i) {
     const double x = i / cell + phase;
     const double t = x - std::floor(x);
     const std::array<double, 4> w{(1 - t) * (1 - t) * (1 - t) / 6,
                                   (3 * t * t * t - 6 * t * t + 4) / 6,
                                   (-3 * t * t * t + 3 * t * t + 3 * t + 1) / 6, t * t * t / 6};
     const double norm = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3]);
-    SplineTap& tap = taps[static_cast<std::size_t>(i)];
-    tap.first = static_cast<int>(std::floor(x));
-    for (std::size_t k = 0; k < 4; ++k) tap.weight[k] = static_cast<float>(w[k] / norm);
+    first[i] = static_cast<std::int32_t>(std::floor(x));
+    for (int k = 0; k < 4; ++k)
+      weights[k * count + i] = static_cast<float>(w[static_cast<std::size_t>(k)] / norm);
   }
-  return taps;
 }
+
+void Along(const float* nodes, const std::int32_t* first, const float* weights, int count,
+           float* out) {
+  for (int i = 0; i < count; ++i) {
+    const float *in = nodes + first[i], *w = weights + i;
+    out[i] = w[0] * in[0] + w[count] * in[1] + w[2 * count] * in[2] + w[3 * count] * in[3];
+  }
+}
+
+void Across(const float* const* rows, const float* weights, int count, float* out) {
+  const float *in0 = rows[0], *in1 = rows[1], *in2 = rows[2], *in3 = rows[3];
+  for (int i = 0; i < count; ++i) {
+    out[i] = weights[0] * in0[i] + weights[1] * in1[i] + weights[2] * in2[i] + weights[3] * in3[i];
+  }
+}
+
+void Smooth(const float* in, float side, float norm, int count, float* out) {
+  for (int i = 0; i < count; ++i) {
+    const float left = in[std::max(i - 1, 0)], right = in[std::min(i + 1, count - 1)];
+    out[i] = norm * (in[i] + side * (left + right));
+  }
+}
+
+void SmoothAcross(const float* above, const float* here, const float* below, float side, float norm,
+                  int count, float* out) {
+  for (int i = 0; i < count; ++i) out[i] = norm * (here[i] + side * (above[i] + below[i]));
+}
+
+/// FieldLoops::taps of `count` pixels.
+struct SplineTaps {
+  SplineTaps(int count, double cell, double phase, const FieldLoops& loops)
+      : first(static_cast<std::size_t>(count)), weights(4 * first.size()) {
+    loops.taps(count, cell, phase, first.data(), weights.data());
+  }
+  int Nodes() const { return first.back() + 4; }
+
+  std::vector<std::int32_t> first;
+  std::vector<float> weights;
+};
 
 }  // namespace
 
-Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random) {
+const FieldLoops& PlainFieldLoops() {
+  static constexpr FieldLoops kLoops = {Normal, Taps, Along, Across, Smooth, SmoothAcross};
+  return kLoops;
+}
+
+Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random,
+                         const FieldLoops& loops) {
   // The kernel's variance is 1/3 cell^2, so the autocorrelation is close to exp(-3/4 x^2): 1/e
   // at 1.155 cells.
   const double cell = std::max(correlation_px / 1.155, 1.0);
-  const std::vector<SplineTap> columns = SplineTaps(width, cell, random.Uniform());
-  const std::vector<SplineTap> rows = SplineTaps(height, cell, random.Uniform());
-  const int grid_width = columns.back().first + 4, grid_height = rows.back().first + 4;
+  const SplineTaps columns(width, cell, random.Uniform(), loops);
+  const SplineTaps rows(height, cell, random.Uniform(), loops);
   const PixelRandom noise(random);
-  Image<float> grid(grid_width, grid_height);
-  for (std::size_t i = 0; i < grid.size(); ++i) grid[i] = noise.Normal(i);
+  Image<float> grid(columns.Nodes(), rows.Nodes());
+  loops.normal(noise.key(), 0, static_cast<int>(grid.size()), grid.data());
 
   // Along the few rows of nodes first, so that what is left for each pixel runs along contiguous
   // rows.
-  Image<float> lines(width, grid_height);
-  for (int j = 0; j < grid_height; ++j) {
-    float* line = &lines(0, j);
-    for (int u = 0; u < width; ++u) {
-      const SplineTap& tap = columns[static_cast<std::size_t>(u)];
-      const float* in = &grid(tap.first, j);
-      line[u] = tap.weight[0] * in[0] + tap.weight[1] * in[1] + tap.weight[2] * in[2] +
-                tap.weight[3] * in[3];
-    }
-  }
+  Image<float> lines(width, grid.height());
+  for (int j = 0; j < grid.height(); ++j)
+    loops.along(&grid(0, j), columns.first.data(), columns.weights.data(), width, &lines(0, j));
   Image<float> field(width, height);
   for (int v = 0; v < height; ++v) {
-    const SplineTap& row = rows[static_cast<std::size_t>(v)];
-    const float* in0 = &lines(0, row.first);
-    const float* in1 = &lines(0, row.first + 1);
-    const float* in2 = &lines(0, row.first + 2);
-    const float* in3 = &lines(0, row.first + 3);
-    float* out = &field(0, v);
-    for (int u = 0; u < width; ++u) {
-      out[u] = row.weight[0] * in0[u] + row.weight[1] * in1[u] + row.weight[2] * in2[u] +
-               row.weight[3] * in3[u];
+    std::array<const float*, 4> in;
+    std::array<float, 4> weights;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto row = static_cast<std::size_t>(v);
+      in[k] = &lines(0, rows.first[row] + static_cast<int>(k));
+      weights[k] = rows.weights[k * rows.first.size() + row];
     }
+    loops.across(in.data(), weights.data(), width, &field(0, v));
   }
   return field;
 }
 
-void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise) {
+void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise, const FieldLoops& loops) {
   const auto side_weight = [](double sigma) {
     return sigma > 0.1 ? static_cast<float>(std::exp(-0.5 / (sigma * sigma))) : 0.0F;
   };
+  const auto norm_of = [](float side) { return 1 / std::sqrt(1 + 2 * side * side); };
   const float row_side = side_weight(sigma_u), column_side = side_weight(sigma_v);
-  const float row_norm = 1 / std::sqrt(1 + 2 * row_side * row_side);
-  const float column_norm = 1 / std::sqrt(1 + 2 * column_side * column_side);
   const int width = noise->width(), height = noise->height();
   Image<float> rows(width, height);
+  for (int v = 0; v < height; ++v)
+    loops.smooth(&(*noise)(0, v), row_side, norm_of(row_side), width, &rows(0, v));
   for (int v = 0; v < height; ++v) {
-    const float* in = &(*noise)(0, v);
-    float* out = &rows(0, v);
-    for (int u = 0; u < width; ++u) {
-      const float left = in[std::max(u - 1, 0)], right = in[std::min(u + 1, width - 1)];
-      out[u] = row_norm * (in[u] + row_side * (left + right));
-    }
-  }
-  for (int v = 0; v < height; ++v) {
-    const float* above = &rows(0, std::max(v - 1, 0));
-    const float* here = &rows(0, v);
-    const float* below = &rows(0, std::min(v + 1, height - 1));
-    float* out = &(*noise)(0, v);
-    for (int u = 0; u < width; ++u) {
-      out[u] = column_norm * (here[u] + column_side * (above[u] + below[u]));
-    }
+    loops.smooth_across(&rows(0, std::max(v - 1, 0)), &rows(0, v),
+                        &rows(0, std::min(v + 1, height - 1)), column_side, norm_of(column_side),
+                        width, &(*noise)(0, v));
   }
 }
 

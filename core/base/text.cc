@@ -93,10 +93,21 @@ std::string CsvText(const std::string& field) {
   return field.rfind('\'', 0) == 0 && IsFormula(field.substr(1)) ? field.substr(1) : field;
 }
 
-std::string MarkdownCell(std::string text) {
-  for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2)
-    text.insert(at, "\\");
-  return text;
+std::string MarkdownParagraph(const std::string& text, const std::string& bullet) {
+  constexpr std::size_t kMostBytes = 160;
+  std::string paragraph, line = bullet;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const bool marks = std::string("-+*#>|=").find(word[0]) != std::string::npos ||
+                       std::isdigit(static_cast<unsigned char>(word[0]));
+    if (line.size() > bullet.size() && !marks && line.size() + 1 + word.size() > kMostBytes) {
+      paragraph += line + "\n";
+      line = std::string(bullet.size(), ' ') + word;
+    } else {
+      line += (line.size() > bullet.size() ? " " : "") + word;
+    }
+  }
+  return paragraph + line + "\n";
 }
 
 }  // namespace volalign

@@ -39,7 +39,9 @@ std::string CsvQuoted(const std::string& text);
 /// What CsvQuoted was given, of a field without its quotes.
 std::string CsvText(const std::string& field);
 
-/// A cell of a table in Markdown.
-std::string MarkdownCell(std::string text);
+/// A paragraph of Markdown, ended, in lines of at most 160 bytes where no word is longer. With a
+/// bullet ("- ") an item of a list. No line of it begins with what Markdown takes for a list, a
+/// heading, a quotation or a table.
+std::string MarkdownParagraph(const std::string& text, const std::string& bullet = "");
 
 }  // namespace volalign

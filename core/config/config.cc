@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <set>
+#include <system_error>
 
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
@@ -198,7 +199,8 @@ ConfigSource ConfigSource::FromFile(const std::string& path) {
   std::vector<std::string> chain;
   std::vector<ConfigSource> sources;
   for (std::string next = FindInputFile(path); !next.empty();) {
-    const std::string canonical = std::filesystem::weakly_canonical(next).string();
+    std::error_code error;
+    const std::string canonical = std::filesystem::weakly_canonical(next, error).string();
     if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
       throw ConfigError(fmt::format("{}: `inherits` comes back to this file", next));
     }
@@ -440,9 +442,11 @@ void ConfigWriter::Leaf(const std::string& name, const std::string& value, bool 
     if (check.text.empty()) continue;
     constraint += (constraint.empty() ? "" : ", ") + check.text;
   }
-  text_ += fmt::format("| `{}{}` | {} | {} | {} |\n", path, name,
-                       value.empty() ? "" : "`" + MarkdownCell(value) + "`", MarkdownCell(doc),
-                       MarkdownCell(constraint));
+  const std::string limits = constraint.empty() ? "" : "; " + constraint;
+  text_ += MarkdownParagraph(
+      value.empty() ? fmt::format("`{}{}` (empty{}): {}", path, name, limits, doc)
+                    : fmt::format("`{}{}` (`{}`{}): {}", path, name, value, limits, doc),
+      "- ");
 }
 
 void ConfigWriter::Sequence(const std::string& name, const std::vector<std::string>& values,

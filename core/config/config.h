@@ -17,13 +17,15 @@ namespace volalign {
 
 /// Configuration: plain structs with defaults that describe their keys once,
 ///
-///   struct OptimizerConfig {
-///     double lr = 2e-4;
-///     template <class Archive>
-///     void Describe(Archive& ar) {
-///       ar("lr", lr, "initial learning rate", AtLeast(0));
-///     }
-///   };
+/// ```cpp
+/// struct OptimizerConfig {
+///   double lr = 2e-4;
+///   template <class Archive>
+///   void Describe(Archive& ar) {
+///     ar("lr", lr, "initial learning rate", AtLeast(0));
+///   }
+/// };
+/// ```
 ///
 /// and from that description are read (unknown or duplicate keys are errors that name file, line
 /// and the nearest known key), checked, written back in full, and documented.
@@ -209,8 +211,8 @@ class ConfigReader {
   std::string prefix_;
 };
 
-/// Writes a struct as YAML, every key with its value (the resolved config), or, with `document`, as
-/// a Markdown table row a key: name, default, meaning, constraint.
+/// Writes a struct as YAML, every key with its value (the resolved config), or as a list in
+/// Markdown, one item for each key: name, default, constraint, meaning.
 class ConfigWriter {
  public:
   enum class Form { kYaml, kMarkdown };
@@ -294,7 +296,7 @@ std::string WriteConfig(T config) {
   return writer.text();
 }
 
-/// Markdown table of all keys with defaults, meanings and constraints (docs/config.md).
+/// List in Markdown of all keys with defaults, constraints and meanings (docs/config.md).
 template <class T>
 std::string DocumentConfig(T config = T()) {
   ConfigWriter writer(ConfigWriter::Form::kMarkdown);

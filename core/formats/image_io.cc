@@ -243,8 +243,9 @@ Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const c
   const Pixels pixels = DecodePng(bytes, name);
   if (pixels.bit_depth != bits || pixels.channels != channels) {
     throw DataError(fmt::format(
-        "{}: {} has {} bits and {} channel{}; this one has {} bits and {} channels", name, kind,
-        bits, channels, channels == 1 ? "" : "s", pixels.bit_depth, pixels.channels));
+        "{}: {} has {} bits and {} channel{}; this one has {} bits and {} channels{}", name, kind,
+        bits, channels, channels == 1 ? "" : "s", pixels.bit_depth, pixels.channels,
+        channels == 1 && pixels.channels >= 3 ? "; is it the colour picture?" : ""));
   }
   Image<Pixel> image(pixels.width, pixels.height);
   std::memcpy(static_cast<void*>(image.data()), pixels.bytes.data(), pixels.bytes.size());

@@ -118,6 +118,7 @@ std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
   std::vector<IntrinsicsPoolEntry> pool;
   try {
     for (const YAML::Node& node : LoadYaml(text)) {
+      if (node.IsMap() && node["kind"]) continue;  // core/geometry/sensor_kind.h
       RequireKnownKeys(node, path);
       IntrinsicsPoolEntry entry;
       entry.sensor = node["sensor"].as<std::string>();

@@ -120,23 +120,14 @@ RayTable RaysThroughLens(const Intrinsics& intrinsics) {
   const auto pixels =
       static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
   table.rays.reserve(pixels);
-  std::size_t lost = 0;
   for (int v = 0; v < intrinsics.height; ++v) {
     for (int u = 0; u < intrinsics.width; ++u) {
       const auto ray =
           inverse({(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy});
-      lost += !ray;
       table.rays.push_back(
           ray ? Eigen::Vector2f(ray->cast<float>())
               : Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN()));
     }
-  }
-  if (2 * lost > pixels) {
-    throw DataError(
-        fmt::format("the distortion coefficients cannot be inverted at {} of {} pixels; check "
-                    "their order (k1 k2 p1 p2 k3 k4 k5 k6) and that they belong to these "
-                    "intrinsics",
-                    lost, pixels));
   }
   return table;
 }
@@ -157,8 +148,28 @@ Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& 
   return {intrinsics.fx * bent.x() + intrinsics.cx, intrinsics.fy * bent.y() + intrinsics.cy};
 }
 
+void RequireRays(const Intrinsics& intrinsics, const std::string& what) {
+  if (intrinsics.distortion.empty()) return;
+  constexpr int kSteps = 32;
+  const LensInverse inverse(intrinsics);
+  int lost = 0;
+  for (int j = 0; j < kSteps; ++j) {
+    for (int i = 0; i < kSteps; ++i) {
+      const double u = (i + 0.5) / kSteps * intrinsics.width,
+                   v = (j + 0.5) / kSteps * intrinsics.height;
+      lost += !inverse({(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy});
+    }
+  }
+  if (2 * lost <= kSteps * kSteps) return;
+  throw DataError(fmt::format(
+      "{}: the distortion coefficients cannot be inverted at {:.0f} % of the picture; check their "
+      "order (k1 k2 p1 p2 k3 k4 k5 k6) and that they belong to these intrinsics",
+      what, 100.0 * lost / (kSteps * kSteps)));
+}
+
 RayTable ComputeRays(const Intrinsics& intrinsics) {
   intrinsics.Validate("ComputeRays");
+  RequireRays(intrinsics, "ComputeRays");
   if (!intrinsics.distortion.empty()) return RaysThroughLens(intrinsics);
   return PinholeRays(intrinsics);
 }

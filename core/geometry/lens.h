@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "core/geometry/camera.h"
 
@@ -20,9 +21,14 @@ struct BentRay {
 };
 BentRay BendRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray);
 
+/// Throws DataError, which `what` begins, for a lens whose model no ray follows at more than half
+/// of the picture (of 32 x 32 pixels of it): the coefficients are in a wrong order, or another
+/// lens's.
+void RequireRays(const Intrinsics& intrinsics, const std::string& what);
+
 /// Rays of every pixel, of a pinhole as of a camera with a lens. A pixel that no ray in front of
 /// the camera reaches before the lens model folds over has a NaN ray. Throws DataError for invalid
-/// intrinsics, and if more than half of the pixels have no ray: the coefficients are wrong then.
+/// intrinsics, and as RequireRays.
 RayTable ComputeRays(const Intrinsics& intrinsics);
 
 }  // namespace volalign

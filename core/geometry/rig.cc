@@ -1,6 +1,7 @@
 #include "core/geometry/rig.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -87,9 +88,14 @@ std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
     }
   }
   if (choices.empty()) {
-    throw ConfigError(fmt::format("sensors: {} is a {}{}, which {} does not have", sensor.name,
-                                  sensor.sensor, native ? "" : " of " + sensor.image_size,
-                                  pool_name));
+    std::vector<std::string> names;
+    for (const IntrinsicsPoolEntry& entry : pool) {
+      if (std::find(names.begin(), names.end(), entry.sensor) == names.end())
+        names.push_back(entry.sensor);
+    }
+    throw ConfigError(fmt::format("sensors: {}: {} has no intrinsics of {}{}, but of {}",
+                                  sensor.name, pool_name, sensor.sensor,
+                                  native ? "" : ", " + sensor.image_size, fmt::join(names, ", ")));
   }
   for (Intrinsics& choice : choices) {
     if (!native) {

@@ -146,7 +146,8 @@ struct Rig {
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
-    ar("noise", noise, "none, paper or sensor", OneOf({"none", "paper", "sensor"}));
+    ar("noise", noise, "none, paper, sensor or physics (docs/sensor-models.md)",
+       OneOf({"none", "paper", "sensor", "physics"}));
     ar("state_lens", state_lens,
        "the capture states the lens of the intrinsics pool; false: frames are drawn through it, "
        "but their intrinsics are given without");

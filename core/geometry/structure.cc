@@ -25,7 +25,8 @@ namespace {
 
 constexpr double kTiltedStrip = 2e-3;  // m: strip width where a covering box stands askew
 constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 m
-constexpr double kFarthest = 1e3;      // m, of a box from the structure's origin
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFarthest = 1e3;  // m, of a box from the structure's origin
 
 struct FaceAxes {
   Eigen::Vector3d normal, u, v;
@@ -196,7 +197,7 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
                                const std::vector<std::string>& label_order) {
   if (boxes.empty()) throw DataError("a structure needs at least one box");
   if (static_cast<int>(boxes.size()) > kMaxBoxes) {
-    throw DataError(fmt::format("{} boxes violate boxes <= {} (labels are 8-bit, 5 a box)",
+    throw DataError(fmt::format("{} boxes violate boxes <= {} (labels are 8-bit, 5 per box)",
                                 boxes.size(), kMaxBoxes));
   }
   RequirePlainName(name, "a structure");
@@ -315,6 +316,12 @@ std::vector<std::string> Structure::SideNames() const {
 }
 
 Structure Structure::Displaced(const std::vector<Pose>& offsets, double size_scale) const {
+  Structure moved = DisplacedToDraw(offsets, size_scale);
+  for (Side& side : moved.sides_) ComputeExposure(moved.boxes_, &side);
+  return moved;
+}
+
+Structure Structure::DisplacedToDraw(const std::vector<Pose>& offsets, double size_scale) const {
   if (offsets.size() != boxes_.size()) {
     throw Error(fmt::format("Displaced: {} offsets for {} boxes", offsets.size(), boxes_.size()));
   }
@@ -329,7 +336,8 @@ Structure Structure::Displaced(const std::vector<Pose>& offsets, double size_sca
     const std::uint8_t label = side.label;
     side = MakeSide(moved.boxes_, side.box, side.face);
     side.label = label;
-    ComputeExposure(moved.boxes_, &side);
+    side.exposed_area = kNan;
+    side.exposed_centroid.setConstant(kNan);
   }
   return moved;
 }

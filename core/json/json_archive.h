@@ -154,6 +154,8 @@ template <class T>
 bool HasValue(const T& value) {
   if constexpr (IsOptional<T>::value) {
     return value.has_value();
+  } else if constexpr (IsVector<T>::value) {
+    return !value.empty();
   } else {
     return !(value == T());
   }
@@ -415,10 +417,14 @@ nlohmann::ordered_json DescribedJson(T value, const std::string& where) {
   return json_internal::ToJson(value, where);
 }
 
-/// The text of a JSON file, indented by `indent`, with a final newline. Throws as DescribedJson.
+/// The text of a JSON file, indented by `indent`, with a final newline. Bytes that are no UTF-8,
+/// as names of files may have, become U+FFFD. Throws as DescribedJson.
 template <class T>
 std::string WriteDescribed(T value, const std::string& name, int indent) {
-  return json_internal::ToJson(value, name).dump(indent) + "\n";
+  using Json = nlohmann::ordered_json;
+  return json_internal::ToJson(value, name)
+             .dump(indent, ' ', false, Json::error_handler_t::replace) +
+         "\n";
 }
 
 /// Reads the text of a file called `name`, or a part of one. Throws DataError.

@@ -221,7 +221,8 @@ std::vector<std::string> JsonObject::Keys() const {
   return keys;
 }
 
-void JsonObject::RejectOthers() const {
+void JsonObject::RejectOthers(std::initializer_list<const char*> known) const {
+  known_.insert(known.begin(), known.end());
   for (const auto& item : value_->items()) {
     if (known_.count(item.key())) continue;
     const std::string nearest =

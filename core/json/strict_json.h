@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -63,8 +64,9 @@ class JsonObject {
   /// Keys in alphabetical order: the parser does not keep the document's.
   std::vector<std::string> Keys() const;
 
-  /// Throws for the first key that was neither asked for nor tested, with the nearest known one.
-  void RejectOthers() const;
+  /// Throws for the first key that was neither asked for nor tested nor is one of `known`, with the
+  /// nearest that is.
+  void RejectOthers(std::initializer_list<const char*> known = {}) const;
 
  private:
   template <class T>

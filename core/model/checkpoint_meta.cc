@@ -100,14 +100,15 @@ void CheckStructure(const CheckpointMeta& meta, const Structure& structure) {
   if (trained == given) return;
   if (trained.size() != given.size()) {
     throw DataError(
-        fmt::format("structure '{}' has {} labelled sides, the model was trained on '{}' with {}: "
-                    "train a model for it",
+        fmt::format("structure '{}' has {} labelled sides, the model was trained on '{}' with {}; "
+                    "calibrate by the stack's shape alone (--model none), or train a model for it",
                     structure.name(), given.size(), meta.structure.name(), trained.size()));
   }
   std::size_t i = 0;
   while (trained[i] == given[i]) ++i;
   throw DataError(fmt::format(
-      "label {} of structure '{}' is '{}', the model was trained with '{}': train a model for it",
+      "label {} of structure '{}' is '{}', the model was trained with '{}'; calibrate by the "
+      "stack's shape alone (--model none), or train a model for it",
       i + 1, structure.name(), given[i], trained[i]));
 }
 

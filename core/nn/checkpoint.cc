@@ -84,8 +84,10 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) 
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
   const std::string content = ReadFile(FindInputFile(path.string()), kMaxModelBytes);
   const auto foreign = [&](const std::string& why) {
+    const bool checkpoint = format == kCheckpointFormat;
     return DataError(
-        fmt::format("{}: not a whole file of format {} ({})", path.string(), format, why));
+        fmt::format("{} is not a {}, or not a whole one: {}", path.string(),
+                    checkpoint ? "volalign checkpoint (.pt)" : "file of format " + format, why));
   };
   TensorFile file;
   std::string digest;

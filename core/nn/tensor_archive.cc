@@ -252,18 +252,21 @@ class Unpickler {
     return value;
   }
 
-  /// Whether a tensor of these sizes is `count` values, one after the other.
+  /// Whether a tensor of these sizes is `count` values, one after the other. Of none, all sizes are
+  /// 0 or 1: LibTorch multiplies them.
   static bool IsWhole(const std::vector<std::int64_t>& sizes,
                       const std::vector<std::int64_t>& strides, std::int64_t count) {
     if (sizes.size() != strides.size() || sizes.size() > kMostDimensions) return false;
     std::int64_t stride = 1;
+    bool empty = false;
     for (std::size_t d = sizes.size(); d-- > 0;) {
       if (sizes[d] < 0 || (sizes[d] > 1 && stride > count / sizes[d])) return false;
       // Where there is one step there is none to a next one.
-      if (sizes[d] > 1 && count > 0 && strides[d] != stride) return false;
-      stride *= sizes[d];
+      if (sizes[d] > 1 && strides[d] != stride) return false;
+      empty = empty || sizes[d] == 0;
+      stride *= std::max<std::int64_t>(sizes[d], 1);
     }
-    return stride == count;
+    return empty ? count == 0 : stride == count;
   }
 
   static std::vector<std::int64_t> Numbers(const Shared& tuple) {

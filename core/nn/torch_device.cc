@@ -1,5 +1,7 @@
 #include "core/nn/torch_device.h"
 
+#include <ATen/detail/CUDAHooksInterface.h>
+#include <c10/core/DeviceGuard.h>
 #include <fmt/format.h>
 #include <torch/cuda.h>
 
@@ -22,6 +24,12 @@ at::Device ParseDevice(const std::string& key, const std::string& name) {
         fmt::format("{0} = '{1}': this LibTorch finds no CUDA device: use {0} = cpu", key, name));
   }
   return device;
+}
+
+bool ConvolvesInBf16(const at::Device& device) {
+  if (!device.is_cuda()) return false;
+  const c10::DeviceGuard guard(device);
+  return at::detail::getCUDAHooks().supportsBFloat16ConvolutionWithCuDNNv8();
 }
 
 }  // namespace volalign

@@ -54,6 +54,26 @@ Rgb FromHsv(double hue_deg, double saturation, double value) {
   return {channel(5), channel(3), channel(1)};
 }
 
+constexpr int kGap = 2;  // between pictures on a sheet
+
+struct Corner {
+  int left, top;
+};
+
+/// Pictures with their upper left corners there.
+RgbImage Sheet(const std::vector<RgbImage>& pictures, const std::vector<Corner>& corners, int width,
+               int height) {
+  RgbImage sheet(width, std::max(1, height), Rgb{40, 40, 48});
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    const RgbImage& picture = pictures[i];
+    for (int v = 0; v < picture.height(); ++v) {
+      for (int u = 0; u < picture.width(); ++u)
+        sheet(corners[i].left + u, corners[i].top + v) = picture(u, v);
+    }
+  }
+  return sheet;
+}
+
 }  // namespace
 
 Rgb LabelColour(int label) {
@@ -129,7 +149,6 @@ RgbImage OverlayLabels(const DepthImage& depth, const LabelImage& labels) {
 }
 
 RgbImage Montage(const std::vector<RgbImage>& pictures, int columns) {
-  constexpr int kGap = 2;
   int cell_width = 0, cell_height = 0;
   for (const RgbImage& picture : pictures) {
     cell_width = std::max(cell_width, picture.width());
@@ -137,18 +156,31 @@ RgbImage Montage(const std::vector<RgbImage>& pictures, int columns) {
   }
   const int count = static_cast<int>(pictures.size());
   columns = std::clamp(columns, 1, std::max(1, count));
+  std::vector<Corner> corners;
+  for (int i = 0; i < count; ++i)
+    corners.push_back({i % columns * (cell_width + kGap), i / columns * (cell_height + kGap)});
   const int rows = (count + columns - 1) / columns;
-  RgbImage sheet(columns * (cell_width + kGap) - kGap,
-                 std::max(1, rows * (cell_height + kGap) - kGap), Rgb{40, 40, 48});
-  for (int i = 0; i < count; ++i) {
-    const RgbImage& picture = pictures[static_cast<std::size_t>(i)];
-    const int left = (i % columns) * (cell_width + kGap),
-              top = (i / columns) * (cell_height + kGap);
-    for (int v = 0; v < picture.height(); ++v) {
-      for (int u = 0; u < picture.width(); ++u) sheet(left + u, top + v) = picture(u, v);
+  return Sheet(pictures, corners, columns * (cell_width + kGap) - kGap,
+               rows * (cell_height + kGap) - kGap);
+}
+
+RgbImage Shelves(const std::vector<RgbImage>& pictures, int widest) {
+  int limit = 0;
+  for (const RgbImage& picture : pictures)
+    limit = std::max(limit, widest * (picture.width() + kGap) - kGap);
+  std::vector<Corner> corners;
+  int left = 0, top = 0, width = 0, bottom = 0;
+  for (const RgbImage& picture : pictures) {
+    if (left > 0 && left + picture.width() > limit) {
+      left = 0;
+      top = bottom + kGap;
     }
+    corners.push_back({left, top});
+    width = std::max(width, left + picture.width());
+    bottom = std::max(bottom, top + picture.height());
+    left += picture.width() + kGap;
   }
-  return sheet;
+  return Sheet(pictures, corners, width, bottom);
 }
 
 }  // namespace volalign

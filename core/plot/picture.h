@@ -24,5 +24,8 @@ Rgb SurroundingsColour(double z, double shade);
 RgbImage OverlayLabels(const DepthImage& depth, const LabelImage& labels);
 /// Grid of pictures, `columns` a row, separated by 2 px; cells take the largest picture's size.
 RgbImage Montage(const std::vector<RgbImage>& pictures, int columns);
+/// Pictures of different sizes side by side, in their order, in rows that are at most as wide as
+/// `widest` times the widest of them, separated by 2 px.
+RgbImage Shelves(const std::vector<RgbImage>& pictures, int widest);
 
 }  // namespace volalign

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <map>
 #include <set>
 #include <string>
@@ -40,6 +41,21 @@ void CheckSameSensor(const SensorFrame& first, const std::string& first_still,
 
 }  // namespace
 
+SensorNumber ParseTwin(const std::string& text) {
+  const std::size_t at = text.rfind('=');
+  int number = 0;
+  if (at != std::string::npos) {
+    const char* end = text.data() + text.size();
+    const auto read = std::from_chars(text.data() + at + 1, end, number);
+    if (read.ec != std::errc() || read.ptr != end) number = 0;
+  }
+  if (number < 1) {
+    throw ConfigError(fmt::format(
+        "orientation.twins (--twin): \"{}\" is not SENSOR=NUMBER, for example S1=2", text));
+  }
+  return {text.substr(0, at), number};
+}
+
 CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
                         const CalibrateOptions& options, bool model) {
   ValidateConfig(options);
@@ -73,6 +89,12 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
     if (first_of.count(name) > 0) continue;
     throw ConfigError(fmt::format(
         "refine.without_structure names \"{}\", which is no sensor of the capture", name));
+  }
+  for (const std::string& twin : options.orientation.twins) {
+    if (first_of.count(ParseTwin(twin).sensor) == 0) {
+      throw ConfigError(
+          fmt::format("orientation.twins (--twin): \"{}\" names no sensor of the capture", twin));
+    }
   }
   return {std::move(stills), std::move(structure)};
 }

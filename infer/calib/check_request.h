@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "core/geometry/structure.h"
@@ -12,5 +13,13 @@ namespace volalign {
 /// make sense of. `model`: there is a network.
 CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
                         const CalibrateOptions& options, bool model);
+
+/// An element of orientation.twins: the pose of that number, PoseTwin::number, is asked for.
+struct SensorNumber {
+  std::string sensor;
+  int number = 1;
+};
+/// Of "SENSOR=NUMBER". Throws ConfigError.
+SensorNumber ParseTwin(const std::string& text);
 
 }  // namespace volalign

@@ -110,6 +110,19 @@ void Describe(Archive& ar, PairResult& pair) {
 }
 
 template <class Archive>
+void Describe(Archive& ar, SensorTwin& sensor) {
+  ar.Optional("twin", sensor.number);
+  ar("structure_from_sensor", sensor.structure_from_sensor);
+}
+
+template <class Archive>
+void Describe(Archive& ar, RigTwin& twin) {
+  ar("log_odds", twin.log_odds);
+  ar.Optional("placement", twin.still);
+  ar.ByName("sensors", twin.sensors, &SensorTwin::name);
+}
+
+template <class Archive>
 void Describe(Archive& ar, SetDistances& distances) {
   ar.IfFinite("d1_m", distances.d1);
   ar.IfFinite("d2_m", distances.d2);

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <map>
 #include <string>
 #include <utility>
 #include <variant>
@@ -10,6 +13,7 @@
 #include "core/base/parallel_for.h"
 #include "infer/calib/combine_stills.h"
 #include "infer/checks/pose_quality.h"
+#include "infer/checks/seen_through.h"
 
 namespace volalign {
 
@@ -54,7 +58,8 @@ std::string WhatMoves(const SolveReport& report) {
 
 /// Residuals, errors and status of a located frame at its reported pose.
 void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& suspect_lens,
-                const CalibrateOptions& options, FrameResult* sensor) {
+                const std::optional<RefutedByPair>& seen_through, const CalibrateOptions& options,
+                FrameResult* sensor) {
   const SensorFrame& frame = (*joint.seen.capture)[id];
   const auto& located = std::get<LocatedFrame>(joint.located[id]);
   const Labelled& labelled = joint.seen.labelled[id];
@@ -75,12 +80,14 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   std::optional<ContradictedSensors> contradiction;
   if (sensor->together)
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
-  const std::optional<Finding> weakness = FindWeakness(
-      {*sensor, pose, sensor->covariance, refined.problem, contradiction,
-       joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
-       located.by_neighbours, labelled.other_pose, labelled.floor_would_tell,
-       frame.quarter_turns != kAutoTurns, located.visible_by_geometry, WhatMoves(joint.report)},
-      options.verdict);
+  const std::optional<Finding> weakness =
+      FindWeakness({*sensor, pose, sensor->covariance, refined.problem, contradiction,
+                    joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
+                    located.by_neighbours, labelled.other_pose,
+                    labelled.twins.empty() ? 0 : labelled.twins.front().log_odds,
+                    labelled.floor_would_tell, seen_through, frame.quarter_turns != kAutoTurns,
+                    located.visible_by_geometry, WhatMoves(joint.report)},
+                   options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
   DemoteIfNotFinite(sensor);
@@ -112,6 +119,30 @@ std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& 
   return CompareWithSurface(captured, built);
 }
 
+/// Of each frame of a still. One whose pose a person has chosen takes part, but nothing is said of
+/// it.
+std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std::size_t still,
+                                                         const CalibrateOptions& options) {
+  const std::size_t count = joint.located.OfStill(still).size();
+  std::vector<const SensorView*> views(count, nullptr);
+  std::vector<Pose> poses(count, Pose::Identity());
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto solution = joint.frames.find({still, i});
+    if (solution == joint.frames.end()) continue;
+    views[i] = &joint.seen.views[{still, i}];
+    poses[i] = solution->second.refined.structure_from_sensor;
+  }
+  const std::vector<std::optional<SeenThrough>> found = FindSeenThrough(
+      views, poses, joint.stacks[still].built, options.verdict.refuting_odds, options.threads);
+  std::vector<std::optional<RefutedByPair>> refuted(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!found[i] || joint.seen.labelled[{still, i}].given) continue;
+    refuted[i] = {(*joint.seen.capture)[{still, found[i]->other}].name, found[i]->share,
+                  found[i]->log_odds};
+  }
+  return refuted;
+}
+
 /// What is known of a frame but for the verdict on a located one. Takes its images.
 FrameResult ResultOf(FrameId id, Joint* joint) {
   const Seen& seen = joint->seen;
@@ -137,6 +168,55 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   return sensor;
 }
 
+/// Of a located sensor that rests on others: where it stands when the first of those that is in the
+/// set has its other pose.
+std::optional<SensorTwin> FollowedTwin(const Joint& joint, FrameId id, const FrameResult& sensor,
+                                       const std::map<FrameId, SensorTwin>& moved) {
+  const auto* located = std::get_if<LocatedFrame>(&joint.located[id]);
+  if (!located || !sensor.structure_from_sensor) return std::nullopt;
+  for (const FrameId other : located->rests_on) {
+    const auto found = moved.find(other);
+    if (found == moved.end()) continue;
+    const Pose motion = found->second.structure_from_sensor *
+                        joint.frames.at(other).refined.structure_from_sensor.inverse();
+    return SensorTwin{sensor.name, 0, motion * *sensor.structure_from_sensor};
+  }
+  return std::nullopt;
+}
+
+/// The sets of poses that the still's sensors may have instead, with what rests on them; but for
+/// those that kNamedOdds rule out.
+std::vector<RigTwin> TwinsOf(const Joint& joint, std::size_t still,
+                             const std::vector<FrameResult>& sensors) {
+  std::map<int, RigTwin> twins;
+  std::map<int, std::map<FrameId, SensorTwin>> moved;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (!sensors[i].structure_from_sensor) continue;
+    for (const PoseTwin& twin : joint.seen.labelled[{still, i}].twins) {
+      if (twin.log_odds > std::log(kNamedOdds)) continue;
+      twins[twin.rig].log_odds = twin.log_odds;
+      moved[twin.rig][{still, i}] = {sensors[i].name, twin.number, twin.structure_from_sensor};
+    }
+  }
+  std::vector<RigTwin> list;
+  for (auto& [rig, twin] : twins) {
+    const std::map<FrameId, SensorTwin>& of_rig = moved[rig];
+    for (std::size_t i = 0; i < sensors.size(); ++i) {
+      const FrameId id{still, i};
+      const auto own = of_rig.find(id);
+      if (own != of_rig.end()) {
+        twin.sensors.push_back(own->second);
+      } else if (const auto follows = FollowedTwin(joint, id, sensors[i], of_rig)) {
+        twin.sensors.push_back(*follows);
+      }
+    }
+    list.push_back(std::move(twin));
+  }
+  std::stable_sort(list.begin(), list.end(),
+                   [](const RigTwin& a, const RigTwin& b) { return a.log_odds < b.log_odds; });
+  return list;
+}
+
 /// A still with its frames' results.
 StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
                         std::optional<AssemblyReport> assembly, const VerdictOptions& verdict,
@@ -149,6 +229,7 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
   result.covariance = stack.covariance;
   result.metrics = MeasureSetDistances(sensors, stack.built);
   result.pairs = std::move(joint->pairs[still]);
+  result.twins = TwinsOf(*joint, still, sensors);
   result.sensors = std::move(sensors);
   result.assembly = std::move(assembly);
   result.built = std::move(stack.built);
@@ -161,13 +242,16 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
 CalibrationResult Judge(Joint joint, const StackFinding& stack,
                         const PerFrame<std::optional<Finding>>& suspect_lenses,
                         const CalibrateOptions& options) {
+  std::vector<std::vector<std::optional<RefutedByPair>>> refuted;
+  for (std::size_t still = 0; still < joint.located.stills(); ++still)
+    refuted.push_back(RefutedInStill(joint, still, options));
   PerFrame<FrameResult> sensors =
       MapFrames(joint.located, options.threads, [&](FrameId id) { return ResultOf(id, &joint); });
   std::vector<FrameId> solved;
   for (const auto& [id, solution] : joint.frames) solved.push_back(id);
   ParallelFor(solved.size(), options.threads, [&](std::size_t k) {
     const FrameId id = solved[k];
-    JudgeFrame(joint, id, suspect_lenses[id], options, &sensors[id]);
+    JudgeFrame(joint, id, suspect_lenses[id], refuted[id.still][id.frame], options, &sensors[id]);
   });
   std::vector<StillResult> stills;
   for (std::size_t s = 0; s < sensors.stills(); ++s) {

@@ -1,12 +1,31 @@
 #include "infer/calib/look.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+#include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
+#include "core/base/error.h"
+#include "infer/calib/check_request.h"
+
 namespace volalign {
 
 namespace {
+
+/// The number of the pose that is asked for of a sensor; 0: none.
+int TwinOf(const std::string& name, const std::vector<std::string>& twins) {
+  int number = 0;
+  for (const std::string& twin : twins) {
+    const SensorNumber asked = ParseTwin(twin);
+    if (asked.sensor == name) number = asked.number;
+  }
+  return number;
+}
 
 /// Frames whose depths failed get no labels.
 std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still, Segmenter* segmenter,
@@ -18,10 +37,25 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still, Segmenter*
   std::vector<LabelRequest> requests;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     requests.push_back({&seen.views[{still, i}], &intrinsics[i], frames[i].quarter_turns,
-                        !seen.depths[{still, i}].failure});
+                        !seen.depths[{still, i}].failure,
+                        TwinOf(frames[i].name, options.orientation.twins)});
   }
   return LabelViews(requests, seen.capture->structure, segmenter, options.initial,
                     options.orientation, options.threads, clock);
+}
+
+/// Throws ConfigError unless some still has let the sensor choose.
+void RequireTwin(const Seen& seen, const SensorNumber& asked) {
+  std::set<int> numbers;
+  for (const FrameId id : seen.labelled.Ids()) {
+    if ((*seen.capture)[id].name != asked.sensor) continue;
+    if (seen.labelled[id].given) return;
+    for (const PoseTwin& twin : seen.labelled[id].twins) numbers.insert(twin.number);
+  }
+  throw ConfigError(fmt::format(
+      "orientation.twins (--twin): {} has no pose {}; {}", asked.sensor, asked.number,
+      numbers.empty() ? "no other pose fits its view"
+                      : fmt::format("its other poses are {}", fmt::join(numbers, ", "))));
 }
 
 }  // namespace
@@ -32,14 +66,18 @@ Seen Look(const CaptureSet& capture, LensSet lenses, Segmenter* segmenter,
   seen.capture = &capture;
   seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
   std::vector<std::vector<DepthFinding>> depths;
-  for (std::size_t s = 0; s < capture.stills.size(); ++s)
-    depths.push_back(CheckDepths(capture.stills[s].frames, seen.views.OfStill(s), options.verdict));
+  for (std::size_t s = 0; s < capture.stills.size(); ++s) {
+    const std::vector<SensorFrame>& frames = capture.stills[s].frames;
+    depths.push_back(CheckDepths(frames, seen.views.OfStill(s), options.verdict));
+    RequireUnits(frames, depths.back());
+  }
   seen.depths = PerFrame(std::move(depths));
   clock->Lap("rays");
   std::vector<std::vector<Labelled>> labelled;
   for (std::size_t s = 0; s < capture.stills.size(); ++s)
     labelled.push_back(LabelStill(seen, s, segmenter, options, clock));
   seen.labelled = PerFrame(std::move(labelled));
+  for (const std::string& twin : options.orientation.twins) RequireTwin(seen, ParseTwin(twin));
   return seen;
 }
 
@@ -66,7 +104,14 @@ PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& re
     }
     if (anew.empty()) continue;
     std::vector<Labelled> of_still = LabelStill(seen, still, segmenter, options, clock);
-    for (const FrameId id : anew) labelled[id] = std::move(of_still[id.frame]);
+    int sets = 0;
+    for (const Labelled& frame : labelled.OfStill(still)) {
+      for (const PoseTwin& twin : frame.twins) sets = std::max(sets, twin.rig + 1);
+    }
+    for (const FrameId id : anew) {
+      labelled[id] = std::move(of_still[id.frame]);
+      for (PoseTwin& twin : labelled[id].twins) twin.rig += sets;
+    }
   }
   return labelled;
 }

@@ -88,6 +88,23 @@ struct PairResult {
   double rms_m = 0;
 };
 
+/// A sensor in a set of poses that the rig may have instead.
+struct SensorTwin {
+  std::string name;
+  /// By which `calibrate --twin NAME=NUMBER` chooses it; 0 of one that follows others.
+  int number = 0;
+  /// As it was chosen among, before refinement; of one that rests on others (by_neighbours), where
+  /// it would follow them.
+  Pose structure_from_sensor = Pose::Identity();
+};
+
+/// Another set of poses that explains the frames: sensors that are not in it stay where they are.
+struct RigTwin {
+  double log_odds = 0;  ///< natural logarithm, of the reported poses against this set
+  std::string still;    ///< of several stills, whose choice it is
+  std::vector<SensorTwin> sensors;
+};
+
 /// How the joint solution ended.
 struct SolveReport {
   int rounds = 0;  ///< joint refinements, each from other labels, frames or lenses
@@ -102,6 +119,7 @@ struct SolveReport {
 struct StackResult {
   std::vector<FrameResult> sensors;
   std::vector<PairResult> pairs;
+  std::vector<RigTwin> twins;              ///< the most probable first
   std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
   std::optional<AssemblyReport> assembly;  ///< absent when no sensor sees four sides for sure
   /// The structure with its boxes where the capture shows them and the size that it shows, which

@@ -14,6 +14,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
+#include "core/geometry/lens.h"
 #include "core/json/strict_json.h"
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
@@ -81,6 +82,7 @@ struct DepthSource {
   std::optional<Intrinsics> intrinsics;
   std::optional<double> depth_scale;
   std::string kind, serial;
+  std::optional<ColourCamera> colour;
 };
 
 /// Runs `read`; what it throws names the sensor first.
@@ -120,8 +122,12 @@ DepthSource ReadRecordedDepth(const JsonObject& object, const std::filesystem::p
                                 object.where(), path.string(), fmt::join(names, ", ")));
   }
   RecordedDepth& stream = streams[chosen];
-  return {std::move(stream.frames), stream.intrinsics, stream.depth_scale, stream.kind,
-          stream.serial};
+  return {std::move(stream.frames),
+          stream.intrinsics,
+          stream.depth_scale,
+          stream.kind,
+          stream.serial,
+          stream.colour};
 }
 
 DepthSource ReadDepth(const JsonObject& object, const std::vector<std::string>& files,
@@ -183,6 +189,17 @@ Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem
   return ParseIntrinsics(object.Child("intrinsics"));
 }
 
+std::optional<ColourCamera> ParseColour(const JsonObject& object) {
+  if (!object.Has("colour")) return std::nullopt;
+  const JsonObject given = object.Child("colour");
+  ColourCamera colour;
+  colour.colour_from_depth =
+      PoseFromRows(given.Matrix("colour_from_depth"), given.Place("colour_from_depth"));
+  if (given.Has("intrinsics")) colour.intrinsics = ParseIntrinsics(given.Child("intrinsics"));
+  given.RejectOthers();
+  return colour;
+}
+
 void RequireSizes(const DepthSource& source, const Intrinsics& intrinsics,
                   const std::vector<std::string>& files, const std::string& where) {
   for (std::size_t i = 0; i < source.images.size(); ++i) {
@@ -200,14 +217,20 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   SensorFrame frame;
   frame.name = ParseName(object);
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
+  // First, because what is misspelled is missing, too.
+  object.RejectOthers({"depth", "stream", "frames", "intrinsics", "quarter_turns", "sensor",
+                       "serial", "renderer", "colour", "depth_scale"});
   frame.depth_files = ParseDepthFiles(object);
   const DepthSource source = ReadDepth(object, frame.depth_files, folder);
   frame.intrinsics = ParseSensorIntrinsics(object, folder, source);
   frame.quarter_turns = ParseTurns(object);
   frame.sensor = object.Has("sensor") ? ParseKind(object) : source.kind;
   frame.serial = object.Has("serial") ? object.Text("serial") : source.serial;
+  if (object.Has("renderer")) frame.renderer = object.Text("renderer");
+  frame.colour = ParseColour(object);
+  if (!frame.colour) frame.colour = source.colour;
   frame.depth_scale = ParseDepthScale(object, source.depth_scale, common_scale);
-  object.RejectOthers();
+  RequireRays(frame.intrinsics, where);
   RequireSizes(source, frame.intrinsics, frame.depth_files, where);
   SetMeanDepth(source.images, &frame);
   return frame;
@@ -272,10 +295,11 @@ Capture ReadCapture(const std::filesystem::path& path) {
   const std::string name = path.string();
   const Json document = ParseStrictJson(ReadCaptureText(path), name);
   const JsonObject root(document, name);
+  root.RejectOthers({"format", "depth_scale", "structure", "sensors", "ground_truth"});
 
   if (root.Has("format") && root.Text("format") != kCaptureFormat) {
     throw DataError(fmt::format("{}: format \"{}\" is unknown; this version reads \"{}\"", name,
-                                root.Text("format"), kCaptureFormat));
+                                Shortened(root.Text("format")), kCaptureFormat));
   }
   Capture capture;
   capture.path = path;
@@ -299,7 +323,6 @@ Capture ReadCapture(const std::filesystem::path& path) {
   if (root.Has("ground_truth")) {
     ParseGroundTruth(root.Child("ground_truth"), name, &capture.sensors);
   }
-  root.RejectOthers();
   return capture;
 }
 

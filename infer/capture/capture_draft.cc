@@ -11,6 +11,7 @@
 #include "core/base/error.h"
 #include "core/base/statistics.h"
 #include "core/base/text.h"
+#include "core/geometry/sensor_kind.h"
 #include "infer/capture/capture.h"
 #include "infer/capture/capture_folder.h"
 #include "infer/formats/depth_file.h"
@@ -54,11 +55,11 @@ class Drafter {
     std::sort(folders.begin(), folders.end(), ComesBefore);
     for (const fs::path& sub : folders) AddSubFolder(sub);
     if (sensors_.empty()) {
-      throw DataError(
-          fmt::format("{}: no depth file or recording is in it or in a folder of it; expected {}, "
-                      ".bag, .db3 or .mkv{}",
-                      folder_.string(), kDepthFormats,
-                      draft_.found.empty() ? "" : " (" + draft_.found.front() + ")"));
+      const std::vector<std::string>& said = draft_.unknown.empty() ? draft_.found : draft_.unknown;
+      throw DataError(fmt::format(
+          "{}: no depth that can be read is in it or in a folder of it; expected {}, "
+          ".bag, .db3, .mcap or .mkv{}",
+          folder_.string(), kDepthFormats, said.empty() ? "" : " (" + said.front() + ")"));
     }
     std::set<fs::path> used;
     for (DraftSensor& sensor : sensors_) FindIntrinsics(top, &sensor, &used);
@@ -169,7 +170,7 @@ class Drafter {
           "{}: depth stream {} of {}, {}x{}{}{}", sensor.name, stream.stream,
           fs::relative(file, folder_).string(), sensor.width, sensor.height,
           stream.depth_scale
-              ? fmt::format(", {} m a unit ({})", *stream.depth_scale, stream.depth_scale_source)
+              ? fmt::format(", {} m per unit ({})", *stream.depth_scale, stream.depth_scale_source)
               : "",
           stream.intrinsics ? ", intrinsics of the recording" : ""));
       sensors_.push_back(std::move(sensor));
@@ -268,14 +269,29 @@ class Drafter {
       json["intrinsics"] = {{"width", k.width}, {"height", k.height}, {"fx", k.fx},
                             {"fy", k.fy},       {"cx", k.cx},         {"cy", k.cy}};
       if (!k.distortion.empty()) json["intrinsics"]["distortion"] = k.distortion;
-      if (k.distortion.empty() && kind.empty()) {
-        draft_.found.push_back(fmt::format(
-            "{}: nothing says whether its frames are rectified or what lens it has; \"sensor\" (a "
-            "name of configs/intrinsics.yaml) or \"distortion\" would",
-            sensor.name));
-      }
+      lenses_[LensSentence(k.distortion, kind)].push_back(sensor.name);
     }
     return json;
+  }
+
+  /// Which lens a calibration will assume, and why.
+  static std::string LensSentence(const std::vector<double>& distortion, const std::string& kind) {
+    if (std::any_of(distortion.begin(), distortion.end(), [](double x) { return x != 0; }))
+      return "the lens is that of the distortion that the intrinsics give";
+    if (!distortion.empty()) return "taken as rectified, since the distortion is all zeros";
+    const std::string why = "the intrinsics give no distortion";
+    const SensorKind* known = FindSensorKind(kind);
+    if (known != nullptr && known->lens) {
+      return known->lens->rectified()
+                 ? fmt::format("taken as rectified, since {}, and {} delivers rectified frames",
+                               why, kind)
+                 : fmt::format("the lens is taken as the typical one of {}, and measured, since {}",
+                               kind, why);
+    }
+    return fmt::format(
+        "the lens is taken as unknown, and looked for, since {}, and {}; \"sensor\" with a known "
+        "kind or \"distortion\" (zeros: rectified) would say it",
+        why, kind.empty() ? "no kind of sensor is named" : "that of " + kind + " is not known");
   }
 
   std::string Write(const fs::path& output_folder) {
@@ -284,6 +300,8 @@ class Drafter {
     json["sensors"] = nlohmann::ordered_json::array();
     for (const DraftSensor& sensor : sensors_)
       json["sensors"].push_back(SensorJson(sensor, output_folder));
+    for (const auto& [sentence, names] : lenses_)
+      draft_.found.push_back(fmt::format("{}: {}", fmt::join(names, ", "), sentence));
     return json.dump(2) + "\n";
   }
 
@@ -292,7 +310,8 @@ class Drafter {
   CaptureDraft draft_;
   std::vector<DraftSensor> sensors_;
   std::set<std::string> names_;
-  std::map<std::string, std::vector<fs::path>> own_;  // intrinsics in a sensor's sub-folder
+  std::map<std::string, std::vector<std::string>> lenses_;  // sensors by what is said of their lens
+  std::map<std::string, std::vector<fs::path>> own_;        // intrinsics in a sensor's sub-folder
 };
 
 }  // namespace
@@ -300,6 +319,7 @@ class Drafter {
 CaptureDraft DraftCapture(const std::filesystem::path& folder,
                           const std::filesystem::path& output_folder,
                           const CaptureDraftOptions& options) {
+  if (!options.sensor.empty()) RequireSensorKind(options.sensor, "--sensor");
   return Drafter(folder, options).Run(output_folder);
 }
 

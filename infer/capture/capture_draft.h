@@ -30,8 +30,8 @@ struct CaptureDraft {
 /// Images whose name says that they are something else (colour, infrared, labels, ...) are left
 /// out. Intrinsics are those of a file in the sub-folder, of one that begins with the sensor's
 /// name, of the recording, or of the only other one in the folder. Units and intrinsics are never
-/// guessed. Paths in the JSON are relative to `output_folder`. Throws IoError where there is no
-/// such folder, DataError where no depth is in it.
+/// guessed. Paths in the JSON are relative to `output_folder`. Throws ConfigError for a kind that
+/// is not known, IoError where there is no such folder, DataError where no depth is in it.
 CaptureDraft DraftCapture(const std::filesystem::path& folder,
                           const std::filesystem::path& output_folder,
                           const CaptureDraftOptions& options);

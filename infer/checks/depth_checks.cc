@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <set>
+#include <utility>
 
+#include "core/base/error.h"
 #include "core/base/statistics.h"
 
 namespace volalign {
@@ -23,23 +26,36 @@ std::vector<float> MeasuredDepths(const DepthImage& depth) {
   return values;
 }
 
-/// A sentence for depths that no room gives.
-std::optional<std::string> UnitProblem(const std::vector<float>& depths,
-                                       const VerdictOptions& options) {
+/// In metres, as a person writes them.
+std::string Metres(double depth) {
+  return fmt::format(depth < 10 ? "{:.3g} m" : "{:.0f} m", depth);
+}
+
+/// Of depths that no room gives.
+std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double depth_scale,
+                                        const VerdictOptions& options) {
   const double median = Quantile(depths, 0.5), far = Quantile(depths, kFarQuantile);
   const bool beyond = median > options.max_median_depth_m;
   if (!beyond && far >= options.min_far_depth_m) return std::nullopt;
-  std::string text =
-      fmt::format("half of its depths are {} {:.3g} m", beyond ? "beyond" : "under", median);
+  const std::string text =
+      fmt::format("half of its depths are {} {}", beyond ? "beyond" : "under", Metres(median));
+  DepthFinding problem;
   const std::vector<double> factors =
       beyond ? std::vector<double>{0.1, 0.001} : std::vector<double>{10.0, 1000.0};
   for (const double factor : factors) {
     if (median * factor < kNearRoom || median * factor > kFarRoom) continue;
-    return text + fmt::format("; its depth_scale seems to be {} times too {}",
-                              factor < 1 ? std::lround(1 / factor) : std::lround(factor),
-                              factor < 1 ? "large" : "small");
+    problem.unit_factor = factor;
+    problem.failure = Finding{
+        SensorCode::kWrongUnits,
+        text + fmt::format("; its depth_scale seems to be {} times too {}",
+                           factor < 1 ? std::lround(1 / factor) : std::lround(factor),
+                           factor < 1 ? "large" : "small"),
+        fmt::format("set depth_scale to {:g}, it is {:g}", depth_scale * factor, depth_scale)};
+    return problem;
   }
-  return text + ", where no structure can be";
+  problem.failure = Finding{SensorCode::kWrongUnits, text + ", where no structure can be",
+                            "correct depth_scale in the capture"};
+  return problem;
 }
 
 }  // namespace
@@ -60,9 +76,9 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
                                     "check the depth file and the sensor's lens cap"};
       continue;
     }
-    if (const std::optional<std::string> problem = UnitProblem(measured, options)) {
-      findings[i].failure =
-          Finding{SensorCode::kWrongUnits, *problem, "correct depth_scale in the capture"};
+    if (std::optional<DepthFinding> problem =
+            UnitProblem(measured, frames[i].depth_scale, options)) {
+      findings[i] = *std::move(problem);
       continue;
     }
     for (std::size_t j = 0; j < i; ++j) {
@@ -77,6 +93,25 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
     }
   }
   return findings;
+}
+
+void RequireUnits(const std::vector<SensorFrame>& frames,
+                  const std::vector<DepthFinding>& findings) {
+  std::set<std::pair<double, double>> wrong;  // factor and depth_scale
+  std::size_t example = 0, agreeing = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const DepthFinding& finding = findings[i];
+    if (finding.failure && finding.failure->code == SensorCode::kNoDepth) continue;
+    if (!finding.unit_factor) return;
+    if (wrong.empty()) example = i;
+    ++agreeing;
+    wrong.emplace(*finding.unit_factor, frames[i].depth_scale);
+  }
+  if (wrong.size() != 1 || agreeing < 2) return;
+  const Finding& finding = *findings[example].failure;
+  throw DataError(
+      fmt::format("no sensor's depths are in the unit that is stated (sensor \"{}\": {}); {}",
+                  frames[example].name, finding.reason, finding.hint));
 }
 
 }  // namespace volalign

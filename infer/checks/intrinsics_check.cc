@@ -19,14 +19,15 @@ constexpr double kMaxFocalFactor = 1.4;
 
 /// What scores intrinsics: a frame, its labels decimated.
 struct LabelledDepth {
-  const DepthImage& depth;
+  const SensorView& view;
   int stride = 1;
   SegmentationResult segmentation;
 };
 
 double Score(const LabelledDepth& frame, const Intrinsics& intrinsics, const Structure& structure,
              const InitialPoseOptions& initial) {
-  const SensorView view = Decimate(MakeSensorView(frame.depth, intrinsics), frame.stride);
+  const SensorView view =
+      Decimate(MakeSensorView(frame.view.depth, intrinsics, frame.view.errors), frame.stride);
   const InitialPose pose = EstimateInitialPose(view, frame.segmentation, structure, initial);
   return pose.found ? pose.agreement.score() : 0;
 }
@@ -68,14 +69,14 @@ std::pair<double, double> BestFocalFactor(double given_score, const ScoreOfFacto
 
 }  // namespace
 
-std::optional<BetterIntrinsics> FindBetterIntrinsics(const DepthImage& depth,
+std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,
                                                      const InitialPoseOptions& initial,
                                                      const IntrinsicsCheckOptions& options) {
-  const int stride = StrideForRays(depth.size(), kCoarseRays);
-  const LabelledDepth frame{depth, stride, Decimate(segmentation, stride)};
+  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
+  const LabelledDepth frame{view, stride, Decimate(segmentation, stride)};
   const auto score = [&](const Intrinsics& intrinsics) {
     return Score(frame, intrinsics, structure, initial);
   };

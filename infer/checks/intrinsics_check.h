@@ -41,11 +41,12 @@ struct BetterIntrinsics {
   double size = 0;
 };
 
-/// Tries focal lengths from 1 / 1.4 to 1.4 times those given, the principal point with its
-/// coordinates exchanged, and the principal point in the image's middle, each with a new initial
-/// pose on about kCoarseRays rays. Nothing unless the best of them passes the limits of `options`.
-/// Costs some 15 initial poses, so it is for frames that fit badly.
-std::optional<BetterIntrinsics> FindBetterIntrinsics(const DepthImage& depth,
+/// Of the view's depths, which err as it says. Tries focal lengths from 1 / 1.4 to 1.4 times those
+/// given, the principal point with its coordinates exchanged, and the principal point in the
+/// image's middle, each with a new initial pose on about kCoarseRays rays. Nothing unless the best
+/// of them passes the limits of `options`. Costs some 15 initial poses, so it is for frames that
+/// fit badly.
+std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,

@@ -34,28 +34,32 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                                              const LensCheckOptions& options) {
   return MapFrames(planes, 1, [&](FrameId id) -> std::optional<Finding> {
     const SensorLens& lens = lenses.Of(id);
-    if (std::abs(std::expm1(lens.change[0])) > options.max_focal_change) {
-      const Intrinsics found = lenses.Effective(id);
-      return Finding{
-          SensorCode::kIntrinsicsSuspect,
-          fmt::format("its focal length comes out {:+.1f} % from the one given: fx = {:.1f}, fy = "
-                      "{:.1f}",
-                      100 * std::expm1(lens.change[0]), found.fx, found.fy),
-          "give the intrinsics of this sensor, at this resolution"};
-    }
     const Excess excess =
         ExcessOf(Straightness({planes[id]}).EvidenceAt({lenses.assumed[id]}, lens.change), lens);
     const double bend = LargestBend(planes[id], excess.change);
-    if (!(excess.sigmas > options.min_sigmas) || !(bend > options.min_bend_m)) return std::nullopt;
-    return Finding{
-        SensorCode::kLensSuspect,
-        fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that the "
-                    "intrinsics describe",
-                    1000 * bend),
-        estimated ? "check the intrinsics and their distortion, or leave the distortion out and "
-                    "name the sensor's kind (capture.json, sensor), so that it is estimated"
-                  : "give the lens's distortion in the capture, or have it estimated "
-                    "(--estimate auto)"};
+    // Before the focal length, which a lens that is left out moves along.
+    if (excess.sigmas > options.min_sigmas && bend > options.min_bend_m) {
+      return Finding{
+          SensorCode::kLensSuspect,
+          fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that "
+                      "the intrinsics describe",
+                      1000 * bend),
+          estimated ? "check the intrinsics and their distortion, or leave the distortion out and "
+                      "name the sensor's kind (capture.json, sensor), so that it is estimated"
+                    : "give the lens's distortion in the capture, or have it estimated "
+                      "(--estimate auto)"};
+    }
+    if (std::abs(lens.change[0]) > options.max_focal_sigmas * lens.prior_sigmas[0]) {
+      const Intrinsics found = lenses.Effective(id);
+      return Finding{
+          SensorCode::kIntrinsicsSuspect,
+          fmt::format("its focal length comes out {:+.1f} % from the one given, where {:.1f} % are "
+                      "usual: fx = {:.1f}, fy = {:.1f}",
+                      100 * std::expm1(lens.change[0]), 100 * lens.prior_sigmas[0], found.fx,
+                      found.fy),
+          "give the intrinsics of this sensor, at this resolution"};
+    }
+    return std::nullopt;
   });
 }
 

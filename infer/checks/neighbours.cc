@@ -12,7 +12,7 @@
 
 #include "core/base/lists.h"
 #include "core/geometry/lens.h"
-#include "infer/initial/agreement.h"
+#include "infer/checks/verification.h"
 
 namespace volalign {
 
@@ -37,6 +37,7 @@ constexpr double kSamePlace = 0.1;  // m, of candidates that became one
 
 /// A located frame of the same still.
 struct Neighbour {
+  FrameId id;
   const std::string* name;
   const SensorView* view;
   Intrinsics intrinsics;
@@ -48,7 +49,7 @@ struct Lost {
   const SensorView& view;
   Intrinsics intrinsics;
   const Labelled& labelled;
-  std::shared_ptr<const SensorPoints> points;  // labelled by the network
+  std::shared_ptr<const SensorPoints> points;  // as `labelled` has them
   const std::vector<SensorLens>& lenses;
   int lens;  // its own, of these
 };
@@ -227,13 +228,11 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
                   {},
                   false};
   refined.shared = Compare(lost, neighbours, refined.pose, kRefinedGate, kManyProbes);
-  const Agreement agreement =
-      CompareWithView(lost.view, lost.labelled.segmentation, structure, refined.pose,
-                      options.initial.patch.min_confidence, kInlierDistance);
   const VerdictOptions& limits = options.verdict;
-  const bool explains = agreement.explained_share() >= limits.min_explained_share &&
-                        agreement.behind_share() <= limits.max_behind_share &&
-                        agreement.on_side_share() >= limits.min_on_side_share;
+  const bool explains =
+      !IsRefuted(ExplainView(lost.view, lost.labelled.ByNetwork(), structure, refined.pose,
+                             options.refine.box_sigma_m, options.initial.patch.min_confidence),
+                 limits);
   const bool fixed =
       refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
       LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
@@ -266,6 +265,30 @@ std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& 
   return *best;
 }
 
+/// Those that share something with it at the pose, the one with most first.
+std::vector<FrameId> RestsOn(const Lost& lost, const std::vector<Neighbour>& neighbours,
+                             const Pose& pose) {
+  std::vector<std::pair<int, FrameId>> shared;
+  for (const Neighbour& neighbour : neighbours) {
+    const int matched = Compare(lost, {neighbour}, pose, kRefinedGate, kManyProbes).matched;
+    if (matched > 0) shared.emplace_back(matched, neighbour.id);
+  }
+  SortLargestFirst(&shared, [](const auto& each) { return each.first; });
+  std::vector<FrameId> ids;
+  for (const auto& [matched, id] : shared) ids.push_back(id);
+  return ids;
+}
+
+/// The names of those that are ambiguous.
+std::string InDoubt(const Seen& seen, const std::vector<FrameId>& ids) {
+  std::string names;
+  for (const FrameId id : ids) {
+    if (!seen.labelled[id].other_pose.empty())
+      names += (names.empty() ? "" : ", ") + (*seen.capture)[id].name;
+  }
+  return names;
+}
+
 std::string NamesOf(const std::vector<Neighbour>& neighbours) {
   std::string names;
   for (const Neighbour& neighbour : neighbours)
@@ -280,7 +303,7 @@ std::vector<Neighbour> NeighboursIn(const Seen& seen, std::size_t still,
   for (const auto& [id, frame] : located) {
     if (id.still != still) continue;
     neighbours.push_back(
-        {&(*seen.capture)[id].name, &seen.views[id], seen.lenses.Effective(id), frame});
+        {id, &(*seen.capture)[id].name, &seen.views[id], seen.lenses.Effective(id), frame});
     neighbours.back().sensor.still = 0;
   }
   return neighbours;
@@ -312,6 +335,11 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
                 fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm",
                             failure->reason, NamesOf(neighbours), 1000 * found->sigma_position_m),
                 failure->hint};
+    frame.rests_on = RestsOn(lost, neighbours, found->pose);
+    if (const std::string in_doubt = InDoubt(seen, frame.rests_on); !in_doubt.empty()) {
+      frame.by_neighbours->code = SensorCode::kAmbiguous;
+      frame.by_neighbours->reason += fmt::format("; it would follow {} to another pose", in_doubt);
+    }
     results[id] = std::move(frame);
   }
   return results;

@@ -16,7 +16,7 @@ namespace volalign {
 /// one of them explains its view of the structure, shares options.verdict.min_shared_share with its
 /// neighbours, is known to options.verdict.max_sigma_by_neighbours_*, and no other candidate does
 /// about as well. LocatedFrame::by_neighbours then says so; a frame that is not located keeps its
-/// finding.
+/// finding. One that rests on an ambiguous neighbour is ambiguous, too: it would follow it.
 PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResult> results,
                                           const LocateOptions& options);
 

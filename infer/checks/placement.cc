@@ -17,10 +17,6 @@ namespace volalign {
 
 namespace {
 
-/// m: how far a measured point may lie from the side that the pose shows there, to be labelled with
-/// it. Boxes stray by centimetres.
-constexpr double kRelabelDistance = 0.04;
-
 /// Where many sides fit the structure badly: would they fit it with other intrinsics?
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
                                                 const Intrinsics& intrinsics,
@@ -30,8 +26,8 @@ std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
   const InitialPose& initial = labelled.initial;
   const bool fits = initial.found && initial.agreement.score() >= options.verdict.suspicious_score;
   if (fits || !SeesManySides(initial.patches, options.verdict)) return std::nullopt;
-  return FindBetterIntrinsics(view.depth, intrinsics, labelled.segmentation, structure,
-                              options.initial, options.verdict.intrinsics);
+  return FindBetterIntrinsics(view, intrinsics, labelled.segmentation, structure, options.initial,
+                              options.verdict.intrinsics);
 }
 
 struct OwnPose {
@@ -129,10 +125,11 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
     own = RefineTwice(seen, id, options);
 
   const Pose& pose = own.structure_from_sensor;
-  const LocateFacts facts{CompareWithView(view, labelled.segmentation, structure, pose,
-                                          options.initial.patch.min_confidence, kInlierDistance),
-                          ConfirmedLabels(view, initial.patches, structure, pose),
-                          own.sigma_position_m, &initial, better ? &*better : nullptr};
+  const LocateFacts facts{
+      ExplainView(view, labelled.ByNetwork(), structure, pose, options.refine.box_sigma_m,
+                  options.initial.patch.min_confidence),
+      ConfirmedLabels(view, initial.patches, structure, pose), own.sigma_position_m, &initial,
+      better ? &*better : nullptr};
   if (std::optional<Finding> failure =
           VerifyOwnPose(facts, structure, options.initial.keypoints, options.verdict)) {
     return *std::move(failure);
@@ -187,7 +184,9 @@ std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
 std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,
                                              const LocateOptions& options) {
-  return PointsOf(seen, id, LabelsFromPose(seen.views[id], structure, pose, kRelabelDistance),
+  return PointsOf(seen, id,
+                  LabelsFromPose(seen.views[id], structure, pose,
+                                 SurfaceTolerance::AtPose(seen.views[id].errors)),
                   options);
 }
 

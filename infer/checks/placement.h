@@ -38,6 +38,7 @@ struct LocatedFrame {
   /// Share of the structure's view that nothing hides, where geometry alone has found the pose.
   std::optional<double> visible_by_geometry;
   std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
+  std::vector<FrameId> rests_on;  ///< those neighbours, the one that it shares most with first
 
   /// What stands as the frame's initial pose: one that its own view leaves open is none.
   const Pose& InitialPoseOf(const InitialPose& initial) const {

@@ -19,6 +19,7 @@ constexpr double kSurfaceStep = 0.005;       // m, of the surface's samples
 
 SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
                         const Structure& structure, const Pose& structure_from_sensor) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtPose(view.errors);
   SurfaceFit fit;
   double squares = 0;
   int near = 0, inliers = 0;
@@ -31,7 +32,7 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
       squares += distance * distance;
       ++near;
     }
-    if (distance <= kInlierDistance) ++inliers;
+    if (distance <= tolerance(view.depth(u, v))) ++inliers;
   });
   if (near > 0) fit.rms_m = std::sqrt(squares / near);
   if (fit.points > 0) fit.inlier_share = static_cast<double>(inliers) / fit.points;
@@ -40,14 +41,15 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
 
 std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,
                                  const Structure& structure, const Pose& structure_from_sensor) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtPose(view.errors);
   std::set<int> labels;
   for (const SidePatch& patch : patches) {
     const Side& side = structure.SideOfLabel(patch.label);
     std::size_t on_side = 0;
     for (const int pixel : patch.pixels) {
-      const Eigen::Vector3d p =
-          structure_from_sensor * view.Point(pixel % view.width(), pixel / view.width());
-      if ((side.ClosestPoint(p) - p).norm() <= kInlierDistance) ++on_side;
+      const int u = pixel % view.width(), v = pixel / view.width();
+      const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+      if ((side.ClosestPoint(p) - p).norm() <= tolerance(view.depth(u, v))) ++on_side;
     }
     if (static_cast<double>(on_side) >= kConfirmedShare * static_cast<double>(patch.pixels.size()))
       labels.insert(patch.label);
@@ -59,8 +61,9 @@ PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& seg
                            const std::vector<SidePatch>& patches, const Structure& structure,
                            const Pose& structure_from_sensor, double min_confidence) {
   const SurfaceFit fit = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
-  const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
-                                              min_confidence, kInlierDistance);
+  const Agreement agreement =
+      CompareWithView(view, segmentation, structure, structure_from_sensor, min_confidence,
+                      SurfaceTolerance::AtPose(view.errors));
   PoseQuality quality{{},
                       fit.points,
                       fit.rms_m,

@@ -13,21 +13,18 @@
 
 namespace volalign {
 
-/// m: a point that is nearer than this to a surface lies on it (inlier_share, on_side_share).
-inline constexpr double kInlierDistance = 0.03;
-
 /// Point-to-surface residuals of the pixels with a side label and depth.
 struct SurfaceFit {
   int points = 0;
   double rms_m = 0;         ///< over those within 10 cm of the structure
-  double inlier_share = 0;  ///< within kInlierDistance
+  double inlier_share = 0;  ///< on it: SurfaceTolerance::AtPose
 };
 SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
                         const Structure& structure, const Pose& structure_from_sensor);
 
 /// How well a pose explains a frame.
 struct PoseQuality {
-  std::vector<std::string> sides;  ///< found, and most of their pixels within 3 cm of them
+  std::vector<std::string> sides;  ///< found, and most of their pixels on them
   // SurfaceFit.
   int points = 0;
   double rms_to_structure_m = 0;

@@ -47,6 +47,15 @@ double LargestSigmaRotationDeg(const Matrix6d& covariance) {
   return LargestSigma(covariance.bottomRightCorner<3, 3>()) * 180 / M_PI;
 }
 
+std::string FormatOdds(double log_odds) {
+  constexpr double kMost = 1000;
+  const double odds = std::exp(std::abs(log_odds));
+  const std::string times = odds > kMost ? fmt::format("over {:.0f}", kMost)
+                            : odds < 10  ? fmt::format("{:.1f}", odds)
+                                         : fmt::format("{:.0f}", odds);
+  return log_odds < 0 ? "1 : " + times : times + " : 1";
+}
+
 std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOptions& options) {
   if (!facts.unsolved.empty()) {
     return Finding{SensorCode::kUnsolved, facts.unsolved,
@@ -62,18 +71,32 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   if (facts.suspect_lens) return facts.suspect_lens;
   if (facts.by_neighbours) return facts.by_neighbours;
   if (!facts.other_pose.empty()) {
-    const std::string fits =
-        fmt::format("its view fits the structure about as well {}", facts.other_pose);
+    const std::string fits = fmt::format("its view fits the structure about as well {} (odds {})",
+                                         facts.other_pose, FormatOdds(facts.log_odds));
+    const std::string choose =
+        "; or compare both in report.html, and choose the other pose with --twin SENSOR=2";
     if (!facts.floor_would_tell) {
       return Finding{
           SensorCode::kAmbiguous, fits,
           "let it see more of the structure, or stack the boxes so that they look different from "
-          "every side"};
+          "every side" +
+              choose};
     }
     return Finding{SensorCode::kAmbiguous, fits + ", and shows no floor that would tell",
-                   facts.known_turns
-                       ? "let it see the floor under the structure"
-                       : "let it see the floor under the structure, or give its quarter_turns"};
+                   (facts.known_turns
+                        ? "let it see the floor under the structure"
+                        : "let it see the floor under the structure, or give its quarter_turns") +
+                       choose};
+  }
+  if (facts.seen_through) {
+    return Finding{
+        SensorCode::kAmbiguous,
+        fmt::format("it and {} cannot both stand where they do: {:.0f} % of what one of the two "
+                    "measured beside the structure is seen through by the other (odds {})",
+                    facts.seen_through->name, 100 * facts.seen_through->share,
+                    FormatOdds(facts.seen_through->log_odds)),
+        "compare the pictures in report.html with where the sensors stand, and choose another pose "
+        "with --twin SENSOR=2; let both see more of the stack and the floor under it"};
   }
   if (facts.contradiction) {
     return Finding{
@@ -94,7 +117,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   const PoseQuality& quality = facts.quality;
   if (quality.inlier_share < options.weak_inlier_share) {
     return Finding{SensorCode::kFewInliers,
-                   fmt::format("{:.0f} % of the labelled pixels lie within 3 cm of the structure",
+                   fmt::format("{:.0f} % of the labelled pixels lie on the structure",
                                100 * quality.inlier_share),
                    "look at pictures/ for what else was labelled, and clear it away"};
   }

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "infer/checks/intrinsics_check.h"
@@ -17,7 +18,7 @@ namespace volalign {
 struct LensCheckOptions {
   double min_sigmas = 4;
   double min_bend_m = 0.008;
-  double max_focal_change = 0.04;
+  double max_focal_sigmas = 2.5;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -26,9 +27,9 @@ struct LensCheckOptions {
        "one that is used",
        Above(0));
     ar("min_bend_m", min_bend_m, "how far, m, it has to bend them", Above(0));
-    ar("max_focal_change", max_focal_change,
-       "relative change of the focal length, as estimated, from which on the one given is called "
-       "suspect",
+    ar("max_focal_sigmas", max_focal_sigmas,
+       "standard deviations of its prior by which a focal length may come out other than given; "
+       "one in 80 that is as the prior has it exceeds 2.5",
        Above(0));
   }
 };
@@ -50,12 +51,8 @@ struct VerdictOptions {
   IntrinsicsCheckOptions intrinsics;
   LensCheckOptions lens;
   // Of the sensor's own pose, for it to be placed.
-  double min_on_side_share = 0.5;
-  double min_explained_share = 0.4;
-  double max_behind_share = 0.2;
-  double min_label_iou = 0.25;
+  double refuting_odds = kDecisiveOdds;
   double max_sigma_position_m = 0.25;
-  double some_on_side_share = 0.3;
   // Of a pose that neighbours give to a sensor whose own view fixes none.
   double max_sigma_by_neighbours_m = 0.03;
   double max_sigma_by_neighbours_deg = 2;
@@ -103,30 +100,14 @@ struct VerdictOptions {
        Above(0));
     ar("intrinsics", intrinsics, "when other intrinsics are believed");
     ar("lens", lens, "when the lens is not the one that the intrinsics describe");
-    ar("min_on_side_share", min_on_side_share,
-       "least share of confidently labelled pixels within 3 cm of the side that they name; chance "
-       "finds a side or two in a room, but not most of what the network marked",
-       Between(0, 1));
-    ar("min_explained_share", min_explained_share,
-       "least share of the pixels expected on the structure whose measured depth matches; under a "
-       "half leaves room for something that stands in front",
-       Between(0, 1));
-    ar("max_behind_share", max_behind_share,
-       "largest share of the pixels expected on the structure, those with something in front left "
-       "out, that measured something behind it, which at a true pose happens along borders only",
-       Between(0, 1), FormerlyNamed("max_see_through_share"));
-    ar("min_label_iou", min_label_iou,
-       "least intersection over union of side-labelled pixels, as predicted and as seen from the "
-       "pose",
-       Between(0, 1));
+    ar("refuting_odds", refuting_odds,
+       "odds of a wrong pose to the right one from which on what was measured behind the "
+       "structure refutes a pose; together with what the labels name, 1 is enough",
+       AtLeast(1));
     ar("max_sigma_position_m", max_sigma_position_m,
        "standard deviation of the sensor's position in the direction in which it is known least, "
        "m, above which its own view fixes no pose",
        Above(0), FormerlyNamed("max_sigma_translation_m"));
-    ar("some_on_side_share", some_on_side_share,
-       "share of labelled pixels on their sides from which on a frame with many sides that does "
-       "not fit is called inconsistent rather than no_structure",
-       Between(0, 1));
     ar("max_sigma_by_neighbours_m", max_sigma_by_neighbours_m,
        "standard deviation of the sensor's position in the direction in which it is known least, "
        "m, above which overlap with placed sensors does not fix the pose of a sensor whose own "
@@ -175,6 +156,13 @@ struct ContradictedSensors {
   PoseError apart;                 ///< the pose that they would give it, from its own
 };
 
+/// What it and another sensor measured beside the structure refutes its pose.
+struct RefutedByPair {
+  std::string name;     ///< of the other sensor
+  double share = 0;     ///< SeenThrough::share
+  double log_odds = 0;  ///< SeenThrough::log_odds
+};
+
 /// What is known about a placed sensor when it is judged.
 struct VerdictFacts {
   PoseQuality quality;                               ///< at the reported pose
@@ -187,11 +175,16 @@ struct VerdictFacts {
   std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
   std::optional<Finding> by_neighbours;              ///< LocatedFrame::by_neighbours
   std::string other_pose;                            ///< Labelled::other_pose
+  double log_odds = 0;                               ///< of the pose against that one, natural
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
+  std::optional<RefutedByPair> seen_through;         ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
   std::optional<double> visible_by_geometry;         ///< LocatedFrame::visible_by_geometry
   std::string unsettled;  ///< what the joint solution, all frames', still moved; or empty
 };
+
+/// Of a natural logarithm: "3.2 : 1", "1 : 1.5"; from 1000 : 1 on "over 1000 : 1".
+std::string FormatOdds(double log_odds);
 
 /// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most
 /// telling first.

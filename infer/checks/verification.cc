@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "infer/checks/hints.h"
@@ -16,17 +17,25 @@ std::string CountSides(std::size_t count) {
   return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
 }
 
+/// Odds of a wrong pose to the right one.
+bool Refutes(double log_odds, const VerdictOptions& options) {
+  return -log_odds >= std::log(options.refuting_odds);
+}
+
 /// Why a pose that does not explain the view does not.
-Finding ExplainMisfit(const LocateFacts& facts, bool seen, const VerdictOptions& options) {
+Finding ExplainMisfit(const LocateFacts& facts, const VerdictOptions& options) {
   if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
-  const Agreement& agreement = facts.agreement;
-  const std::string shares = fmt::format(
-      "at the best pose {:.0f} % of the labelled pixels lie on their sides, {:.0f} % of the "
-      "structure's view is measured on it and {:.0f} % of that is seen through",
-      100 * agreement.on_side_share(), 100 * agreement.explained_share(),
-      100 * agreement.behind_share());
-  if (SeesManySides(facts.initial->patches, options) &&
-      (seen || agreement.on_side_share() > options.some_on_side_share)) {
+  const ViewExplanation& view = facts.explanation;
+  std::string shares =
+      fmt::format("at the best pose {:.0f} % of the structure's view is seen through",
+                  100 * view.behind_share());
+  if (view.has_labels()) {
+    shares += fmt::format(" and {:.0f} % of the labelled pixels lie on the side that they name",
+                          100 * view.named_so_share());
+  }
+  const bool nothing_fits =
+      Refutes(view.LogOddsByDepth(), options) && Refutes(view.LogOddsByLabels(), options);
+  if (SeesManySides(facts.initial->patches, options) && !nothing_fits) {
     return {SensorCode::kInconsistent,
             "the sides that were found do not fit the structure together: " + shares,
             "check that the boxes are stacked as the structure file says, and the intrinsics and "
@@ -78,13 +87,15 @@ Finding SuspectIntrinsics(const BetterIntrinsics& better) {
           "give the intrinsics of this sensor at this resolution and orientation"};
 }
 
+bool IsRefuted(const ViewExplanation& explanation, const VerdictOptions& options) {
+  const double by_depth = explanation.LogOddsByDepth();
+  return Refutes(by_depth, options) ||
+         (explanation.has_labels() && by_depth + explanation.LogOddsByLabels() < 0);
+}
+
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
                                      KeypointKind keypoints, const VerdictOptions& options) {
-  const Agreement& agreement = facts.agreement;
-  const bool seen = agreement.explained_share() >= options.min_explained_share &&
-                    agreement.behind_share() <= options.max_behind_share;
-  if (!seen || agreement.on_side_share() < options.min_on_side_share)
-    return ExplainMisfit(facts, seen, options);
+  if (IsRefuted(facts.explanation, options)) return ExplainMisfit(facts, options);
   if (!SidesFixPose(structure, facts.confirmed, keypoints)) {
     return Finding{
         SensorCode::kDegenerateSides,
@@ -93,7 +104,6 @@ std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& 
             CountSides(facts.confirmed.size())),
         kLookHint};
   }
-  if (agreement.score() < options.min_label_iou) return ExplainMisfit(facts, seen, options);
   if (!(facts.sigma_position_m <= options.max_sigma_position_m)) {
     return Finding{SensorCode::kDegenerateSides,
                    fmt::format("{} found, which leave the sensor's position open to {:.2f} m",

@@ -8,7 +8,7 @@
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
-#include "infer/initial/agreement.h"
+#include "infer/depth/explain_view.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/side_patch.h"
 
@@ -33,12 +33,17 @@ Finding ExplainMissingShape();
 
 /// What a sensor's own pose is verified by.
 struct LocateFacts {
-  Agreement agreement;          ///< at the own pose, tolerance kInlierDistance
+  ViewExplanation explanation;  ///< at the own pose
   std::vector<int> confirmed;   ///< ConfirmedLabels at the own pose
   double sigma_position_m = 0;  ///< LargestSigmaPosition of the own pose
   const InitialPose* initial = nullptr;
   const BetterIntrinsics* better_intrinsics = nullptr;  ///< null: none fit better
 };
+
+/// Would a wrong pose explain the depths of a view so much better than this one does, or depths and
+/// labels together better at all? Depths refute it alone: labels that fit do not outweigh that a
+/// sensor sees through the structure.
+bool IsRefuted(const ViewExplanation& explanation, const VerdictOptions& options);
 
 /// Nothing if what the sensor saw is consistent with its own pose, or why the sensor is not placed.
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,

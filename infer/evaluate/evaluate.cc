@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <set>
 #include <utility>
@@ -145,8 +144,12 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
   const auto write = [&] { WriteEvaluation(run.output, Select(known, all), files); };
   write();
   if (run.begin) run.begin();
-  std::size_t made = 0;
-  const auto start = std::chrono::steady_clock::now();
+  const auto is_known = [&](const std::string& one) { return known.count(one) > 0; };
+  const auto to_make = std::count_if(wanted.begin(), wanted.end(), [&](const auto& ones) {
+    return !std::all_of(ones.begin(), ones.end(), is_known);
+  });
+  std::int64_t made = 0;
+  if (run.count) run.count(made, to_make);
   for (std::size_t i = 0; i < items.size(); ++i) {
     const EvaluationItem& item = items[i];
     std::vector<Combination> asked;
@@ -162,16 +165,14 @@ std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
         fresh[k].fingerprint = missing[k];
         known[missing[k]] = std::move(fresh[k]);
       }
-      ++made;
       write();
+      if (run.count) run.count(++made, to_make);
     }
-    if (!run.progress) continue;
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    const double left = elapsed.count() / static_cast<double>(std::max<std::size_t>(made, 1)) *
-                        static_cast<double>(items.size() - i - 1);
-    run.progress(fmt::format(
-        "[{}/{}] {}{}", i + 1, items.size(), Placed(item, Select(known, wanted[i])),
-        missing.empty() ? " (done before)" : fmt::format("; about {:.0f} s left", left)));
+    if (run.progress) {
+      run.progress(fmt::format("[{}/{}] {}{}", i + 1, items.size(),
+                               Placed(item, Select(known, wanted[i])),
+                               missing.empty() ? " (done before)" : ""));
+    }
   }
   write();
   return Select(known, all);

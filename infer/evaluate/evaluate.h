@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/progress_line.h"
 #include "core/geometry/structure.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/measure.h"
@@ -26,6 +27,7 @@ struct EvaluateRun {
   std::string program;           ///< identifies the program's build
   std::function<void()> begin;   ///< called when `output` has none but this run's results
   std::function<void(const std::string& line)> progress;  ///< one line per still
+  CountDone count;                                        ///< of the stills that are not done yet
 };
 
 /// Evaluates every item with each model under every variant and writes `output` after each still

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "infer/evaluate/statistics.h"
 
@@ -84,7 +85,7 @@ std::string CaptureTable(const std::vector<const EvaluatedCase*>& cases) {
   std::string text =
       "| capture | sensor | variant | status | sides | initial RMS to the structure, mm | refined "
       "| "
-      "within 3 cm |\n|---|---|---|---|---|---|---|---|\n";
+      "on the structure |\n|---|---|---|---|---|---|---|---|\n";
   for (const EvaluatedCase* one : cases) {
     for (const EvaluatedSensor& sensor : one->results) {
       const std::string head = fmt::format(
@@ -112,6 +113,56 @@ std::string FormatEvaluation(const std::vector<EvaluatedCase>& cases) {
   }
   if (!captures.empty()) text += (text.empty() ? "" : "\n") + CaptureTable(captures);
   return text;
+}
+
+Table EvaluationTable(const std::vector<EvaluatedCase>& cases) {
+  Table table;
+  table.columns = {"rig", "sensors", "placements", "variant"};
+  const std::vector<std::string> errors = {"initial_mm",  "initial_deg",      "refined_mm",
+                                           "refined_deg", "built_refined_mm", "built_refined_deg"};
+  for (const std::string& error : errors) {
+    for (const char* of : {"_median", "_p95", "_max"}) table.columns.emplace_back(error + of);
+  }
+  for (const char* count : {"count", "placed", "weak", "fixable", "lost", "wrong", "measured",
+                            "within_68", "within_95", "built_within_68", "built_within_95"})
+    table.columns.emplace_back(count);
+  const std::size_t of_summaries = table.columns.size();
+  for (const char* of_capture :
+       {"capture", "sensor", "status", "code", "sides", "initial_rms_mm", "rms_mm", "inliers"})
+    table.columns.emplace_back(of_capture);
+  for (const EvaluationSummary& s : SummariseCases(cases)) {
+    std::vector<Table::Cell> row = {s.rig, s.sensors, CellOf(s.placements), s.variant};
+    for (const ErrorStatistics* error :
+         {&s.initial_mm, &s.initial_deg, &s.refined_mm, &s.refined_deg, &s.built_refined_mm,
+          &s.built_refined_deg}) {
+      for (const double value : {error->median, error->p95, error->max})
+        row.push_back(s.measured > 0 ? Table::Cell(value) : Table::Cell());
+    }
+    for (const int count : {s.count, s.placed, s.weak, s.fixable, s.lost, s.wrong, s.measured})
+      row.push_back(CellOf(count));
+    for (const double share : {s.cover68, s.cover95, s.built_cover68, s.built_cover95})
+      row.push_back(s.measured > 0 ? Table::Cell(share) : Table::Cell());
+    row.resize(table.columns.size());
+    table.rows.push_back(std::move(row));
+  }
+  for (const EvaluatedCase& one : cases) {
+    if (!one.sensors.empty()) continue;
+    for (const EvaluatedSensor& sensor : one.results) {
+      std::vector<Table::Cell> row(table.columns.size());
+      row[3] = one.variant;
+      std::vector<Table::Cell> cells = {one.rig, sensor.name, ToString(sensor.status),
+                                        ToString(sensor.code)};
+      if (sensor.placed()) {
+        cells.insert(cells.end(), {CellOf(static_cast<int>(sensor.sides)),
+                                   1000 * sensor.initial_rms_to_structure_m,
+                                   1000 * sensor.rms_to_structure_m, sensor.inlier_share});
+      }
+      std::move(cells.begin(), cells.end(),
+                row.begin() + static_cast<std::ptrdiff_t>(of_summaries));
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
 }
 
 }  // namespace volalign

@@ -10,6 +10,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <exception>
 #include <stdexcept>
@@ -45,6 +47,38 @@ class Memory : public Imf::IStream {
   const std::string& bytes_;
   std::size_t at_ = 0;
 };
+
+/// Throws DataError for an attribute that is larger than the file (openexr.com's file layout: name,
+/// type, size, value; an empty name ends a header): OpenEXR takes the memory before it reads.
+void RequireAttributesInside(const std::string& bytes, const std::string& name) {
+  constexpr std::size_t kHeadersAt = 8;
+  constexpr unsigned int kMultiPart = 0x10;  // of the version's second byte
+  std::size_t at = kHeadersAt;
+  const auto skip_text = [&] {
+    const std::size_t end = bytes.find('\0', at);
+    const bool empty = end == at;
+    at = end == std::string::npos ? bytes.size() : end + 1;
+    return !empty;
+  };
+  const auto skip_header = [&] {
+    bool any = false;
+    while (at < bytes.size() && skip_text()) {
+      any = true;
+      skip_text();
+      std::uint32_t size = 0;
+      if (bytes.size() - at < sizeof(size)) throw DataError(name + ": truncated OpenEXR");
+      std::memcpy(&size, bytes.data() + at, sizeof(size));
+      at += sizeof(size);
+      if (size > bytes.size() - at)
+        throw DataError(fmt::format("{}: truncated OpenEXR: an attribute of {} bytes", name, size));
+      at += size;
+    }
+    return any;
+  };
+  const bool several = bytes.size() > kHeadersAt && (bytes[5] & kMultiPart) != 0;
+  while (skip_header() && several) {
+  }
+}
 
 /// "View Layer.Depth.Z" -> "Z".
 std::string LastPart(const std::string& channel) {
@@ -89,6 +123,7 @@ Image<float> ReadChannel(Imf::InputFile& file, const std::string& channel, int w
 
 StoredDepth DecodeExr(const std::string& bytes, const std::string& name) {
   try {
+    RequireAttributesInside(bytes, name);
     Memory memory(bytes, name);
     Imf::InputFile file(memory);
     const Imath::Box2i window = file.header().dataWindow();

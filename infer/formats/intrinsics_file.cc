@@ -15,6 +15,7 @@
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
+#include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
@@ -28,11 +29,13 @@ namespace {
 
 constexpr char kForms[] =
     "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
-    "or ROS's camera_matrix, RealSense's ppx and coeffs, or the Azure Kinect's "
-    "CalibrationInformation";
+    "or ROS's camera_matrix, RealSense's ppx and coeffs, the Azure Kinect's "
+    "CalibrationInformation, "
+    "pyorbbecsdk's OBCameraParam, or DepthAI's cameraData";
 
 /// Each alone says that a text is one of intrinsics.
 constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
+                                             "cameraData",
                                              "intrinsic_matrix",
                                              "ppx",
                                              "camera_matrix",
@@ -152,44 +155,55 @@ Intrinsics FromRealSense(const YAML::Node& map, const std::string& name) {
   return intrinsics;
 }
 
-/// A mode of the Azure Kinect's depth camera: its frame is cut out of the chip, whole or binned, of
-/// `chip` pixels a side, at (left, top).
-struct KinectMode {
-  int width, height, chip, left, top;
-};
-constexpr KinectMode kKinectModes[] = {{320, 288, 512, 96, 90},
-                                       {640, 576, 1024, 192, 180},
-                                       {512, 512, 512, 0, 0},
-                                       {1024, 1024, 1024, 0, 0}};
+constexpr formats_internal::KinectMode kKinectModes[] = {{320, 288, 512, 512, 96, 90},
+                                                         {640, 576, 1024, 1024, 192, 180},
+                                                         {512, 512, 512, 512, 0, 0},
+                                                         {1024, 1024, 1024, 1024, 0, 0}};
 
 Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
-  const KinectMode* mode = std::find_if(
-      std::begin(kKinectModes), std::end(kKinectModes),
-      [&](const KinectMode& m) { return m.width == frame.width && m.height == frame.height; });
+  const auto* mode = std::find_if(std::begin(kKinectModes), std::end(kKinectModes),
+                                  [&](const formats_internal::KinectMode& m) {
+                                    return m.width == frame.width && m.height == frame.height;
+                                  });
   if (mode == std::end(kKinectModes)) {
     throw DataError(fmt::format(
         "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
         "1024x1024), so that its raw calibration does not hold for this one",
         name, frame.width, frame.height));
   }
-  const YAML::Node given = formats_internal::FindKinectCamera(
-      root, formats_internal::KinectCamera::kDepth, name)["Intrinsics"];
-  const std::string type = given["ModelType"].as<std::string>();
-  const std::vector<double> p = Numbers(given["ModelParameters"]);
-  if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
-    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
-                                Shortened(type), p.size()));
-  // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's side.
-  if (p[10] != 0 || p[11] != 0)
-    throw DataError(name + ": codx and cody, the centre of distortion, are not 0");
-  const double chip = mode->chip;
-  return {mode->width,
-          mode->height,
-          p[2] * chip,
-          p[3] * chip,
-          p[0] * chip - mode->left - 0.5,
-          p[1] * chip - mode->top - 0.5,
-          {p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]}};
+  return formats_internal::KinectIntrinsics(
+      formats_internal::FindKinectCamera(root, formats_internal::KinectCamera::kDepth, name), *mode,
+      name);
+}
+
+/// A calibration of DepthAI: `cameraData` is a list of [socket, camera]. Depth is computed from
+/// rectified pictures, with the right camera's matrix (H1 = M2 R1 M1^-1, H2 = M2 R2 M2^-1 in
+/// Luxonis' calibration_utils.py), and aligned to that camera unless the pipeline says otherwise.
+Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
+  constexpr int kRight = 2;  // CameraBoardSocket::CAM_C
+  for (const YAML::Node& pair : root["cameraData"]) {
+    if (!pair.IsSequence() || pair.size() != 2 || pair[0].as<int>() != kRight) continue;
+    const YAML::Node camera = pair[1];
+    const std::vector<double> k = Numbers(Required(camera, {"intrinsicMatrix"}, name));
+    if (k.size() != 9)
+      throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, k.size()));
+    const Intrinsics given{Required(camera, {"width"}, name).as<int>(),
+                           Required(camera, {"height"}, name).as<int>(),
+                           k[0],
+                           k[4],
+                           k[2],
+                           k[5],
+                           std::vector<double>(5, 0.0)};
+    given.Validate(name);
+    if (std::int64_t{given.width} * frame.height != std::int64_t{given.height} * frame.width) {
+      throw DataError(fmt::format(
+          "{}: the right camera was calibrated at {}x{}, the frames are {}x{}: they are "
+          "cut out or aligned to another camera; give their intrinsics",
+          name, given.width, given.height, frame.width, frame.height));
+    }
+    return given.Resized(frame.width, frame.height);
+  }
+  throw DataError(name + ": cameraData has no right camera (socket 2)");
 }
 
 /// A document without the directive of OpenCV's FileStorage, which yaml-cpp does not know.
@@ -203,6 +217,7 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
   const YAML::Node root = Load(text);
   if (!root.IsMap()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
   if (root["CalibrationInformation"]) return FromKinect(root, name, frame);
+  if (root["cameraData"]) return FromDepthAi(root, name, frame);
   if (root["intrinsic_matrix"]) return FromOpen3d(root, name);
   if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromOpen3d(root["intrinsic"], name);
   if (root["ppx"]) return FromRealSense(root, name);
@@ -223,6 +238,7 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
 Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
                                const FrameSize& frame) {
   std::optional<Intrinsics> intrinsics = formats_internal::FromRsEnumerate(text, name, frame);
+  if (!intrinsics) intrinsics = formats_internal::FromPyorbbec(text, name);
   if (!intrinsics) intrinsics = formats_internal::FromPyrealsense(text, name);
   if (!intrinsics) {
     try {
@@ -232,6 +248,7 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
     }
   }
   intrinsics->Validate(name);
+  RequireRays(*intrinsics, name);
   return *intrinsics;
 }
 
@@ -240,7 +257,9 @@ Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {
-  if (text.find("Intrinsic of \"Depth\"") != std::string::npos) return true;
+  if (text.find("Intrinsic of \"Depth\"") != std::string::npos ||
+      text.find("<OBCameraParam") != std::string::npos)
+    return true;
   const std::string_view view = text;
   // pyrealsense2's `]  f[`, and a key, perhaps in quotes, before a colon.
   for (std::size_t at = view.find("f["); at != view.npos; at = view.find("f[", at + 1)) {

@@ -7,6 +7,7 @@
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
 #include "infer/formats/poses/sensor_pose.h"
 
@@ -54,11 +55,46 @@ YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const s
                               depth ? "depth" : "colour"));
 }
 
+Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
+                            const std::string& name) {
+  const YAML::Node given = camera["Intrinsics"];
+  const auto type = given["ModelType"].as<std::string>();
+  const auto p = given["ModelParameters"].as<std::vector<double>>();
+  if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
+    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
+                                Shortened(type), p.size()));
+  // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's sides.
+  if (p[10] != 0 || p[11] != 0)
+    throw DataError(name + ": codx and cody, the centre of distortion, are not 0");
+  return {mode.width,
+          mode.height,
+          p[2] * mode.chip_width,
+          p[3] * mode.chip_height,
+          p[0] * mode.chip_width - mode.left - 0.5,
+          p[1] * mode.chip_height - mode.top - 0.5,
+          {p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]}};
+}
+
 }  // namespace formats_internal
 
-Pose ReadColourFromDepth(const std::filesystem::path& path) {
-  const std::string name = path.string();
-  const std::string text = ReadFile(path, kMaxTextBytes);
+namespace {
+
+/// The colour camera's chip is of 4:3; pictures of 16:9 are cut out of its middle, binned or not
+/// (Azure Kinect Sensor SDK, src/transformation/mode_specific_calibration.c).
+formats_internal::KinectMode ColourMode(const FrameSize& picture, const std::string& name) {
+  const int height = picture.width * 3 / 4;
+  if (4 * height != 3 * picture.width || picture.height > height ||
+      (height - picture.height) % 2 != 0) {
+    throw DataError(fmt::format("{}: an Azure Kinect has no colour pictures of {}x{}", name,
+                                picture.width, picture.height));
+  }
+  return {picture.width, picture.height, picture.width, height, 0, (height - picture.height) / 2};
+}
+
+}  // namespace
+
+ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
+                               const std::optional<FrameSize>& picture) {
   try {
     const YAML::Node root = LoadYaml(text);
     if (!root.IsMap() || !root["CalibrationInformation"]) {
@@ -66,11 +102,24 @@ Pose ReadColourFromDepth(const std::filesystem::path& path) {
                       ": no raw calibration of an Azure Kinect (a JSON file that begins with "
                       "CalibrationInformation)");
     }
-    return CameraFromDevice(FindKinectCamera(root, KinectCamera::kColour, name), name) *
-           CameraFromDevice(FindKinectCamera(root, KinectCamera::kDepth, name), name).inverse();
+    const YAML::Node colour = FindKinectCamera(root, KinectCamera::kColour, name);
+    ColourCamera camera;
+    camera.colour_from_depth =
+        CameraFromDevice(colour, name) *
+        CameraFromDevice(FindKinectCamera(root, KinectCamera::kDepth, name), name).inverse();
+    if (picture) {
+      camera.intrinsics =
+          formats_internal::KinectIntrinsics(colour, ColourMode(*picture, name), name);
+      camera.intrinsics->Validate(name);
+    }
+    return camera;
   } catch (const YAML::Exception& error) {
     throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, error.msg));
   }
+}
+
+ColourCamera ReadKinectColour(const std::filesystem::path& path) {
+  return ParseKinectColour(ReadFile(path, kMaxTextBytes), path.string(), std::nullopt);
 }
 
 }  // namespace volalign

@@ -3,16 +3,21 @@
 #include <yaml-cpp/yaml.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
-#include "core/geometry/pose.h"
+#include "core/geometry/colour_camera.h"
+#include "infer/formats/intrinsics_file.h"
 
 namespace volalign {
 
-/// Where an Azure Kinect's depth camera is in the frame of its colour camera, by the device's raw
-/// calibration JSON: p_colour = T p_depth, metres, both x right, y down, z forward. Throws IoError
-/// or DataError.
-Pose ReadColourFromDepth(const std::filesystem::path& path);
+/// The colour camera of an Azure Kinect, by the device's raw calibration JSON. Its intrinsics are
+/// those of pictures of the size `picture`; without one they are left out. Throws DataError, with
+/// `name` in its message.
+ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
+                               const std::optional<FrameSize>& picture);
+/// The same of a file, without intrinsics. Throws IoError or DataError.
+ColourCamera ReadKinectColour(const std::filesystem::path& path);
 
 namespace formats_internal {
 
@@ -20,6 +25,15 @@ enum class KinectCamera { kDepth, kColour };
 
 /// That camera of a raw calibration (CalibrationInformation); throws DataError where it has none.
 YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const std::string& name);
+
+/// A frame that is cut out of a chip, whole or binned, at (left, top), pixels.
+struct KinectMode {
+  int width, height, chip_width, chip_height, left, top;
+};
+
+/// The intrinsics of such frames, by a camera of a raw calibration. Throws DataError.
+Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
+                            const std::string& name);
 
 }  // namespace formats_internal
 

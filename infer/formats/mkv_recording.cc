@@ -25,6 +25,7 @@
 
 #include "core/base/error.h"
 #include "infer/formats/intrinsics_file.h"
+#include "infer/formats/kinect_calibration.h"
 #include "infer/formats/recording.h"
 
 namespace volalign::formats_internal {
@@ -37,6 +38,8 @@ constexpr double kKinectUnit = 0.001;  // m
 constexpr std::uint64_t kMaxElement = std::uint64_t{1} << 28;
 constexpr std::uint64_t kMaxTags = std::uint64_t{1} << 15;  // tags hold tags, read by recursion
 
+constexpr std::size_t kMostContents = 100;
+
 struct Track {
   std::uint64_t number = 0;
   std::string name, codec, fourcc;
@@ -45,8 +48,10 @@ struct Track {
 };
 
 struct Content {
-  std::vector<Track> tracks;  // those of 16-bit grey
-  std::string calibration;    // calibration.json
+  std::vector<Track> tracks;         // those of 16-bit grey
+  std::string calibration;           // calibration.json
+  std::optional<FrameSize> picture;  // of the track COLOR
+  std::vector<std::string> contents;
   std::map<std::string, std::string> tags;
 };
 
@@ -91,7 +96,6 @@ void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
   track.codec = std::string(*codec);
   track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry)),
                         Bytes(Child<mkv::KaxVideoColourSpace>(*video)));
-  if (track.fourcc != "b16g" && track.fourcc != "Y16 ") return;
   if (const auto* name = Child<mkv::KaxTrackName>(entry))
     track.name = static_cast<const libebml::UTFstring&>(*name).GetUTF8();
   const auto* width = Child<mkv::KaxVideoPixelWidth>(*video);
@@ -99,6 +103,13 @@ void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
   if (!width || !height) return;
   track.width = static_cast<int>(std::min<std::uint64_t>(*width, 1 << 20));
   track.height = static_cast<int>(std::min<std::uint64_t>(*height, 1 << 20));
+  if (content->contents.size() < kMostContents) {
+    content->contents.push_back(fmt::format(
+        "track {} of {}x{} ({} {})", track.name.empty() ? std::to_string(track.number) : track.name,
+        track.width, track.height, track.codec, track.fourcc));
+  }
+  if (track.name == "COLOR") content->picture = FrameSize{track.width, track.height};
+  if (track.fourcc != "b16g" && track.fourcc != "Y16 ") return;
   content->tracks.push_back(std::move(track));
 }
 
@@ -239,9 +250,30 @@ void RequireBounded(const libebml::EbmlElement& part, std::uint64_t left, const 
     throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, size));
 }
 
+/// libmatroska 1.7 counts the laced frames of a block with a byte, which never passes the 255 that
+/// stand for 256 frames of one size: it would go on for ever. No depth frame is laced; such a block
+/// has 255 here.
+class RecordingFile : public libebml::StdIOCallback {
+ public:
+  explicit RecordingFile(const std::filesystem::path& path)
+      : StdIOCallback(path.c_str(), MODE_READ) {}
+  std::uint32_t read(void* buffer, std::size_t size) override {
+    const std::uint32_t count = StdIOCallback::read(buffer, size);
+    auto* const bytes = static_cast<std::uint8_t*>(buffer);
+    // The track's number of one or two bytes, the time of two, the flags.
+    const std::size_t flags = count > 0 && bytes[0] >= 0x80 ? 3 : 4;
+    constexpr int kLacing = 0x06, kOfOneSize = 0x04;
+    if (reads_blocks && count > flags + 1 && (bytes[flags] & kLacing) == kOfOneSize &&
+        bytes[flags + 1] == 255)
+      bytes[flags + 1] = 254;
+    return count;
+  }
+  bool reads_blocks = false;
+};
+
 Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name) {
   const std::uint64_t file_size = std::filesystem::file_size(path);
-  libebml::StdIOCallback file(path.c_str(), MODE_READ);
+  RecordingFile file(path);
   libebml::EbmlStream stream(file);
   const Element segment = FindSegment(&stream);
   if (!segment) throw DataError(name + ": damaged: no Matroska segment");
@@ -253,7 +285,9 @@ Content ReadContent(const std::filesystem::path& path, int max_frames, const std
     if (IsWanted(*part, content, max_frames)) {
       RequireBounded(*part, file_size - std::min(file_size, file.getFilePointer()), name);
       libebml::EbmlElement* found = nullptr;
+      file.reads_blocks = libebml::EbmlId(*part) == EBML_ID(mkv::KaxCluster);
       part->Read(stream, EBML_CONTEXT(part), upper, found, true);
+      file.reads_blocks = false;
       // What was found beyond the part is the caller's; else the part has it already. One level
       // above its children is the next part.
       if (upper > 0) {
@@ -281,6 +315,15 @@ std::string KinectKind(int width, int height) {
   return width == 1024 && height == 1024 ? "azure_kinect_wfov_unbinned" : "";
 }
 
+/// Nothing of a calibration that does not say where the colour camera is: depth needs it not.
+std::optional<ColourCamera> Colour(const Content& content, const std::string& name) {
+  try {
+    return ParseKinectColour(content.calibration, name + ": calibration.json", content.picture);
+  } catch (const DataError&) {
+    return std::nullopt;
+  }
+}
+
 RecordedDepth Describe(const Content& content, Track&& track, const std::string& name) {
   RecordedDepth depth;
   depth.stream = track.name.empty() ? fmt::format("track {}", track.number) : track.name;
@@ -298,6 +341,7 @@ RecordedDepth Describe(const Content& content, Track&& track, const std::string&
   if (!content.calibration.empty()) {
     depth.intrinsics = ParseIntrinsicsText(content.calibration, name + ": calibration.json",
                                            {track.width, track.height});
+    depth.colour = Colour(content, name);
   }
   depth.frames = std::move(track.frames);
   return depth;
@@ -305,15 +349,17 @@ RecordedDepth Describe(const Content& content, Track&& track, const std::string&
 
 }  // namespace
 
-std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames) {
+Recording ReadMkvRecording(const std::filesystem::path& path, int max_frames) {
   const std::string name = path.string();
   try {
     Content content = ReadContent(path, max_frames, name);
-    std::vector<RecordedDepth> streams;
+    Recording recording;
+    recording.contents = content.contents;
     for (Track& track : content.tracks) {
-      if (!track.frames.empty()) streams.push_back(Describe(content, std::move(track), name));
+      if (!track.frames.empty())
+        recording.streams.push_back(Describe(content, std::move(track), name));
     }
-    return streams;
+    return recording;
   } catch (const Error&) {
     throw;
   } catch (const std::exception& error) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <map>
 #include <sstream>
 #include <string_view>
 #include <vector>
@@ -113,6 +114,57 @@ std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::st
   }
   throw DataError(
       fmt::format("{}: no intrinsics of a depth stream of {}x{}", name, frame.width, frame.height));
+}
+
+namespace {
+
+/// "< fx=504.5 fy=504.5 >" behind the word: the values by their keys.
+std::map<std::string, double> ValuesBehind(const std::string& text, const std::string& word,
+                                           const std::string& name) {
+  const std::size_t at = text.find(word), open = text.find('<', at), close = text.find('>', at);
+  if (at == std::string::npos || open == std::string::npos || close < open)
+    throw DataError(fmt::format("{}: {} is missing", name, word));
+  std::string part = text.substr(open + 1, close - open - 1);
+  for (char& c : part) {
+    if (TextScanner::kBlanks.find(c) != std::string_view::npos || c == ',') c = ' ';
+  }
+  std::map<std::string, double> values;
+  for (const std::string& pair : Split(part, ' ')) {
+    const std::size_t equals = pair.find('=');
+    if (equals == std::string::npos) continue;
+    const std::vector<double> numbers = NumbersOfText(pair.substr(equals + 1));
+    if (numbers.size() == 1) values[pair.substr(0, equals)] = numbers[0];
+  }
+  return values;
+}
+
+}  // namespace
+
+std::optional<Intrinsics> FromPyorbbec(const std::string& text, const std::string& name) {
+  if (text.find("OBCameraParam") == std::string::npos) return std::nullopt;
+  const auto camera = ValuesBehind(text, "depth_intrinsic", name);
+  const auto lens = ValuesBehind(text, "depth_distortion", name);
+  const auto value = [&](const std::map<std::string, double>& of, const char* key) {
+    const auto found = of.find(key);
+    if (found == of.end()) throw DataError(fmt::format("{}: {} has no number", name, key));
+    return found->second;
+  };
+  const auto pixels = [&](const char* key) {
+    const double number = value(camera, key);
+    if (!(number >= 1 && number <= 1e5))
+      throw DataError(fmt::format("{}: {} = {} is no number of pixels", name, key, number));
+    return static_cast<int>(number);
+  };
+  Intrinsics intrinsics{pixels("width"),
+                        pixels("height"),
+                        value(camera, "fx"),
+                        value(camera, "fy"),
+                        value(camera, "cx"),
+                        value(camera, "cy"),
+                        {}};
+  for (const char* key : {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"})
+    intrinsics.distortion.push_back(value(lens, key));
+  return intrinsics;
 }
 
 }  // namespace volalign::formats_internal

@@ -19,4 +19,8 @@ std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::st
 std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::string& name,
                                           const FrameSize& frame);
 
+/// Of the depth camera in pyorbbecsdk's print of OBCameraParam, whose lens is given as k1 ... k6 p1
+/// p2. Nothing for other texts.
+std::optional<Intrinsics> FromPyorbbec(const std::string& text, const std::string& name);
+
 }  // namespace volalign::formats_internal

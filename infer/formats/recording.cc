@@ -1,8 +1,10 @@
 #include "infer/formats/recording.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <fstream>
+#include <utility>
 
 #include "core/base/error.h"
 #include "core/base/text.h"
@@ -14,16 +16,18 @@ namespace {
 /// A kind of recording: what its files begin with, and its reader.
 struct Kind {
   const char* magic;
-  std::vector<RecordedDepth> (*read)(const std::filesystem::path& path, int max_frames);
+  formats_internal::Recording (*read)(const std::filesystem::path& path, int max_frames);
 };
-std::vector<RecordedDepth> ReadRos2(const std::filesystem::path& path, int max_frames) {
+formats_internal::Recording ReadRos2(const std::filesystem::path& path, int max_frames) {
   // Of a bag of a million messages and a hundred topics.
   constexpr std::int64_t kMostSteps = 1'000'000'000;
   return formats_internal::ReadRos2Recording(path, max_frames, kMostSteps);
 }
 
+constexpr std::size_t kMostContents = 12;  // that a message lists
 constexpr Kind kKinds[] = {{"#ROSBAG V", formats_internal::ReadBagRecording},
                            {"SQLite format 3", ReadRos2},
+                           {"\x89MCAP0\r\n", formats_internal::ReadMcapRecording},
                            {"\x1a\x45\xdf\xa3", formats_internal::ReadMkvRecording}};
 
 std::string FirstBytes(const std::filesystem::path& path) {
@@ -53,14 +57,26 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
   if (bytes.empty()) throw IoError(path.string() + ": cannot be read, or is no file");
   const Kind* const kind = KindOf(bytes);
   if (!kind) {
-    throw DataError(fmt::format(
-        "{}: neither a bag of ROS 1 or 2 (.bag, .db3) nor a Matroska file; expected a recording of "
-        "these",
-        path.string()));
+    throw DataError(
+        fmt::format("{}: neither a bag of ROS 1 or 2 (.bag, .db3, .mcap) nor a Matroska file; "
+                    "expected a recording of "
+                    "these",
+                    path.string()));
   }
-  std::vector<RecordedDepth> streams = kind->read(path, max_frames);
-  if (streams.empty())
-    throw DataError(path.string() + ": the recording has no depth stream with a frame");
+  formats_internal::Recording recording = kind->read(path, max_frames);
+  std::vector<RecordedDepth>& streams = recording.streams;
+  if (streams.empty()) {
+    std::vector<std::string> contents;
+    for (const std::string& content : recording.contents) {
+      if (contents.size() == kMostContents) break;
+      contents.push_back(Shortened(content));
+    }
+    throw DataError(fmt::format(
+        "{}: the recording has no depth stream with a frame; in it {} {}{}", path.string(),
+        contents.size() == 1 ? "is" : "are",
+        contents.empty() ? "no images or messages" : fmt::format("{}", fmt::join(contents, ", ")),
+        recording.contents.size() > contents.size() ? ", ..." : ""));
+  }
   // They are printed.
   for (RecordedDepth& stream : streams) {
     for (std::string* text : {&stream.stream, &stream.device, &stream.serial})
@@ -72,8 +88,20 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
 namespace formats_internal {
 
 std::string KindOfDevice(const std::string& device) {
-  // The pool's RealSense; others have lenses of their own.
-  return Lower(device).find("realsense d415") != std::string::npos ? "realsense_d415" : "";
+  constexpr std::pair<const char*, const char*> kKinds[] = {{"realsense d415", "realsense_d415"},
+                                                            {"realsense d435", "realsense_d435"},
+                                                            {"realsense d455", "realsense_d455"},
+                                                            {"femto bolt", "orbbec_femto_bolt"},
+                                                            {"femto mega", "orbbec_femto_mega"}};
+  const std::string name = Lower(device);
+  for (const auto& [words, kind] : kKinds) {
+    if (name.find(words) != std::string::npos) return kind;
+  }
+  // Not the Gemini 335L, whose baseline is another one.
+  const std::string gemini = "gemini 335";
+  const std::size_t at = name.find(gemini);
+  const bool is_335 = at != std::string::npos && name.compare(at + gemini.size(), 1, "l") != 0;
+  return is_335 ? "orbbec_gemini_335" : "";
 }
 
 }  // namespace formats_internal

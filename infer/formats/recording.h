@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/geometry/camera.h"
+#include "core/geometry/colour_camera.h"
 #include "infer/formats/depth_file.h"
 
 namespace volalign {
@@ -19,8 +20,9 @@ struct RecordedDepth {
   std::string kind;    ///< a name of configs/intrinsics.yaml, or empty
   std::string serial;
   std::optional<Intrinsics> intrinsics;
-  std::optional<double> depth_scale;  ///< metres per unit
-  std::string depth_scale_source;     ///< why that, for a reader
+  std::optional<double> depth_scale;   ///< metres per unit
+  std::string depth_scale_source;      ///< why that, for a reader
+  std::optional<ColourCamera> colour;  ///< where the recording says where it is
   std::vector<StoredDepth> frames;
 };
 
@@ -35,6 +37,10 @@ bool IsRecording(const std::filesystem::path& path);
 ///   option ROS's own convention holds: integers are millimetres, floats metres (REP 118);
 /// - bags of ROS 2 in SQLite (.db3), as RealSense's recorder writes them today: images of the same
 ///   encodings, or compressed as PNG ("16UC1; compressedDepth png");
+/// - .bag of OrbbecViewer and the Orbbec SDK: topics /cam/sensor_N/frameType_N whose images are
+/// z16,
+///   or mono16 of the type of depth, with the stream profiles' intrinsics;
+/// - MCAP with messages of ROS 1 or ROS 2, its chunks plain, zstd or lz4;
 /// - Azure Kinect .mkv: the track DEPTH (b16g), or one of 16-bit grey where none has a name, whose
 ///   unit is the millimetre, with the attached calibration.json.
 /// Throws IoError, or DataError where the file is damaged, or has no depth stream with a frame.
@@ -42,11 +48,17 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
 
 namespace formats_internal {
 
-std::vector<RecordedDepth> ReadBagRecording(const std::filesystem::path& path, int max_frames);
+struct Recording {
+  std::vector<RecordedDepth> streams;  ///< of depth, with a frame each
+  std::vector<std::string> contents;   ///< what else is in it: "/color/image (sensor_msgs/Image)"
+};
+
+Recording ReadBagRecording(const std::filesystem::path& path, int max_frames);
 /// Gives up, with DataError, after `most_steps` of SQLite's machine: some 10^8 a second.
-std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames,
-                                             std::int64_t most_steps);
-std::vector<RecordedDepth> ReadMkvRecording(const std::filesystem::path& path, int max_frames);
+Recording ReadRos2Recording(const std::filesystem::path& path, int max_frames,
+                            std::int64_t most_steps);
+Recording ReadMkvRecording(const std::filesystem::path& path, int max_frames);
+Recording ReadMcapRecording(const std::filesystem::path& path, int max_frames);
 
 /// The name in configs/intrinsics.yaml of a device's own name, or "".
 std::string KindOfDevice(const std::string& device);

@@ -51,10 +51,10 @@ class CdrReader {
     return text;
   }
   /// std_msgs/Header.
-  void SkipHeader() {
+  std::string Header() {
     Value<std::int32_t>();
     Value<std::uint32_t>();
-    Text();
+    return Text();
   }
 
  private:
@@ -65,7 +65,7 @@ class CdrReader {
 /// sensor_msgs/CompressedImage with "16UC1; compressedDepth png".
 StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
   CdrReader reader(message, name);
-  reader.SkipHeader();
+  reader.Header();
   const std::string format = reader.Text();
   if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos)
     throw DataError(fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name,
@@ -89,6 +89,26 @@ std::map<std::string, std::string> ParsePairs(const std::string& text) {
   return pairs;
 }
 
+/// "rotation=1,0,...;translation=0.015,0,0", the rotation column by column, metres.
+Pose ParseStreamTransform(const std::string& text, const std::string& name) {
+  const auto pairs = ParsePairs(text);
+  const auto numbers = [&](const char* key, std::size_t count) {
+    std::vector<double> values;
+    const auto found = pairs.find(key);
+    for (const std::string& word : Split(found == pairs.end() ? "" : found->second, ',')) {
+      char* end = nullptr;
+      values.push_back(std::strtod(word.c_str(), &end));
+      if (word.empty() || *end != '\0') values.clear();
+    }
+    if (values.size() != count)
+      throw DataError(fmt::format("{}: {} of a stream is no list of {} numbers", name, key, count));
+    return values;
+  };
+  const std::vector<double> r = numbers("rotation", 9), t = numbers("translation", 3);
+  return PoseFromRotation(Eigen::Map<const Eigen::Matrix3d>(r.data()),
+                          Eigen::Map<const Eigen::Vector3d>(t.data()), name + ": a stream");
+}
+
 struct Topic {
   std::string name, type;
 };
@@ -100,29 +120,40 @@ std::string Uncompressed(const std::string& topic) {
   return at != std::string::npos && at + end.size() == topic.size() ? topic.substr(0, at) : "";
 }
 
-void Collect(const Topic& topic, std::string_view message, int max_frames, const std::string& name,
-             RosContent* content) {
+}  // namespace
+
+void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
+                 int max_frames, const std::string& name, RosContent* content) {
+  content->contents.insert(fmt::format("{} ({})", topic, type));
   const auto add = [&](const std::string& stream, auto decode) {
     RecordedDepth& depth = content->streams[stream];
     depth.stream = stream;
     if (static_cast<int>(depth.frames.size()) < max_frames) depth.frames.push_back(decode());
   };
-  if (topic.type == "sensor_msgs/msg/Image") {
+  if (type == "sensor_msgs/msg/Image") {
     const RosImage image = ReadImage(CdrReader(message, name));
-    if (!IsDepth(topic.name, image.encoding)) return;
-    add(topic.name, [&] { return DecodeImage(image, name); });
-    if (image.encoding == "32FC1") content->streams[topic.name].depth_scale = 1;
-  } else if (topic.type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic.name).empty()) {
-    add(Uncompressed(topic.name), [&] { return ParseCompressed(message, name); });
-  } else if (topic.type == "sensor_msgs/msg/CameraInfo") {
-    content->infos.emplace(topic.name, ReadCameraInfo(CdrReader(message, name), name));
-  } else if (topic.type == "std_msgs/msg/String" && IsDepthUnits(topic.name)) {
+    if (!IsDepth(topic, image.encoding)) return;
+    add(topic, [&] { return DecodeImage(image, name); });
+    if (image.encoding == "32FC1") content->streams[topic].depth_scale = 1;
+  } else if (type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic).empty()) {
+    add(Uncompressed(topic), [&] { return ParseCompressed(message, name); });
+  } else if (type == "sensor_msgs/msg/CameraInfo") {
+    content->infos.emplace(topic, ReadCameraInfo(CdrReader(message, name), name));
+  } else if (type == "std_msgs/msg/String" && IsDepthUnits(topic)) {
     const std::string text = CdrReader(message, name).Text();
-    content->units[topic.name] = std::strtod(text.c_str(), nullptr);
-  } else if (topic.type == "std_msgs/msg/String" && IsDeviceInfo(topic.name)) {
-    content->devices.emplace(topic.name, ParsePairs(CdrReader(message, name).Text()));
+    content->units[topic] = std::strtod(text.c_str(), nullptr);
+  } else if (type == "tf2_msgs/msg/TFMessage" && IsStaticTransform(topic)) {
+    for (RosTransform& transform : ReadTransforms(CdrReader(message, name), name))
+      content->transforms.push_back(std::move(transform));
+  } else if (type == "std_msgs/msg/String" && IsStreamTransform(topic)) {
+    content->transforms.push_back(
+        StreamTransform(topic, ParseStreamTransform(CdrReader(message, name).Text(), name)));
+  } else if (type == "std_msgs/msg/String" && IsDeviceInfo(topic)) {
+    content->devices.emplace(topic, ParsePairs(CdrReader(message, name).Text()));
   }
 }
+
+namespace {
 
 /// A statement, with the values of its `?`, whose rows `use` takes. Throws DataError, with SQLite's
 /// words.
@@ -174,8 +205,8 @@ void Restrain(sqlite3* database, std::int64_t* steps, const std::string& name) {
 
 }  // namespace
 
-std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, int max_frames,
-                                             std::int64_t most_steps) {
+Recording ReadRos2Recording(const std::filesystem::path& path, int max_frames,
+                            std::int64_t most_steps) {
   const std::string name = path.string();
   sqlite3* raw = nullptr;
   const int opened = sqlite3_open_v2(path.c_str(), &raw, SQLITE_OPEN_READONLY, nullptr);
@@ -199,7 +230,7 @@ std::vector<RecordedDepth> ReadRos2Recording(const std::filesystem::path& path, 
     // Streams of every frame of a long recording are not gone through.
     ForEachRow(raw, "SELECT data FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?",
                {id, max_frames}, name, [&, &topic = topic](sqlite3_stmt* row) {
-                 Collect(topic, Column(row, 0), max_frames, name, &content);
+                 CollectRos2(topic.name, topic.type, Column(row, 0), max_frames, name, &content);
                });
   }
   return DescribeStreams(std::move(content), name);

@@ -9,6 +9,7 @@
 #include "core/base/error.h"
 #include "core/base/text.h"
 #include "infer/formats/byte_reader.h"
+#include "infer/formats/ros_depth.h"
 
 namespace volalign::formats_internal {
 
@@ -62,7 +63,9 @@ std::string UnpackBz2(const std::string& packed, std::uint32_t size, const std::
   return bytes;
 }
 
-std::string UnpackLz4(const std::string& packed, std::uint32_t size, const std::string& name) {
+}  // namespace
+
+std::string UnpackLz4(std::string_view packed, std::size_t size, const std::string& name) {
   std::string bytes(size, '\0');
   LZ4F_dctx* context = nullptr;
   if (LZ4F_isError(LZ4F_createDecompressionContext(&context, LZ4F_VERSION)))
@@ -81,6 +84,8 @@ std::string UnpackLz4(const std::string& packed, std::uint32_t size, const std::
     throw DataError(name + ": damaged: an lz4 chunk cannot be unpacked");
   return bytes;
 }
+
+namespace {
 
 std::string Unpack(const Fields& header, std::string data, const std::string& name) {
   const std::string compression = TextField(header, "compression");
@@ -121,6 +126,7 @@ RosBag::RosBag(const std::filesystem::path& path) : name_(path.string()) {
   Record record;
   while (at_ >= first_record_ && at_ < size_ && ReadRecord(&record) && record.op == kConnection)
     AddConnection(record.header, record.data);
+  has_index_ = !connections_.empty();
 }
 
 bool RosBag::ReadRecord(Record* record) {

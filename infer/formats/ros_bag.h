@@ -22,8 +22,11 @@ class RosBag {
   /// Throws IoError or DataError.
   explicit RosBag(const std::filesystem::path& path);
 
-  /// Those of the index at the file's end; none where a recording was cut off before it.
+  /// Those of the index at the file's end, and those that the messages visited so far belong to.
   const std::map<std::uint32_t, BagConnection>& connections() const { return connections_; }
+
+  /// False where a recording was cut off before its index: further connections may still come.
+  bool has_index() const { return has_index_; }
 
   using Visit = std::function<bool(const BagConnection&, std::string_view message)>;
   /// Calls `visit` with each message, in the file's order, until it returns false.
@@ -42,6 +45,7 @@ class RosBag {
   std::string name_;
   std::ifstream stream_;
   std::uint64_t size_ = 0, at_ = 0, first_record_ = 0;
+  bool has_index_ = false;
   std::map<std::uint32_t, BagConnection> connections_;
 };
 

@@ -54,12 +54,60 @@ const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& to
   return nearest;
 }
 
+bool IsColour(const std::string& topic) {
+  const std::string lower = Lower(topic);
+  return lower.find("color") != std::string::npos || lower.find("colour") != std::string::npos ||
+         lower.find("rgb") != std::string::npos;
+}
+
+/// p_to = T p_from, along the transforms; none where they do not join the frames.
+std::optional<Pose> Between(const std::vector<RosTransform>& transforms, const std::string& from,
+                            const std::string& to) {
+  std::map<std::string, Pose> known = {{from, Pose::Identity()}};  // p_frame = T p_from
+  for (bool grown = true; grown && !known.count(to);) {
+    grown = false;
+    for (const RosTransform& transform : transforms) {
+      const auto parent = known.find(transform.parent), child = known.find(transform.child);
+      if ((parent == known.end()) == (child == known.end())) continue;
+      if (parent == known.end()) {
+        known.emplace(transform.parent, transform.parent_from_child * child->second);
+      } else {
+        known.emplace(transform.child, transform.parent_from_child.inverse() * parent->second);
+      }
+      grown = true;
+    }
+  }
+  const auto found = known.find(to);
+  return found == known.end() ? std::nullopt : std::optional(found->second);
+}
+
+std::optional<ColourCamera> ColourOf(const RosContent& content, const std::string& topic,
+                                     const std::string& frame, const std::string& name) {
+  std::map<std::string, CameraInfo> cameras;
+  for (const auto& [other, info] : content.infos) {
+    if (IsColour(other)) cameras.emplace(other, info);
+  }
+  const CameraInfo* info = Nearest(cameras, topic);
+  if (!info || info->frame.empty() || frame.empty()) return std::nullopt;
+  const std::optional<Pose> pose = Between(content.transforms, frame, info->frame);
+  if (!pose) return std::nullopt;
+  ColourCamera colour{*pose, std::nullopt};
+  try {
+    colour.intrinsics = IntrinsicsOf(*info, "", name);
+  } catch (const DataError&) {
+    // A lens that is not OpenCV's. Depth does not need it.
+  }
+  return colour;
+}
+
 /// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513.
 double AsWritten(double unit) { return std::strtod(fmt::format("{:.6g}", unit).c_str(), nullptr); }
 
 void Describe(const RosContent& content, const std::string& name, RecordedDepth* stream) {
-  if (const CameraInfo* info = Nearest(content.infos, stream->stream))
+  if (const CameraInfo* info = Nearest(content.infos, stream->stream)) {
     stream->intrinsics = IntrinsicsOf(*info, stream->stream, name);
+    stream->colour = ColourOf(content, stream->stream, info->frame, name);
+  }
   if (const double* unit = Nearest(content.units, stream->stream)) {
     const double written = AsWritten(*unit);
     // What is no unit is none that is stated, and has to be given.
@@ -79,16 +127,62 @@ void Describe(const RosContent& content, const std::string& name, RecordedDepth*
   stream->kind = KindOfDevice(stream->device);
 }
 
+/// Millimetres on the Femto sensors; on others the unit is a property of the device.
+void DescribeOrbbec(const RosContent& content, const std::string& name, RecordedDepth* stream) {
+  const OrbbecProperties& properties = content.properties;
+  if (properties.frames_are_disparity) {
+    throw DataError(fmt::format(
+        "{}: {}: the images are disparities, of which the device was not to make depth itself; "
+        "record with the device's disparity to depth on",
+        name, stream->stream));
+  }
+  const auto device = content.devices.find(kOrbbecDevice);
+  if (device != content.devices.end()) stream->device = device->second.at("name");
+  stream->kind = KindOfDevice(stream->device);
+  if (Lower(stream->device).find("femto") != std::string::npos) {
+    stream->depth_scale = kMillimetre;
+    stream->depth_scale_source = "the unit of the Femto sensors";
+  } else if (properties.unit && *properties.unit > 0 && std::isfinite(*properties.unit)) {
+    stream->depth_scale = AsWritten(*properties.unit);
+    stream->depth_scale_source = "the depth unit among the device's recorded properties";
+  }
+  const auto profile = content.profiles.find(OrbbecStream(stream->stream));
+  if (profile == content.profiles.end()) return;
+  if (!profile->second.lens.empty())
+    throw DataError(fmt::format("{}: {}: {}", name, stream->stream, profile->second.lens));
+  stream->intrinsics = profile->second.intrinsics;
+  stream->intrinsics->Validate(name + ": " + stream->stream);
+  if (!profile->second.colour_from_stream) return;
+  stream->colour = ColourCamera{*profile->second.colour_from_stream, std::nullopt};
+  const auto colour = content.profiles.find(kOrbbecColour);
+  if (colour != content.profiles.end() && colour->second.lens.empty())
+    stream->colour->intrinsics = colour->second.intrinsics;
+}
+
 }  // namespace
 
 bool IsDepth(const std::string& topic, const std::string& encoding) {
+  const std::string orbbec = OrbbecStream(topic);
+  if (!orbbec.empty()) return encoding == "z16" || (encoding == "mono16" && orbbec == kOrbbecDepth);
   return encoding == "16UC1" || encoding == "32FC1" ||
          (encoding == "mono16" && Lower(topic).find("depth") != std::string::npos);
 }
 
+std::string OrbbecStream(const std::string& topic) {
+  const std::string begin = "/cam/sensor_", middle = "/frameType_";
+  const std::size_t at = topic.find(middle);
+  if (topic.rfind(begin, 0) != 0 || at == std::string::npos) return "";
+  return topic.substr(at + middle.size());
+}
+
+std::string OrbbecProfileNumber(const std::string& topic) {
+  const std::string begin = "/cam/streamProfileType_";
+  return topic.rfind(begin, 0) == 0 ? topic.substr(begin.size()) : "";
+}
+
 StoredDepth DecodeImage(const RosImage& image, const std::string& name) {
   RequireSize(image.width, image.height, name);
-  const bool is_float = image.encoding == "32FC1";
+  const bool is_float = image.encoding == "32FC1";  // else 16 bits: 16UC1, mono16, z16
   const std::size_t sample = is_float ? 4 : 2;
   if (image.step < sample * image.width ||
       image.data.size() < static_cast<std::size_t>(image.step) * image.height)
@@ -125,13 +219,37 @@ bool IsDepthUnits(const std::string& topic) {
          lower.find("depth_units/value") != std::string::npos;
 }
 
-std::vector<RecordedDepth> DescribeStreams(RosContent content, const std::string& name) {
-  std::vector<RecordedDepth> streams;
-  for (auto& [topic, stream] : content.streams) {
-    Describe(content, name, &stream);
-    streams.push_back(std::move(stream));
+bool IsStaticTransform(const std::string& topic) { return topic == "/tf_static"; }
+
+bool IsStreamTransform(const std::string& topic) {
+  return topic.rfind("/device_", 0) == 0 && topic.find("/tf/") != std::string::npos;
+}
+
+RosTransform StreamTransform(const std::string& topic, const Pose& stream_from_reference) {
+  const std::size_t end = topic.find("/tf/");
+  return {topic.substr(0, topic.find('/', 1)) + topic.substr(end), topic.substr(0, end),
+          stream_from_reference.inverse()};
+}
+
+Recording DescribeStreams(RosContent content, const std::string& name) {
+  content.transforms.resize(std::min(content.transforms.size(), kMostTransforms));
+  // The recorder of RealSense names no frames: a stream's path serves.
+  for (auto& [topic, info] : content.infos) {
+    const std::size_t end = topic.find("/info/camera_info");
+    if (topic.rfind("/device_", 0) == 0 && end != std::string::npos)
+      info.frame = topic.substr(0, end);
   }
-  return streams;
+  Recording recording;
+  recording.contents.assign(content.contents.begin(), content.contents.end());
+  for (auto& [topic, stream] : content.streams) {
+    if (OrbbecStream(topic).empty()) {
+      Describe(content, name, &stream);
+    } else {
+      DescribeOrbbec(content, name, &stream);
+    }
+    recording.streams.push_back(std::move(stream));
+  }
+  return recording;
 }
 
 }  // namespace volalign::formats_internal

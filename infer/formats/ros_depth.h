@@ -5,12 +5,15 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/geometry/camera.h"
+#include "infer/formats/poses/sensor_pose.h"
 #include "infer/formats/recording.h"
 
 namespace volalign::formats_internal {
@@ -26,21 +29,38 @@ struct RosImage {
 /// Whether an image of that encoding is depth.
 bool IsDepth(const std::string& topic, const std::string& encoding);
 
+/// Of the Orbbec SDK's recorder, the numbers of the types of streams (OBStreamType).
+inline constexpr char kOrbbecColour[] = "2", kOrbbecDepth[] = "3";
+inline constexpr char kOrbbecDevice[] = "/cam/deviceInfo", kOrbbecProperty[] = "/cam/property";
+/// "3" of "/cam/sensor_3/frameType_3" and of "/cam/streamProfileType_3"; "" of other topics.
+std::string OrbbecStream(const std::string& topic);
+std::string OrbbecProfileNumber(const std::string& topic);
+
 /// Values as stored; throws DataError for too few bytes.
 StoredDepth DecodeImage(const RosImage& image, const std::string& name);
 
 /// sensor_msgs/CameraInfo. `rectified` is the camera of an image that was rectified.
 struct CameraInfo {
   Intrinsics raw, rectified;
-  std::string model;
+  std::string model, frame;  ///< frame: of its points, as transforms name it
+};
+
+/// Of a recording: a device has some ten, and joining them takes the square.
+inline constexpr std::size_t kMostTransforms = 1000;
+
+/// geometry_msgs/TransformStamped.
+struct RosTransform {
+  std::string parent, child;
+  Pose parent_from_child = Pose::Identity();
 };
 
 // The messages have the same fields in ROS 1 and 2, in bytes of different forms. Reader:
-// SkipHeader() for a std_msgs/Header, Value<T>(), Text() and Bytes().
+// Header() for a std_msgs/Header, of which it returns the frame's name, Value<T>(), Text(),
+// Bytes().
 
 template <class Reader>
 RosImage ReadImage(Reader reader) {
-  reader.SkipHeader();
+  reader.Header();
   RosImage image;
   image.height = reader.template Value<std::uint32_t>();
   image.width = reader.template Value<std::uint32_t>();
@@ -54,8 +74,8 @@ RosImage ReadImage(Reader reader) {
 /// Throws DataError, which `name` begins, for what is no lens.
 template <class Reader>
 CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
-  reader.SkipHeader();
   CameraInfo info;
+  info.frame = reader.Header();
   info.raw.height = static_cast<int>(reader.template Value<std::uint32_t>());
   info.raw.width = static_cast<int>(reader.template Value<std::uint32_t>());
   info.model = reader.Text();
@@ -74,12 +94,63 @@ CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
   return info;
 }
 
+/// geometry_msgs/Transform. Throws DataError for what is no rigid motion.
+template <class Reader>
+Pose ReadTransform(Reader* reader, const std::string& name) {
+  std::array<double, 7> v;  // translation, quaternion x y z w
+  for (double& x : v) x = reader->template Value<double>();
+  return PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, name + ": a transform");
+}
+
+/// tf2_msgs/TFMessage. Throws DataError.
+template <class Reader>
+std::vector<RosTransform> ReadTransforms(Reader reader, const std::string& name) {
+  const auto count = reader.template Value<std::uint32_t>();
+  if (count > kMostTransforms) throw DataError(name + ": damaged: a message of many transforms");
+  std::vector<RosTransform> transforms;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    RosTransform transform;
+    transform.parent = reader.Header();
+    transform.child = reader.Text();
+    transform.parent_from_child = ReadTransform(&reader, name);
+    transforms.push_back(std::move(transform));
+  }
+  return transforms;
+}
+
+/// Whether the topic has transforms that hold for the whole recording.
+bool IsStaticTransform(const std::string& topic);
+
+/// Of the recorder of RealSense: "/device_0/sensor_1/Color_0/tf/0" says where the reference stream
+/// 0 is in that stream's frame. The transform names the streams by their paths. False for other
+/// topics.
+bool IsStreamTransform(const std::string& topic);
+RosTransform StreamTransform(const std::string& topic, const Pose& stream_from_reference);
+
+/// custom_msg/StreamProfileInfo of the Orbbec SDK (src/media/ros of OrbbecSDK v2): fixed arrays.
+struct OrbbecProfile {
+  Intrinsics intrinsics;
+  std::string lens;  ///< why `intrinsics` has no lens that can be used; else empty
+  /// The depth stream's: where it is in the colour camera's frame.
+  std::optional<Pose> colour_from_stream;
+};
+
+/// Of the device's settings that the Orbbec SDK records, those that say what a depth image has.
+struct OrbbecProperties {
+  std::optional<double> unit;         ///< metres
+  bool frames_are_disparity = false;  ///< left to the SDK to be made depth, on playback
+};
+
 /// What of a recording matters, as it is read.
 struct RosContent {
   std::map<std::string, RecordedDepth> streams;  // by topic
   std::map<std::string, CameraInfo> infos;
   std::map<std::string, double> units;                                // metres
   std::map<std::string, std::map<std::string, std::string>> devices;  // of /device_0/info
+  std::vector<RosTransform> transforms;
+  std::map<std::string, OrbbecProfile> profiles;  // by the number of the stream's type
+  OrbbecProperties properties;
+  std::set<std::string> contents;  // "topic (type)"
 };
 
 /// Whether it is "/device_0/info", of the recorder of RealSense.
@@ -90,6 +161,17 @@ bool IsDepthUnits(const std::string& topic);
 
 /// The streams, each with what is said of it by the topics that share most of its path. `name`
 /// begins every message; throws DataError.
-std::vector<RecordedDepth> DescribeStreams(RosContent content, const std::string& name);
+Recording DescribeStreams(RosContent content, const std::string& name);
+
+/// Takes what matters of a message of ROS 1; says whether it has brought a frame, a camera or a
+/// transform that was not there. Throws DataError.
+bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
+                 int max_frames, const std::string& name, RosContent* content);
+/// The same of a message of ROS 2 (CDR).
+void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
+                 int max_frames, const std::string& name, RosContent* content);
+
+/// An lz4 frame of `size` bytes, unpacked. Throws DataError.
+std::string UnpackLz4(std::string_view packed, std::size_t size, const std::string& name);
 
 }  // namespace volalign::formats_internal

@@ -9,13 +9,13 @@ namespace volalign {
 
 Agreement CompareWithView(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const Pose& structure_from_sensor,
-                          double min_confidence, double tolerance_m) {
+                          double min_confidence, const SurfaceTolerance& tolerance) {
   const ExpectedView expected = CastView(structure, view.rays, structure_from_sensor);
   Agreement agreement;
   view.VisitMeasured(1, [&](int u, int v) {
     const double measured = view.depth(u, v);
+    const double tolerance_m = tolerance(measured);
     const double expected_m = expected.depth(u, v);
-    const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
     const int predicted =
         segmentation.confidence(u, v) >= min_confidence ? segmentation.labels(u, v) : 0;
     const bool labelled = predicted > 0 && predicted < structure.num_classes();
@@ -23,21 +23,12 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
     if (expected_m > 0) {
       ++agreement.visible;
       // Depth changes fast along a grazing ray; the point's distance to the surface does not.
-      const double gap = std::abs(measured - expected_m) <= tolerance_m
-                             ? 0
-                             : DistanceToSurface(structure, p).distance;
+      const double gap =
+          std::abs(measured - expected_m) <= tolerance_m
+              ? 0
+              : DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
       explained = gap <= tolerance_m;
-      if (explained) {
-        ++agreement.explained;
-      } else if (measured >= expected_m) {
-        ++agreement.behind;
-      }
-    }
-    if (labelled) {
-      ++agreement.labelled;
-      if ((structure.SideOfLabel(predicted).ClosestPoint(p) - p).norm() <= tolerance_m) {
-        ++agreement.on_own_side;
-      }
+      if (explained) ++agreement.explained;
     }
     if (labelled || expected.labels(u, v) > 0) {
       ++agreement.either;
@@ -51,7 +42,8 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
 }
 
 SegmentationResult LabelsFromPose(const SensorView& view, const Structure& structure,
-                                  const Pose& structure_from_sensor, double tolerance_m) {
+                                  const Pose& structure_from_sensor,
+                                  const SurfaceTolerance& tolerance) {
   SegmentationResult result;
   result.labels = CastView(structure, view.rays, structure_from_sensor).labels;
   result.confidence = Image<float>(view.width(), view.height(), 0.0f);
@@ -60,8 +52,8 @@ SegmentationResult LabelsFromPose(const SensorView& view, const Structure& struc
       std::uint8_t& label = result.labels(u, v);
       if (label == 0) continue;
       const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
-      if (view.depth(u, v) > 0 &&
-          (structure.SideOfLabel(label).ClosestPoint(p) - p).norm() <= tolerance_m) {
+      if (view.depth(u, v) > 0 && (structure.SideOfLabel(label).ClosestPoint(p) - p).norm() <=
+                                      tolerance(view.depth(u, v))) {
         result.confidence(u, v) = 1;
       } else {
         label = 0;
@@ -75,6 +67,7 @@ ShapeIou MeasureShapeIou(const SensorView& view, const SegmentationResult& segme
                          const Structure& structure, const Pose& structure_from_sensor,
                          double min_confidence) {
   const ExpectedView expected = CastView(structure, view.rays, structure_from_sensor);
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   ShapeIou iou;
   view.VisitMeasured(1, [&](int u, int v) {
     const double measured = view.depth(u, v), expected_m = expected.depth(u, v);
@@ -83,7 +76,7 @@ ShapeIou MeasureShapeIou(const SensorView& view, const SegmentationResult& segme
     const bool near =
         (expected_m > 0 || labelled) &&
         DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance <=
-            kInitialTolerance;
+            tolerance(measured);
     if (expected_m > 0 && near) ++iou.both;
     if (labelled || (expected_m > 0 && (near || measured > expected_m))) ++iou.either;
   });

@@ -27,6 +27,9 @@ constexpr std::size_t kMostLookedAt = 16, kMostFitted = 4;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
 constexpr double kCoarseCells = 5;
 constexpr std::size_t kMostOfGuess = 6, kMostOfAllGuesses = 40;
+/// Rounds in which a pose is brought onto the boxes with all rays, as long as that explains more: a
+/// pose that no floor holds may be off by degrees at first.
+constexpr int kMostRounds = 4;
 /// Poses that are verified with all rays.
 constexpr std::size_t kMostVerified = 6;
 /// The first look is with every second ray of every second row.
@@ -99,7 +102,7 @@ class Search {
         table_height_m_(table_height_m),
         options_(options),
         surface_(MakeSensorSurface(view, kCoarseRays)),
-        planes_(FindRoomPlanes(PointsOf(surface_), kMostPlanes)),
+        planes_(FindRoomPlanes(PointsOf(surface_), kMostPlanes, surface_.view.errors)),
         outline_(MakeStackOutline(structure)) {
     floor_points_ = PointsOf(surface_);
     MarkRoom(planes_, kLargerThanStack * LargestFlat(structure), &surface_);
@@ -118,7 +121,7 @@ class Search {
 
   Poses WithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
-    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kMostPlanes);
+    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kMostPlanes, surface_.view.errors);
     std::vector<StackCandidate> candidates;
     for (const StandingGuess& guess :
          GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
@@ -197,7 +200,12 @@ class Search {
   Poses FitWell(Poses poses, bool floor) const {
     if (poses.size() > kMostVerified) poses.resize(kMostVerified);
     for (GeometricPose& pose : poses) {
-      const GeometricPose alone = FitWell(pose, points_, false);
+      GeometricPose alone = FitWell(pose, points_, false);
+      for (int round = 1; round < kMostRounds; ++round) {
+        const GeometricPose again = FitWell(alone, points_, false);
+        if (!(Gain(again.shape) > Gain(alone.shape))) break;
+        alone = again;
+      }
       pose = floor ? FitWell(pose, floor_points_, true) : alone;
       if (Gain(alone.shape) > Gain(pose.shape)) pose = alone;
     }
@@ -250,7 +258,7 @@ Poses Compete(Poses poses, const Structure& structure, double margin) {
 
 SensorSurface PrepareSurface(const SensorView& view, const Structure& structure) {
   SensorSurface surface = MakeSensorSurface(view, kCoarseRays);
-  MarkRoom(FindRoomPlanes(PointsOf(surface), kMostPlanes),
+  MarkRoom(FindRoomPlanes(PointsOf(surface), kMostPlanes, surface.view.errors),
            kLargerThanStack * LargestFlat(structure), &surface);
   return surface;
 }
@@ -280,8 +288,11 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   if (found.empty()) found = search.WithoutFloor();
   found = Compete(std::move(found), structure, options.rival_margin);
   found = Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
-  // If even the best of a pose and its aliases does not have the view's shape, none of them has.
-  if (!found.empty() && !HasShape(found.front().shape, structure, options)) found.clear();
+  // One that has the view's shape by a hair less than another is its rival still.
+  const bool has_shape = std::any_of(found.begin(), found.end(), [&](const GeometricPose& pose) {
+    return HasShape(pose.shape, structure, options);
+  });
+  if (!has_shape) found.clear();
   return found;
 }
 

@@ -41,9 +41,10 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const SensorView coarse = Decimate(view, stride);
   const SegmentationResult coarse_labels = Decimate(segmentation, stride);
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   const auto compare = [&](const Pose& pose) {
     return CompareWithView(coarse, coarse_labels, structure, pose, options.patch.min_confidence,
-                           kInitialTolerance);
+                           tolerance);
   };
 
   std::vector<Pose> candidates = FindCandidates(result.patches, structure, options, near);

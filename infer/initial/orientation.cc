@@ -120,7 +120,7 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
   bool ambiguous = false, open = false;
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     choices[i] = Decide(competitors[i], context.structure, context.options.choice);
-    sensors[i] = {context.views[i].view, competitors[i], {}};
+    sensors[i] = {context.views[i].view, competitors[i], {}, context.views[i].twin};
     const bool all_of_network =
         std::all_of(competitors[i].begin(), competitors[i].end(),
                     [](const PoseCandidate& pose) { return pose.source == PoseSource::kNetwork; });
@@ -129,7 +129,7 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
         sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
     }
     if (!choices[i].found) continue;
-    ambiguous = ambiguous || choices[i].ambiguous;
+    ambiguous = ambiguous || choices[i].ambiguous || sensors[i].twin > 0;
     open = open || competitors[i].size() > 1;
     mounted.insert(UprightTurns(choices[i].best.structure_from_sensor));
   }
@@ -145,6 +145,8 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
   const OrientationOptions& options = context.options;
   Labelled out;
   out.up_unknown = choice.up_unknown;
+  out.twins = choice.twins;
+  out.given = choice.given;
   if (choice.ambiguous) {
     out.other_pose =
         DescribeMotion(choice.best.structure_from_sensor, choice.rival.structure_from_sensor);

@@ -20,6 +20,7 @@ struct OrientationOptions {
   double min_shape_iou = 0.9;
   double min_label_score = 0.4;
   PoseChoiceOptions choice;
+  std::vector<std::string> twins;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -42,6 +43,9 @@ struct OrientationOptions {
        "structure can be made to look like one by renaming its sides",
        Between(0, 1));
     ar("choice", choice, "choice among the poses of orientations and aliases");
+    ar("twins", twins,
+       "poses that a person has chosen where several fit, SENSOR=NUMBER each: 1 is the pose that "
+       "would be chosen, 2 and on those of twins in extrinsics.json");
   }
 };
 
@@ -52,6 +56,7 @@ struct LabelRequest {
   /// Clockwise turns into the network's orientation, 0-3, or kAutoTurns where they are to be found.
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
+  int twin = 0;        ///< SensorCandidates::twin
 };
 
 /// A frame with its labels, and the pose that follows from them.
@@ -62,11 +67,19 @@ struct Labelled {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
+  std::vector<PoseTwin> twins;  ///< PoseChoice::twins
+  bool given = false;           ///< PoseChoice::given
   /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
   bool up_unknown = false;
   bool floor_would_tell = true;  ///< whether it is that other pose
   /// Of the initial pose; where none was found, what was asked last.
   PoseSource source = PoseSource::kNetwork;
+
+  /// The labels, where they are a network's: those that a pose implies say nothing of it. Else
+  /// null.
+  const SegmentationResult* ByNetwork() const {
+    return source == PoseSource::kNetwork ? &segmentation : nullptr;
+  }
 };
 
 /// Labels every view and finds its initial pose, one result a view, in order.

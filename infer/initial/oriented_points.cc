@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/base/lists.h"
+#include "infer/initial/surface_tolerance.h"
 
 namespace volalign {
 
@@ -23,8 +24,6 @@ constexpr int kNeighbours = 2, kMostReach = 12;
 constexpr int kLeastNeighbours = 9;
 
 // Planes.
-/// Distance within which a point lies on a plane: in m, and per metre of depth.
-constexpr double kPlaneTolerance = 0.015, kPlaneRelativeTolerance = 0.006;
 /// Of these tolerances, from which on a point is clearly behind a plane.
 constexpr double kClearlyBehind = 3;
 /// Cosine of the angle between a plane's normal and a point's (25 deg).
@@ -36,17 +35,14 @@ constexpr double kLeastShare = 0.01;
 /// m: cells of a plane; what lies in neighbouring ones belongs together.
 constexpr double kPartCell = 0.25;
 
-double ToleranceAt(const Eigen::Vector3d& p) {
-  return kPlaneTolerance + kPlaneRelativeTolerance * p.z();
-}
-
-bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane) {
-  return std::abs(plane.normal.dot(p) - plane.offset) < ToleranceAt(p) &&
+bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane,
+          const SurfaceTolerance& tolerance) {
+  return std::abs(plane.normal.dot(p) - plane.offset) < tolerance(p.z()) &&
          plane.normal.dot(normal) > kPlaneNormal;
 }
 
-bool Lies(const OrientedPoint& point, const RoomPlane& plane) {
-  return Lies(point.p, point.normal, plane);
+bool Lies(const OrientedPoint& point, const RoomPlane& plane, const SurfaceTolerance& tolerance) {
+  return Lies(point.p, point.normal, plane, tolerance);
 }
 
 /// Of the points still free, in steps that leave about `count`.
@@ -59,12 +55,13 @@ void VisitSome(const std::vector<OrientedPoint>& points, const std::vector<char>
   }
 }
 
-RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<char>& taken) {
+RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
+                    const SurfaceTolerance& tolerance) {
   RoomPlane best;
   VisitSome(points, taken, kTrials, [&](const OrientedPoint& seed) {
     RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0, 0};
     VisitSome(points, taken, kProbes, [&](const OrientedPoint& point) {
-      if (Lies(point, plane)) plane.area += point.area;
+      if (Lies(point, plane, tolerance)) plane.area += point.area;
     });
     if (plane.area > best.area) best = plane;
   });
@@ -73,12 +70,12 @@ RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<
 
 /// Fitted to the points that lie on it, each counting with its area.
 RoomPlane Fit(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
-              RoomPlane plane) {
+              RoomPlane plane, const SurfaceTolerance& tolerance) {
   double weight = 0;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (taken[i] || !Lies(points[i], plane)) continue;
+    if (taken[i] || !Lies(points[i], plane, tolerance)) continue;
     weight += points[i].area;
     mean += points[i].area * points[i].p;
     squares += points[i].area * points[i].p * points[i].p.transpose();
@@ -102,13 +99,14 @@ struct PlanePixel {
 
 std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& surface) {
   const SensorView& view = surface.view;
+  const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   const Eigen::Vector3d x = plane.normal.unitOrthogonal(), y = plane.normal.cross(x);
   std::vector<PlanePixel> pixels;
   view.VisitMeasured(1, [&](int u, int v) {
     const Eigen::Vector3d normal = surface.normals(u, v).cast<double>();
     if (!(normal.squaredNorm() > 0)) return;
     const Eigen::Vector3d p = view.Point(u, v);
-    if (!Lies(p, normal, plane)) return;
+    if (!Lies(p, normal, plane, tolerance)) return;
     pixels.push_back({u,
                       v,
                       view.PixelArea(u, v, p.z(), normal),
@@ -223,18 +221,21 @@ std::vector<OrientedPoint> PointsOf(const SensorSurface& surface) {
   return points;
 }
 
-std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, int most) {
+std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, int most,
+                                      const DepthErrorModel& errors) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(errors);
   double all = 0;
   for (const OrientedPoint& point : points) all += point.area;
   std::vector<char> taken(points.size(), 0);
   std::vector<RoomPlane> planes;
   for (int k = 0; k < most; ++k) {
-    RoomPlane plane = Fit(points, taken, BestTrial(points, taken));
+    RoomPlane plane = Fit(points, taken, BestTrial(points, taken, tolerance), tolerance);
     plane.area = plane.behind = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const double height = plane.normal.dot(points[i].p) - plane.offset;
-      if (height < -kClearlyBehind * ToleranceAt(points[i].p)) plane.behind += points[i].area / all;
-      if (taken[i] || !Lies(points[i], plane)) continue;
+      if (height < -kClearlyBehind * tolerance(points[i].p.z()))
+        plane.behind += points[i].area / all;
+      if (taken[i] || !Lies(points[i], plane, tolerance)) continue;
       plane.area += points[i].area;
       taken[i] = 1;
     }

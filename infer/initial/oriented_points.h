@@ -42,7 +42,9 @@ struct RoomPlane {
 };
 
 /// The planes on which most points lie, the largest area first, at most `most`. Deterministic.
-std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, int most);
+/// `errors`: of the sensor that measured them.
+std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, int most,
+                                      const DepthErrorModel& errors);
 
 /// Marks the pixels on those of the planes that are larger than `largest` m^2, and on their parts
 /// that are: what lies apart from the rest may be a side of a box that happens to be in one plane

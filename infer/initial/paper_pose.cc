@@ -31,8 +31,9 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
   result.found = true;
   result.structure_from_sensor = AlignPoints(source, target).target_from_source;
   result.from_keypoints = result.structure_from_sensor;
-  result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
-                                     options.patch.min_confidence, kInitialTolerance);
+  result.agreement =
+      CompareWithView(view, segmentation, structure, result.structure_from_sensor,
+                      options.patch.min_confidence, SurfaceTolerance::AtRoughPose(view.errors));
   return result;
 }
 

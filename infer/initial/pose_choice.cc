@@ -96,9 +96,10 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
 void Score(const SensorView& view, const DecimatedTrials& coarse, const Structure& structure,
            const std::vector<StructureAlias>& aliases, const std::vector<Pose>& rivals,
            const InitialPoseOptions& initial, PoseCandidate* pose) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   const auto score = [&](const SegmentationResult& labels) {
     return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
-                           initial.patch.min_confidence, kInitialTolerance)
+                           initial.patch.min_confidence, tolerance)
         .score();
   };
   pose->floor =

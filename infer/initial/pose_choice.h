@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
@@ -67,6 +68,16 @@ struct PoseCandidate {
   double network_score = 0;  ///< the best Agreement::score of all trials' labels, as they are
 };
 
+/// The same rig otherwise: a pose that a sensor has in another set of the rig's poses.
+struct PoseTwin {
+  int rig = 0;  ///< which set; sensors that have another pose in one set share the choice
+  /// 2 for the sensor's most probable other pose, 3 for the next; of another set with that pose,
+  /// the same.
+  int number = 2;
+  double log_odds = 0;  ///< natural logarithm, of the chosen set against that one
+  Pose structure_from_sensor = Pose::Identity();
+};
+
 struct PoseChoice {
   bool found = false;
   /// Of the poses that are about the one chosen, that with the best label_score: its trial and
@@ -78,6 +89,8 @@ struct PoseChoice {
   /// Upside down it would be as good, but then contradict the other sensors of the rig, or it
   /// contradicts them now.
   bool up_unknown = false;
+  bool given = false;           ///< a person has chosen the pose, see SensorCandidates::twin
+  std::vector<PoseTwin> twins;  ///< where poses were chosen for the rig, the most probable first
 };
 
 /// The poses that compete for a view, judged: the trials' and those of their aliases, each

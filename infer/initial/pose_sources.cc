@@ -28,6 +28,7 @@ void ScoreAlike(const SensorView& view, const Structure& structure,
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const SensorView coarse = Decimate(view, stride);
   const SensorSurface surface = PrepareSurface(view, structure);
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   std::vector<ViewFit> shapes;
   std::vector<Pose> rivals;
   double reference = 0;
@@ -44,9 +45,9 @@ void ScoreAlike(const SensorView& view, const Structure& structure,
             .share();
     pose.network_score = 0;
     for (const PoseTrial& trial : trials) {
-      const Agreement agreement = CompareWithView(coarse, Decimate(*trial.segmentation, stride),
-                                                  structure, pose.structure_from_sensor,
-                                                  initial.patch.min_confidence, kInitialTolerance);
+      const Agreement agreement =
+          CompareWithView(coarse, Decimate(*trial.segmentation, stride), structure,
+                          pose.structure_from_sensor, initial.patch.min_confidence, tolerance);
       pose.network_score = std::max(pose.network_score, agreement.score());
     }
   }
@@ -138,9 +139,10 @@ std::vector<PoseCandidate> CombineProposals(const SensorView& view, const Struct
 LabelledPose LabelByPose(const SensorView& view, const Structure& structure, const Pose& pose,
                          const InitialPoseOptions& options) {
   LabelledPose labelled;
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   Pose at = pose;
   for (int round = 0; round < kLabelRounds; ++round) {
-    labelled.segmentation = LabelsFromPose(view, structure, at, kInitialTolerance);
+    labelled.segmentation = LabelsFromPose(view, structure, at, tolerance);
     labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &at);
     if (!labelled.initial.found) break;
     const Pose before = std::exchange(at, labelled.initial.structure_from_sensor);

@@ -10,9 +10,9 @@ namespace {
 
 /// The side of a label that lies nearest to a point.
 struct NearestLabel {
-  std::uint8_t label = 0;
-  float confidence = 0;
-  double distance = kInitialTolerance;  // m: farther sides do not count
+  std::uint8_t label;
+  float confidence;
+  double distance;  // m
 };
 
 }  // namespace
@@ -30,15 +30,17 @@ void ReconcileLabels(const SensorView& view, const Structure& structure,
                      SegmentationResult* segmentation) {
   std::vector<const SegmentationResult*> sources{segmentation};
   sources.insert(sources.end(), others.begin(), others.end());
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   view.VisitMeasured(1, [&](int u, int v) {
     const Eigen::Vector3d p = structure_from_sensor * view.Point(u, v);
+    const double farthest = tolerance(view.depth(u, v));
     const auto distance = [&](std::uint8_t label) {
       return label == 0 || label >= structure.num_classes()
-                 ? kInitialTolerance
+                 ? farthest
                  : (structure.SideOfLabel(label).ClosestPoint(p) - p).norm();
     };
-    if (distance(segmentation->labels(u, v)) < kInitialTolerance) return;
-    NearestLabel nearest;
+    if (distance(segmentation->labels(u, v)) < farthest) return;
+    NearestLabel nearest{0, 0, farthest};
     for (const SegmentationResult* source : sources) {
       const std::uint8_t label = source->labels(u, v);
       const float confidence = source->confidence(u, v);

@@ -13,12 +13,12 @@ namespace volalign {
 /// The labels that the sides have after the alias' motion.
 SegmentationResult Relabelled(SegmentationResult segmentation, const StructureAlias& alias);
 
-/// Corrects labels by a pose that shape and floor have settled. A pixel that lies within 5 cm of
+/// Corrects labels by a pose that shape and floor have settled. A pixel that lies on
 /// the side that `segmentation` names keeps its label. Any other one takes the label, with its
-/// confidence, whose side it lies nearest to, within 5 cm: among the labels that `segmentation` and
-/// `others` (the same frame in other orientations) give it with at least `min_confidence`, and the
-/// labels that these have after each alias. A network that is shown only a part of the structure
-/// takes some boxes for their neighbours.
+/// confidence, whose side it lies nearest to, where it lies on it: among the labels that
+/// `segmentation` and `others` (the same frame in other orientations) give it with at least
+/// `min_confidence`, and the labels that these have after each alias. A network that is shown only
+/// a part of the structure takes some boxes for their neighbours.
 void ReconcileLabels(const SensorView& view, const Structure& structure,
                      const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
                      const std::vector<const SegmentationResult*>& others, double min_confidence,

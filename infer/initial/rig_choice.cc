@@ -2,21 +2,25 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <map>
 #include <memory>
 #include <tuple>
 #include <utility>
 
-#include "infer/initial/measured_cloud.h"
+#include "infer/depth/measured_view.h"
 #include "infer/initial/same_pose.h"
 
 namespace volalign {
 
 namespace {
 
-// Counted in margins: a difference of one decides.
-constexpr double kDecides = 0.99;  // but for rounding
+/// Natural logarithm of the odds that a difference of one margin (PoseChoiceOptions) is taken for.
+const double kLogOddsOfMargin = std::log(kDecisiveOdds);
+constexpr double kDecides = 0.99;  // of it, but for rounding
+
+// Counted in margins:
 /// A floor that decides goes before everything else.
 constexpr double kFloorDecides = 3;
 /// Most that labels count where they tell up from down: enough to choose by.
@@ -25,10 +29,8 @@ constexpr double kLabelsTellUp = 0.5;
 constexpr double kOtherThanNetwork = 0.3;
 /// Against a sensor that is mounted otherwise than several others, or than one other.
 constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
-/// Most that what two sensors measured beside the structure counts.
-constexpr double kMostShared = 3;
 
-/// Two choices between which less than this lies are as good as each other.
+/// Two choices between which less than this lies, in margins, are as good as each other.
 constexpr double kNothingTells = 0.25;
 constexpr int kMostSweeps = 10;
 /// The side of the picture that is up where it stands upright, and where it lies on its side.
@@ -80,34 +82,40 @@ class Rig {
       std::vector<Pose> poses;
       for (const Option& option : options_.back())
         poses.push_back(option.pose.structure_from_sensor);
-      clouds_.push_back(sensor.poses.empty()
-                            ? nullptr
-                            : std::make_unique<MeasuredCloud>(*sensor.view, structure, poses));
+      measured_.push_back(sensor.poses.empty()
+                              ? nullptr
+                              : std::make_unique<MeasuredView>(*sensor.view, structure, poses));
     }
   }
 
   std::size_t size() const { return options_.size(); }
   const std::vector<Option>& options(std::size_t i) const { return options_[i]; }
 
-  /// What speaks for a choice.
+  /// Log odds of a choice, up to a constant.
   double Score(const Choice& choice, Count count) {
-    double score = -Deviations(choice);
+    double margins = -Deviations(choice);
+    CauseShares between = {};
     for (std::size_t i = 0; i < size(); ++i) {
       if (choice[i] < 0) continue;
-      score += Own(i, choice[i], count);
+      margins += Own(i, choice[i], count);
       for (std::size_t j = 0; j < i; ++j) {
-        if (choice[j] >= 0) score += Shared(i, choice[i], j, choice[j]);
+        if (choice[j] < 0) continue;
+        const CauseShares& pair = OfPair(i, choice[i], j, choice[j]);
+        for (std::size_t cause = 0; cause < kCauses; ++cause) between[cause] += pair[cause];
       }
     }
-    return score;
+    return LogOddsOfPairs(between) + margins * kLogOddsOfMargin;
   }
 
-  /// The best choice in which each sensor has what `fixed` has, where that is not -1.
-  Choice Best(const Choice& fixed, Count count) {
+  /// The best choice in which each sensor has what `fixed` has, where that is not -1. Of choices
+  /// that are as good, the one that `near`, if there is one, leads to.
+  Choice Best(const Choice& fixed, Count count, const Choice& near = {}) {
+    std::vector<Choice> starts;
+    if (!near.empty()) starts.push_back(near);
+    for (const auto& upright : kUprightSides) starts.push_back(AllUpright(upright, count));
     Choice best;
     double best_score = 0;
-    for (const auto& upright : kUprightSides) {
-      Choice start = AllUpright(upright, count);
+    for (Choice& start : starts) {
       for (std::size_t i = 0; i < size(); ++i) {
         if (fixed[i] >= 0) start[i] = fixed[i];
       }
@@ -151,7 +159,8 @@ class Rig {
     for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
       if (!TurnsOver(PoseOf(i, choice[i]), PoseOf(i, k))) continue;
       fixed[i] = k;
-      if (BestScore(fixed, Count::kOrientation) > score - kNothingTells) return true;
+      if (BestScore(fixed, Count::kOrientation) > score - kNothingTells * kLogOddsOfMargin)
+        return true;
     }
     return false;
   }
@@ -232,15 +241,12 @@ class Rig {
     return OptionOf(i, k).pose.structure_from_sensor;
   }
 
-  double Shared(std::size_t i, int k, std::size_t j, int l) {
+  const CauseShares& OfPair(std::size_t i, int k, std::size_t j, int l) {
+    const auto [known, missing] = of_pairs_.try_emplace({i, j, k, l}, CauseShares());
     // Two sensors of which nothing is open say nothing about the others.
-    if (options_[i].size() < 2 && options_[j].size() < 2) return 0;
-    const auto [known, missing] = shared_.try_emplace({i, j, k, l}, 0);
-    if (missing) {
-      const double share = (clouds_[i]->ShareOf(*clouds_[j], PoseOf(i, k), PoseOf(j, l)) +
-                            clouds_[j]->ShareOf(*clouds_[i], PoseOf(j, l), PoseOf(i, k))) /
-                           2;
-      known->second = std::min(kMostShared, share / std::max(limits_.shape_iou_margin, 1e-9));
+    if (missing && (options_[i].size() > 1 || options_[j].size() > 1)) {
+      known->second = ExplainPair(*measured_[i], *measured_[j],
+                                  PoseOf(i, k).inverse() * PoseOf(j, l), kSigmaOfInitialPoses);
     }
     return known->second;
   }
@@ -264,9 +270,61 @@ class Rig {
 
   const PoseChoiceOptions& limits_;
   std::vector<std::vector<Option>> options_;
-  std::vector<std::unique_ptr<MeasuredCloud>> clouds_;
-  std::map<std::tuple<std::size_t, std::size_t, int, int>, double> shared_;
+  std::vector<std::unique_ptr<MeasuredView>> measured_;
+  std::map<std::tuple<std::size_t, std::size_t, int, int>, CauseShares> of_pairs_;
 };
+
+/// Another choice, and the log odds of the one that is taken against it.
+struct Twin {
+  Choice choice;
+  double log_odds = 0;
+};
+
+/// The best choices in which one of the sensors that are not fixed has another pose than in `best`,
+/// the most probable first.
+std::vector<Twin> OtherChoices(const Choice& best, const Choice& fixed, Rig* rig) {
+  const double score = rig->Score(best, Count::kFit);
+  std::vector<Twin> twins;
+  for (std::size_t i = 0; i < rig->size(); ++i) {
+    if (fixed[i] >= 0 || best[i] < 0) continue;
+    for (int k = 0; k < static_cast<int>(rig->options(i).size()); ++k) {
+      if (k == best[i]) continue;
+      Choice other = fixed;
+      other[i] = k;
+      other = rig->Best(other, Count::kFit, best);
+      const bool known = std::any_of(twins.begin(), twins.end(),
+                                     [&](const Twin& twin) { return twin.choice == other; });
+      if (!known) twins.push_back({other, score - rig->Score(other, Count::kFit)});
+    }
+  }
+  std::stable_sort(twins.begin(), twins.end(),
+                   [](const Twin& a, const Twin& b) { return a.log_odds < b.log_odds; });
+  return twins;
+}
+
+/// The other poses of a sensor, in the order of the most probable choice that has each.
+std::vector<int> OtherPoses(const std::vector<Twin>& twins, const Choice& best, std::size_t i) {
+  std::vector<int> poses;
+  for (const Twin& twin : twins) {
+    const int k = twin.choice[i];
+    if (k != best[i] && std::find(poses.begin(), poses.end(), k) == poses.end()) poses.push_back(k);
+  }
+  return poses;
+}
+
+/// What the sensors have where a person has chosen, else -1. `best`: without these choices.
+Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& best, Rig* rig) {
+  Choice given(rig->size(), -1);
+  const std::vector<Twin> twins = OtherChoices(best, given, rig);
+  for (std::size_t i = 0; i < rig->size(); ++i) {
+    const int twin = sensors[i].twin;
+    const std::vector<int> others = OtherPoses(twins, best, i);
+    if (twin == 1) given[i] = best[i];
+    if (twin > 1 && twin - 2 < static_cast<int>(others.size()))
+      given[i] = others[static_cast<std::size_t>(twin - 2)];
+  }
+  return given;
+}
 
 }  // namespace
 
@@ -274,25 +332,33 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
                                        const Structure& structure,
                                        const PoseChoiceOptions& options) {
   Rig rig(sensors, structure, options);
-  const Choice any(rig.size(), -1);
-  const Choice best = rig.Best(any, Count::kAll);
-  const double score = rig.Score(best, Count::kFit);
+  Choice fixed(rig.size(), -1);
+  Choice best = rig.Best(fixed, Count::kAll);
+  if (std::any_of(sensors.begin(), sensors.end(),
+                  [](const SensorCandidates& sensor) { return sensor.twin > 0; })) {
+    fixed = GivenPoses(sensors, best, &rig);
+    best = rig.Best(fixed, Count::kFit, best);
+  }
+  const std::vector<Twin> twins = OtherChoices(best, fixed, &rig);
   std::vector<PoseChoice> choices(rig.size());
   for (std::size_t i = 0; i < rig.size(); ++i) {
     if (best[i] < 0) continue;
-    choices[i].found = true;
-    choices[i].best = rig.options(i)[static_cast<std::size_t>(best[i])].pose;
-    double rival_score = score - kDecides;
-    for (int k = 0; k < static_cast<int>(rig.options(i).size()); ++k) {
-      if (k == best[i]) continue;
-      Choice fixed = any;
-      fixed[i] = k;
-      const double other = rig.BestScore(fixed, Count::kFit);
-      if (other <= rival_score) continue;
-      rival_score = other;
-      choices[i].ambiguous = true;
-      choices[i].rival = rig.options(i)[static_cast<std::size_t>(k)].pose;
+    const auto pose_of = [&](int k) { return rig.options(i)[static_cast<std::size_t>(k)].pose; };
+    PoseChoice& choice = choices[i];
+    choice.found = true;
+    choice.best = pose_of(best[i]);
+    const std::vector<int> others = OtherPoses(twins, best, i);
+    for (std::size_t t = 0; t < twins.size(); ++t) {
+      const int k = twins[t].choice[i];
+      const auto at = std::find(others.begin(), others.end(), k);
+      if (at == others.end()) continue;
+      if (choice.twins.empty()) choice.rival = pose_of(k);
+      choice.twins.push_back({static_cast<int>(t), static_cast<int>(at - others.begin()) + 2,
+                              twins[t].log_odds, pose_of(k).structure_from_sensor});
     }
+    choice.given = fixed[i] >= 0;
+    choice.ambiguous =
+        !choice.twins.empty() && choice.twins.front().log_odds < kDecides * kLogOddsOfMargin;
   }
   const std::size_t anchor = rig.Anchor(best, choices);
   for (std::size_t i = 0; i < rig.size(); ++i)

@@ -16,12 +16,17 @@ struct SensorCandidates {
   /// Of each pose, the turns that bring the frame into the network's orientation; empty where they
   /// are given, or not known.
   std::vector<int> turns;
+  /// What a person has chosen: 1, the pose that would be chosen; 2 and on, PoseTwin::number; 0:
+  /// nothing. The sensor is then beyond doubt, and the others are chosen to suit it. A number that
+  /// it does not have is ignored.
+  int twin = 0;
 };
 
 /// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another:
 /// those for which most speaks of
 /// - each sensor's own floor and labels, as for one sensor alone (Decide),
-/// - what two sensors measured beside the structure, which has to lie in the same places,
+/// - what two sensors measured beside the structure, which does not lie where one of them sees
+///   through it (infer/depth/measured_view.h),
 /// - that the sensors of a rig are mounted alike: they have the same side of the picture up, or one
 ///   side where the picture stands upright and one where it lies on its side,
 /// - and, where nothing else tells, that they are mounted as those that the network was trained on.
@@ -30,6 +35,10 @@ struct SensorCandidates {
 /// leave it ambiguous, and so does a single other sensor that is mounted alike. Where nothing, not
 /// even the network's orientation, tells whether a sensor is upside down as the others stand, its
 /// up is unknown: taken either way, it might contradict them.
+/// Every set of poses that is the best in which some sensor has another pose than the chosen one is
+/// listed with its odds (PoseTwin): what sensors see through by the odds that it has in recorded
+/// frames, everything else in margins (PoseChoiceOptions), a difference of which decides, and is
+/// taken for odds of kDecisiveOdds.
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
                                        const Structure& structure,
                                        const PoseChoiceOptions& options);

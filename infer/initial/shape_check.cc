@@ -19,8 +19,6 @@ constexpr double kMostBelow = 0.05;
 /// Share of the view that is measured on the structure. Less than geometry.min_explained_share: the
 /// refined pose is as all points have it, not the one that explains most.
 constexpr double kLeastExplained = 0.9;
-/// m: how far a point may lie from a side and be looked at as the side's.
-constexpr double kOnSide = 0.04;
 /// A side is tilted whose plane, as it was measured, is so far from the pose's, rad (12 deg), and
 /// by so many standard deviations more; m^2: smaller patches say nothing.
 constexpr double kTilted = 12 * M_PI / 180, kTiltSigmas = 2, kLeastPatch = 0.02;
@@ -53,9 +51,10 @@ std::optional<double> VisibleWithShape(const SensorView& view, const Structure& 
       shape.goes_on_share() > options.geometry.max_goes_on_share) {
     return std::nullopt;
   }
-  const std::vector<SidePatch> patches =
-      CollectPatches(view, LabelsFromPose(view, structure, structure_from_sensor, kOnSide),
-                     structure, options.patch);
+  const std::vector<SidePatch> patches = CollectPatches(
+      view,
+      LabelsFromPose(view, structure, structure_from_sensor, SurfaceTolerance::AtPose(view.errors)),
+      structure, options.patch);
   const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SidePatch& patch) {
     return IsTilted(patch, structure, structure_from_sensor);
   });

@@ -8,6 +8,7 @@
 
 #include "core/base/random.h"
 #include "core/base/statistics.h"
+#include "infer/initial/surface_tolerance.h"
 
 namespace volalign {
 
@@ -22,8 +23,6 @@ constexpr int kPlaneTrials = 80;
 constexpr double kThinTriangle = 0.05;
 /// Fits to the inliers that follow.
 constexpr int kPlaneFits = 3;
-/// By how much the tolerance about a plane grows with the square of the depth, 1/m^2.
-constexpr double kToleranceGrowth = 0.1;
 /// A label's second patch, as a share of the first, from which on it is a rival: less is what the
 /// frayed border of a label leaves over.
 constexpr int kRivalDivisor = 3;
@@ -101,8 +100,8 @@ Plane FitPlane(const std::vector<Eigen::Vector3d>& points, const std::vector<int
 
 /// How far the points of one side may lie from its plane and from each other, m.
 struct PatchLimits {
-  double tolerance = 0;  // at a depth of 0
-  double diagonal = 0;   // of the side
+  SurfaceTolerance tolerance;
+  double diagonal = 0;  // of the side
 };
 
 const Eigen::Vector3d& Pick(const std::vector<Eigen::Vector3d>& points,
@@ -118,9 +117,7 @@ std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& points, const std::
   std::vector<int> near;
   for (const int i : from) {
     const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
-    if (std::abs(normal.dot(p - point)) <=
-        limits.tolerance * (1 + kToleranceGrowth * p.z() * p.z()))
-      near.push_back(i);
+    if (std::abs(normal.dot(p - point)) <= limits.tolerance(p.z())) near.push_back(i);
   }
   if (near.empty()) return near;
   Eigen::Vector3d median;
@@ -202,6 +199,7 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const Structure& structure, const SidePatchOptions& options) {
   const std::vector<std::vector<int>> by_label =
       ConnectedPixels(view, segmentation, structure.num_classes(), options.min_confidence);
+  const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {
     const std::vector<int>& pixels = by_label[static_cast<std::size_t>(label)];
@@ -211,7 +209,7 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
     for (const int i : pixels) points.push_back(view.Point(i % view.width(), i / view.width()));
 
     const Side& side = structure.SideOfLabel(label);
-    const PatchLimits limits{options.plane_tolerance_m, 2 * std::hypot(side.half_u, side.half_v)};
+    const PatchLimits limits{tolerance, 2 * std::hypot(side.half_u, side.half_v)};
     RandomStream random(0, static_cast<std::uint64_t>(label), "side_patch");
     std::vector<int> candidates(pixels.size());
     for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);

@@ -14,17 +14,12 @@ namespace volalign {
 struct SidePatchOptions {
   double min_confidence = 0.5;
   int min_pixels = 25;
-  double plane_tolerance_m = 0.025;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("min_confidence", min_confidence, "least probability of a pixel's label", Between(0, 1));
     ar("min_pixels", min_pixels, "least pixels on the plane of a side that counts as found",
        AtLeast(3));
-    ar("plane_tolerance_m", plane_tolerance_m,
-       "distance from the side's fitted plane within which a pixel belongs to it, m at 1 m; grows "
-       "with depth squared",
-       Above(0));
   }
 };
 

@@ -6,13 +6,12 @@
 #include <vector>
 
 #include "core/geometry/visibility.h"
+#include "infer/initial/surface_tolerance.h"
 
 namespace volalign {
 
 namespace {
 
-/// Distance within which a point lies on a surface, in m, and per squared metre of depth.
-constexpr double kOnSurface = 0.03, kOnSurfaceSquared = 0.003;
 /// m: nearer to a side's border, neither a normal nor a depth behind it says anything: the pose is
 /// not refined yet.
 constexpr double kBorder = 0.03;
@@ -40,8 +39,6 @@ struct Ray {
   bool room = false;       // measured on a plane of the room
 };
 
-double Tolerance(double z) { return kOnSurface + kOnSurfaceSquared * z * z; }
-
 /// A side's borders: at +u, -u, +v, -v.
 constexpr int kBorders = 4;
 
@@ -65,16 +62,25 @@ struct BorderShape {
 struct SideShape {
   double shown = 0, open = 0, explained = 0;
   std::array<BorderShape, kBorders> borders;
-
-  bool EndsThere() const {
-    double goes_on = 0, ends = 0;
-    for (const BorderShape& border : borders) {
-      goes_on += border.goes_on;
-      ends += border.ends;
-    }
-    return goes_on <= ends;
-  }
 };
+
+/// m^2 beyond a border, below which it says nothing.
+double LeastBeyond(const Side& side, int border) {
+  const double length = 2 * (border < 2 ? side.half_v : side.half_u);
+  return kLeastOfBorder * length * (kBeyondTo - kBeyondFrom);
+}
+
+/// Does a side end at its borders, as far as they tell?
+bool EndsThere(const Side& side, const SideShape& shape) {
+  double goes_on = 0, ends = 0;
+  for (int border = 0; border < kBorders; ++border) {
+    const BorderShape& beyond = shape.borders[static_cast<std::size_t>(border)];
+    if (!(beyond.goes_on + beyond.ends > LeastBeyond(side, border))) continue;
+    goes_on += beyond.goes_on;
+    ends += beyond.ends;
+  }
+  return goes_on <= ends;
+}
 
 /// A plane of the structure, and whether a side or a border tells of it.
 struct StructurePlane {
@@ -88,10 +94,6 @@ StructurePlane PlaneBeyond(const Side& side, int border) {
   const Eigen::Vector3d& axis = border < 2 ? side.axis_u : side.axis_v;
   const Eigen::Vector3d normal = border % 2 == 0 ? axis : Eigen::Vector3d(-axis);
   return {normal, normal.dot(side.centre) + (border < 2 ? side.half_u : side.half_v), false, false};
-}
-
-double BorderLength(const Side& side, int border) {
-  return 2 * (border < 2 ? side.half_v : side.half_u);
 }
 
 void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
@@ -112,11 +114,11 @@ void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePl
   const double least_of_side = kLeastOfSide * side.exposed_area;
   if (!(shape.shown > least_of_side)) return;
   const bool open = shape.open > least_of_side;
-  const bool found = shape.explained > least_of_side && shape.EndsThere();
+  const bool found = shape.explained > least_of_side && EndsThere(side, shape);
   AddPlane({side.normal, side.normal.dot(side.centre), open, found}, planes);
   for (int border = 0; border < kBorders; ++border) {
     const BorderShape& beyond = shape.borders[static_cast<std::size_t>(border)];
-    const double least = kLeastOfBorder * BorderLength(side, border) * (kBeyondTo - kBeyondFrom);
+    const double least = LeastBeyond(side, border);
     if (!(beyond.shown > least)) continue;
     StructurePlane plane = PlaneBeyond(side, border);
     plane.open = open && beyond.open > least;
@@ -127,8 +129,12 @@ void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePl
 
 class Measurement {
  public:
-  Measurement(const Structure& structure, const Eigen::Vector3d& origin)
-      : structure_(structure), foot_(structure.FloorHeight()), shapes_(structure.sides().size()) {
+  Measurement(const Structure& structure, const Eigen::Vector3d& origin,
+              const DepthErrorModel& errors)
+      : structure_(structure),
+        tolerance_(SurfaceTolerance::AtRoughPose(errors)),
+        foot_(structure.FloorHeight()),
+        shapes_(structure.sides().size()) {
     for (std::size_t i = 0; i < structure.sides().size(); ++i) {
       const Side& side = structure.sides()[i];
       if (side.exposed_area > 0 && side.normal.dot(origin - side.centre) > 0) facing_.push_back(i);
@@ -145,7 +151,7 @@ class Measurement {
     const double area = Area(ray, side, ray.expected);
     shape.shown += area;
     if (!(ray.measured > 0)) return;
-    const double tolerance = Tolerance(ray.measured);
+    const double tolerance = tolerance_(ray.measured);
     const Eigen::Vector3d p = ray.origin + ray.measured * ray.direction;
     const bool inner = Beyond(side, hit) < -kBorder;
     const bool near = std::abs(ray.measured - ray.expected) <= tolerance;
@@ -175,7 +181,7 @@ class Measurement {
       const double slope = side.normal.dot(ray.direction);
       if (!(slope < 0)) continue;
       const double t = side.normal.dot(side.centre - ray.origin) / slope;
-      const double tolerance = Tolerance(t);
+      const double tolerance = tolerance_(t);
       if (ray.expected > 0 && ray.expected < t + 2 * tolerance) continue;
       const Eigen::Vector3d p = ray.origin + t * ray.direction;
       int border = 0;
@@ -204,7 +210,7 @@ class Measurement {
         fit.goes_on += border.goes_on;
         fit.ends += border.ends;
       }
-      (shape.EndsThere() ? fit.explained : fit.larger) += shape.explained;
+      (EndsThere(structure_.sides()[i], shape) ? fit.explained : fit.larger) += shape.explained;
       AddPlanes(structure_.sides()[i], shape, &planes);
     }
     fit.shown_planes = static_cast<int>(planes.size());
@@ -224,6 +230,7 @@ class Measurement {
   }
 
   const Structure& structure_;
+  SurfaceTolerance tolerance_;
   double foot_;
   std::vector<std::size_t> facing_;  // sides, by index
   std::vector<SideShape> shapes_;    // of every side
@@ -241,7 +248,7 @@ ViewFit MeasureShape(const SensorSurface& surface, const Structure& structure,
                      const Pose& structure_from_sensor) {
   const SensorView& view = surface.view;
   const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
-  Measurement measurement(structure, structure_from_sensor.translation());
+  Measurement measurement(structure, structure_from_sensor.translation(), view.errors);
   // Rays that pass by farther than this show nothing of the structure or beside it.
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   double radius = 0;

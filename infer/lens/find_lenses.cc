@@ -86,8 +86,9 @@ void FindLens(const PerFrame<SensorPlanes>& planes, std::size_t index, bool choo
 PerFrame<SensorPlanes> FindPlanes(const PerFrame<SensorView>& views, const LensSet& lenses,
                                   int threads) {
   return MapFrames(views, threads, [&](FrameId id) {
-    return SensorPlanes{lenses.Effective(id), lenses.repeats[id] ? std::vector<LargePlane>()
-                                                                 : FindLargePlanes(views[id])};
+    return SensorPlanes{lenses.Effective(id),
+                        lenses.repeats[id] ? std::vector<LargePlane>() : FindLargePlanes(views[id]),
+                        views[id].errors};
   });
 }
 

@@ -1,10 +1,24 @@
 #include "infer/lens/likelihood.h"
 
+#include <array>
 #include <limits>
 
 #include "core/geometry/factor.h"
 
 namespace volalign::refine_internal {
+
+namespace {
+
+/// Under an error of a pixel or less across the ray.
+constexpr double kLeastLever = 0.2;
+/// Of the logarithm of smooth_m: real sensors of a kind lie within a factor of 2 or so
+/// (docs/sensor-models.md).
+constexpr double kSmoothSpread = 0.8;
+constexpr double kLeastSmooth = 3e-4, kMostSmooth = 0.02;  // m
+constexpr int kSmoothSteps = 8;
+constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};  // rad
+
+}  // namespace
 
 double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
                       const Eigen::MatrixXd& jacobian) {
@@ -18,6 +32,47 @@ double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& 
   if (!inner) return std::numeric_limits<double>::infinity();
   const Eigen::VectorXd projected = inner->matrixL().solve(a.transpose() * y);
   return LogRoot(*root) + LogRoot(*inner) + 0.5 * (y.squaredNorm() - projected.squaredNorm());
+}
+
+double SmoothMovement::Lever(const DepthErrorModel& errors, const Eigen::Vector3d& p,
+                             const Eigen::Vector3d& normal) {
+  return std::hypot(normal.dot(p) / p.z(), kLeastLever) * errors.SmoothGrowth(p.z());
+}
+
+Eigen::MatrixXd SmoothMovement::Covariance(double length_rad) const {
+  const Eigen::Index n = levers.size();
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      covariance(i, j) = covariance(j, i) =
+          levers[i] * levers[j] *
+          Correlation((bearings.row(i) - bearings.row(j)).norm(), length_rad);
+    }
+  }
+  return covariance;
+}
+
+void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
+                    const Eigen::VectorXd& residuals, const Eigen::MatrixXd& unknown,
+                    DepthErrorModel* errors) {
+  const double usual = errors->smooth_m;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double length : kSmoothLengths) {
+    const Eigen::MatrixXd unit = movement.Covariance(length);
+    double smooth = 0;
+    const double cost = MinimiseOverLog(
+        kLeastSmooth, kMostSmooth, kSmoothSteps,
+        [&](double sigma) {
+          const double unusual = std::log(sigma / usual) / kSmoothSpread;
+          return RestrictedCost(sigma * sigma * unit + rest, residuals, unknown) +
+                 0.5 * unusual * unusual;
+        },
+        &smooth);
+    if (!(cost < least)) continue;
+    least = cost;
+    errors->smooth_m = smooth;
+    errors->smooth_rad = length;
+  }
 }
 
 }  // namespace volalign::refine_internal

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <vector>
 
+#include "core/geometry/depth_error_model.h"
+
 namespace volalign::refine_internal {
 
 /// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
@@ -41,5 +43,27 @@ double MinimiseOverLog(double low, double high, int steps, const F& f, double* b
   *best = low * std::pow(ratio, least + shift);
   return values[static_cast<std::size_t>(least)];
 }
+
+/// How a smooth depth error moves observations: row i of `bearings` is (x/z, y/z) of the i-th, and
+/// an error of 1 m at 2 m moves it by levers[i], m.
+struct SmoothMovement {
+  Eigen::MatrixX2d bearings;
+  Eigen::VectorXd levers;
+
+  /// Along the normal of the surface that a point p of the sensor frame lies on. A depth error
+  /// moves a surface that is seen at grazing incidence little, but there errors across the ray
+  /// count.
+  static double Lever(const DepthErrorModel& errors, const Eigen::Vector3d& p,
+                      const Eigen::Vector3d& normal);
+  /// For an error of 1 m at 2 m.
+  Eigen::MatrixXd Covariance(double length_rad) const;
+};
+
+/// Fills smooth_m and smooth_rad of `errors` with those under which the residuals are most probable
+/// (RestrictedCost): smooth_m has a log-normal prior about what it is. `rest`: the covariance of
+/// all other errors.
+void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
+                    const Eigen::VectorXd& residuals, const Eigen::MatrixXd& unknown,
+                    DepthErrorModel* errors);
 
 }  // namespace volalign::refine_internal

@@ -10,7 +10,7 @@
 
 #include "core/config/config_word.h"
 #include "core/geometry/lens.h"
-#include "infer/lens/sensor_kind.h"
+#include "core/geometry/sensor_kind.h"
 
 namespace volalign {
 
@@ -43,9 +43,7 @@ Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], s
 
 /// As intrinsics have it, empty where there is none.
 LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
-  std::vector<double> distortion;
-  if (!lens.rectified()) distortion.assign(lens.distortion.begin(), lens.distortion.end());
-  return {std::move(distortion), AsVector(lens.sigmas), source};
+  return {lens.distortion, AsVector(lens.sigmas), source};
 }
 
 }  // namespace
@@ -99,8 +97,12 @@ Eigen::Vector3d SigmasWithoutBend() { return AsVector(kNoBend); }
 std::vector<LensPrior> TypicalLenses() {
   std::vector<LensPrior> typical;
   for (const SensorKind& kind : SensorKinds()) {
-    if (kind.lens && !kind.lens->rectified())
-      typical.push_back(PriorOf(*kind.lens, LensSource::kRecognised));
+    if (!kind.lens || kind.lens->rectified()) continue;
+    const LensPrior prior = PriorOf(*kind.lens, LensSource::kRecognised);
+    const bool known = std::any_of(typical.begin(), typical.end(), [&](const LensPrior& other) {
+      return other.distortion == prior.distortion;
+    });
+    if (!known) typical.push_back(prior);
   }
   return typical;
 }

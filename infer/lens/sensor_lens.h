@@ -3,9 +3,11 @@
 // What a sensor's lens may be, beyond what a capture says about it.
 
 #include <Eigen/Core>
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "core/geometry/camera.h"
 #include "infer/view/frames.h"
 #include "infer/view/sensor_view.h"
@@ -78,8 +80,8 @@ LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& p
 /// when it is that one: natural logarithm of the Bayes factor, for a Gaussian posterior.
 double LogBayesFactor(const LensEstimate& estimate, const Eigen::Vector3d& prior_sigmas);
 
-/// From here on (1 to 20 against) another lens is believed.
-inline constexpr double kBelievedLens = 3;
+/// Natural logarithm of the odds from which on another lens is believed.
+inline const double kBelievedLens = std::log(kModelOdds);
 
 /// A lens that several sensors share, or a single one's.
 struct SensorLens {

@@ -17,18 +17,10 @@ namespace volalign {
 
 namespace {
 
-using refine_internal::Correlation;
-using refine_internal::MinimiseOverLog;
-using refine_internal::RestrictedCost;
+using refine_internal::FitSmoothError;
+using refine_internal::SmoothMovement;
 
-constexpr double kReferenceDepth = 2;  // m, for which the smooth error's size is given
-constexpr double kLeastLever = 0.2;    // errors across the ray count at grazing incidence
-constexpr double kLeastSigma = 1e-3;   // m, of a patch: depth steps and the surface's own
-constexpr double kUsualWarp = 0.005;   // m
-constexpr double kWarpSpread = 0.8;    // of its logarithm
-constexpr double kLeastWarp = 5e-4, kMostWarp = 0.03;
-constexpr int kWarpSteps = 7;
-constexpr std::array<double, 3> kWarpLengths = {0.06, 0.12, 0.25};  // rad
+constexpr double kLeastSigma = 1e-3;  // m, of a patch: depth steps and the surface's own
 constexpr std::size_t kMostPatches = 80;
 /// Mean square of the residuals, in standard deviations, beyond which a surface is none of a plane.
 constexpr double kNoPlane = 2;
@@ -43,13 +35,12 @@ struct PlaneResiduals {
   Eigen::VectorXd residuals;  // distances from the plane that fits best
   Eigen::MatrixXd by_plane;   // columns: two turns and a shift
   Eigen::MatrixXd by_lens;
-  Eigen::VectorXd lever;     // how far a smooth error of 1 m at kReferenceDepth moves each
-  Eigen::MatrixXd bearings;  // x/z, y/z
+  SmoothMovement movement;
 };
 
 /// Of points that were seen through a lens of these intrinsics.
-PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points,
-                           const Intrinsics& intrinsics) {
+PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points, const Intrinsics& intrinsics,
+                           const DepthErrorModel& errors) {
   const auto n = static_cast<Eigen::Index>(points.size());
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) mean += p;
@@ -59,8 +50,10 @@ PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points,
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);
 
-  PlaneResiduals of{Eigen::VectorXd(n), Eigen::MatrixXd(n, 3), Eigen::MatrixXd(n, kLensParameters),
-                    Eigen::VectorXd(n), Eigen::MatrixXd(n, 2)};
+  PlaneResiduals of{Eigen::VectorXd(n),
+                    Eigen::MatrixXd(n, 3),
+                    Eigen::MatrixXd(n, kLensParameters),
+                    {Eigen::MatrixX2d(n, 2), Eigen::VectorXd(n)}};
   for (Eigen::Index i = 0; i < n; ++i) {
     const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
     const Eigen::Vector3d d = p - mean;
@@ -73,49 +66,21 @@ PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points,
     // where there is a distortion cannot be told from the shape of the curve, which k1 and k2 have
     // but nearly.
     of.by_lens(i, 0) = 0;
-    of.lever[i] = std::hypot(normal.dot(p) / p.z(), kLeastLever) * p.z() / kReferenceDepth;
-    of.bearings.row(i) = ray;
+    of.movement.levers[i] = SmoothMovement::Lever(errors, p, normal);
+    of.movement.bearings.row(i) = ray;
   }
   return of;
 }
 
-Eigen::MatrixXd WarpCorrelation(const PlaneResiduals& plane, double length) {
-  const Eigen::Index n = plane.residuals.size();
-  Eigen::MatrixXd correlation(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      correlation(i, j) = correlation(j, i) =
-          plane.lever[i] * plane.lever[j] *
-          Correlation((plane.bearings.row(i) - plane.bearings.row(j)).norm(), length);
-    }
-  }
-  return correlation;
-}
-
 /// Of the errors, with the smooth one under which the residuals are most probable. `variances`: of
 /// the independent ones.
-Eigen::MatrixXd FitCovariance(const PlaneResiduals& plane, const Eigen::VectorXd& variances) {
+Eigen::MatrixXd FitCovariance(const PlaneResiduals& plane, const Eigen::VectorXd& variances,
+                              DepthErrorModel errors) {
   Eigen::MatrixXd unknown(plane.residuals.size(), 3 + kLensParameters);
   unknown << plane.by_plane, plane.by_lens;
   const Eigen::MatrixXd own = variances.asDiagonal();
-  Eigen::MatrixXd best = own;
-  double least = std::numeric_limits<double>::infinity();
-  for (const double length : kWarpLengths) {
-    const Eigen::MatrixXd correlation = WarpCorrelation(plane, length);
-    double warp = 0;
-    const double cost = MinimiseOverLog(
-        kLeastWarp, kMostWarp, kWarpSteps,
-        [&](double sigma) {
-          const double unusual = std::log(sigma / kUsualWarp) / kWarpSpread;
-          return RestrictedCost(sigma * sigma * correlation + own, plane.residuals, unknown) +
-                 0.5 * unusual * unusual;
-        },
-        &warp);
-    if (!(cost < least)) continue;
-    least = cost;
-    best = warp * warp * correlation + own;
-  }
-  return best;
+  FitSmoothError(plane.movement, own, plane.residuals, unknown, &errors);
+  return errors.smooth_m * errors.smooth_m * plane.movement.Covariance(errors.smooth_rad) + own;
 }
 
 /// Residuals and their derivatives by the lens in standard deviations, independent of each other,
@@ -152,14 +117,14 @@ constexpr std::size_t kPlaneParameters = 3;
 /// A plane with what is known about its errors.
 class WeighedPlane {
  public:
-  WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with)
-      : patches_(Thinned(plane.patches, kMostPatches)), seen_with_(seen_with) {
+  WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with, const DepthErrorModel& errors)
+      : patches_(Thinned(plane.patches, kMostPatches)), seen_with_(seen_with), errors_(errors) {
     if (patches_.size() <= kPlaneParameters) return;
-    const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with);
+    const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with, errors);
     Eigen::VectorXd variances(at.residuals.size());
     for (std::size_t i = 0; i < patches_.size(); ++i)
       variances[static_cast<Eigen::Index>(i)] = patches_[i].variance + kLeastSigma * kLeastSigma;
-    const auto factor = refine_internal::Factor(FitCovariance(at, variances));
+    const auto factor = refine_internal::Factor(FitCovariance(at, variances, errors));
     if (!factor) return;
     root_ = factor->matrixL();
     const Whitened white = Whiten(at, root_);
@@ -173,7 +138,7 @@ class WeighedPlane {
   bool flat() const { return flat_; }
 
   Whitened Through(const Intrinsics& intrinsics) const {
-    return Whiten(ResidualsOf(PointsThrough(intrinsics), intrinsics), root_);
+    return Whiten(ResidualsOf(PointsThrough(intrinsics), intrinsics, errors_), root_);
   }
 
  private:
@@ -189,6 +154,7 @@ class WeighedPlane {
 
   std::vector<PlanePatch> patches_;
   Intrinsics seen_with_;
+  DepthErrorModel errors_;
   Eigen::MatrixXd root_;
   bool flat_ = false;
 };
@@ -197,7 +163,7 @@ class WeighedPlanes {
  public:
   explicit WeighedPlanes(const SensorPlanes& sensor) {
     for (const LargePlane& plane : sensor.planes) {
-      WeighedPlane weighed(plane, sensor.intrinsics);
+      WeighedPlane weighed(plane, sensor.intrinsics, sensor.errors);
       if (weighed.flat()) planes_.push_back(std::move(weighed));
     }
   }
@@ -288,7 +254,7 @@ double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
     if (plane.patches.size() <= kPlaneParameters) continue;
     std::vector<Eigen::Vector3d> points;
     for (const PlanePatch& patch : Thinned(plane.patches, kMostPatches)) points.push_back(patch.p);
-    const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics);
+    const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics, sensor.errors);
     const Eigen::VectorXd moved = of.by_lens * change;
     const Eigen::VectorXd bent =
         moved - of.by_plane * of.by_plane.colPivHouseholderQr().solve(moved);

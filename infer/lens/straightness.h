@@ -11,10 +11,12 @@
 
 namespace volalign {
 
-/// The large planes that one sensor sees, and the intrinsics that its view was made with.
+/// The large planes that one sensor sees, the intrinsics that its view was made with, and how
+/// depths of its kind err.
 struct SensorPlanes {
   Intrinsics intrinsics;
   std::vector<LargePlane> planes;
+  DepthErrorModel errors = ErrorsOf("");
 };
 
 /// Planes with what is known about their errors.

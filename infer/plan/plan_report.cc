@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 namespace volalign {
 
@@ -21,19 +23,6 @@ std::string Direction(const PlannedSensor& sensor) {
   const double sideways = std::abs(sensor.weakest.dot(view.cross(up).normalized()));
   if (along > std::max(height, sideways)) return "to the stack";
   return height > sideways ? "up" : "sideways";
-}
-
-std::string Row(const PlannedSensor& sensor, int trials, std::size_t width) {
-  int pixels = 0;
-  for (const auto& side : sensor.sides) pixels += side.second;
-  std::string row = fmt::format("{:<{}}  {:>6.2f}  {:>5}  {:>6}  {:>5.0f} %  {:>6}", sensor.name,
-                                width, sensor.distance_m, sensor.sides.size(), pixels,
-                                100 * sensor.in_view, fmt::format("{}/{}", sensor.placed, trials));
-  if (sensor.placed > 0) {
-    row += fmt::format("  {:>6.1f}  {:>6.2f}  {} {:.1f} mm", 1000 * sensor.expected_m,
-                       sensor.expected_deg, Direction(sensor), 1000 * sensor.weakest_m);
-  }
-  return row + '\n';
 }
 
 std::string Warnings(const PlannedSensor& sensor) {
@@ -64,13 +53,51 @@ std::string Warnings(const PlannedSensor& sensor) {
 
 }  // namespace
 
+Table PlanTable(const RigPlan& plan) {
+  Table table;
+  table.columns = {"sensor",
+                   {"distance_m", "dist m", 1, 2},
+                   "sides",
+                   {"pixels", "px"},
+                   {"in_view", "in view %", 100, 0},
+                   "placed",
+                   {"trials", "of"},
+                   {"expected_m", "mm", 1000, 1},
+                   {"expected_deg", "deg", 1, 2},
+                   {"weakest_direction", "known least"},
+                   {"weakest_m", "mm", 1000, 1},
+                   {"status", ""},
+                   {"code", ""},
+                   {"reason", ""},
+                   {"hint", ""}};
+  for (const PlannedSensor& sensor : plan.sensors) {
+    int pixels = 0;
+    for (const auto& side : sensor.sides) pixels += side.second;
+    std::vector<Table::Cell> row = {
+        sensor.name,    sensor.distance_m,     CellOf(sensor.sides.size()), CellOf(pixels),
+        sensor.in_view, CellOf(sensor.placed), CellOf(plan.trials)};
+    row.resize(table.columns.size());
+    if (sensor.placed > 0) {
+      row[7] = sensor.expected_m;
+      row[8] = sensor.expected_deg;
+      row[9] = Direction(sensor);
+      row[10] = sensor.weakest_m;
+    }
+    row[11] = ToString(sensor.status);
+    if (sensor.status != SensorStatus::kOk) {
+      row[12] = ToString(sensor.finding.code);
+      row[13] = sensor.finding.reason;
+      row[14] = sensor.finding.hint;
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 std::string FormatPlan(const RigPlan& plan) {
   std::size_t width = 6;
   for (const PlannedSensor& sensor : plan.sensors) width = std::max(width, sensor.name.size());
-  std::string text =
-      fmt::format("{:<{}}  {:>6}  {:>5}  {:>6}  {:>7}  {:>6}  {:>6}  {:>6}  {}\n", "sensor", width,
-                  "dist m", "sides", "px", "in view", "placed", "mm", "deg", "known least");
-  for (const PlannedSensor& sensor : plan.sensors) text += Row(sensor, plan.trials, width);
+  std::string text = FormatTable(PlanTable(plan), TableFormat::kText);
   text +=
       "dist: to the stack's origin; sides: with enough pixels; px: on them; in view: share, within "
       "the picture, of the surface that could be seen from there; placed: of the trials; mm, deg: "

@@ -2,11 +2,16 @@
 
 #include <string>
 
+#include "core/json/table.h"
 #include "infer/plan/plan_rig.h"
 
 namespace volalign {
 
 /// Table of the planned sensors, what to be wary of, and who overlaps with whom; for a terminal.
 std::string FormatPlan(const RigPlan& plan);
+
+/// Its table, one row per sensor; with code, reason and hint of those that are not expected to be
+/// ok.
+Table PlanTable(const RigPlan& plan);
 
 }  // namespace volalign

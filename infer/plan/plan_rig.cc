@@ -116,7 +116,7 @@ void FinishTrials(PlannedSensor* sensor) {
 
 }  // namespace
 
-RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options) {
+RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options, const CountDone& count) {
   RequireInputFile("structure", rig.structure);
   RequireInputFile("intrinsics", rig.intrinsics);
   RigPlan plan;
@@ -125,6 +125,7 @@ RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options) {
   plan.sensors = SensorsOf(rig, plan.structure);
   options.initial.method = PoseMethod::kNetwork;
   for (int trial = 0; trial < trials; ++trial) {
+    if (count) count(trial, trials);
     std::vector<PlannedFrame> planned;
     std::vector<SensorFrame> frames;
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {

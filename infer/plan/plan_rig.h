@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/progress_line.h"
 #include "core/geometry/rig.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
@@ -46,8 +47,9 @@ struct RigPlan {
 
 /// Calibrates what the planned sensors would measure (MeasurePlanned), `trials` times with other
 /// errors, with the true labels in place of a network's. Of the rig's placements only the first
-/// counts, and nothing stands about the stack. No GL context. Throws ConfigError for what the
-/// intrinsics pool lacks, and what reading the rig's files throws.
-RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options = {});
+/// counts, and nothing stands about the stack. `count` is told of trials. No GL context. Throws
+/// ConfigError for what the intrinsics pool lacks, and what reading the rig's files throws.
+RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options = {},
+                const CountDone& count = nullptr);
 
 }  // namespace volalign

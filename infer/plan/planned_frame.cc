@@ -7,18 +7,15 @@
 #include "core/base/noise_fields.h"
 #include "core/base/random.h"
 #include "core/geometry/lens.h"
+#include "core/geometry/sensor_kind.h"
 #include "core/geometry/visibility.h"
-#include "infer/lens/sensor_kind.h"
 
 namespace volalign {
 
 namespace {
 
-constexpr double kReferenceWidth = 320;
 constexpr float kEdgeStep = 0.08F;  // m, least step between neighbours that is a depth edge
 constexpr double kFarthest = 12;    // m, of the floor
-
-double Polynomial(const double (&c)[3], double z) { return c[0] + z * (c[1] + z * c[2]); }
 
 /// The floor where nothing stands before it.
 void AddFloor(const RayTable& rays, const Pose& structure_from_sensor, double height,
@@ -59,13 +56,6 @@ void LeaveGaps(int count, PlannedFrame* planned) {
 
 }  // namespace
 
-DepthErrors DepthErrorsOf(const std::string& sensor) {
-  if (MeasuresBy(DepthPrinciple::kTimeOfFlight, sensor))
-    return {{0.00012, 0.0001, 0}, {0.0037, 0, 0}, 27, 0.0064, 2};
-  // A D415's disparities are off by 0.055 px and, smoothly, by 0.14 px; f B is 51.9 px m.
-  return {{0, 0, 0.055 / 51.9}, {0, 0, 0.14 / 51.9}, 22, 0, 1};
-}
-
 PlannedFrame MeasurePlanned(SensorFrame frame, const Structure& structure, std::uint64_t seed,
                             std::uint64_t index) {
   const Pose& pose = *frame.ground_truth;
@@ -75,19 +65,18 @@ PlannedFrame MeasurePlanned(SensorFrame frame, const Structure& structure, std::
   PlannedFrame planned{std::move(frame), std::move(view.labels)};
   planned.frame.depth = std::move(view.depth);
   DepthImage& depth = planned.frame.depth;
-  const DepthErrors errors = DepthErrorsOf(planned.frame.sensor);
-  const double scale = depth.width() / kReferenceWidth;
-  LeaveGaps(static_cast<int>(std::lround(errors.gap_px * scale)), &planned);
+  const DepthErrorModel& errors = ErrorsOf(planned.frame.sensor);
+  const double focal = planned.frame.intrinsics.fx;
+  LeaveGaps(static_cast<int>(std::lround(errors.edge_gap_rad * focal)), &planned);
   RandomStream random(seed, index, "planned");
   const Image<float> smooth =
-      SmoothField(depth.width(), depth.height(), errors.correlation_px * scale, random);
+      SmoothField(depth.width(), depth.height(), errors.smooth_rad * focal, random);
   const double offset = errors.offset_m * random.Normal();
   const PixelRandom pixel(random);
   for (std::size_t i = 0; i < depth.size(); ++i) {
     const double z = depth[i];
     if (z == 0) continue;
-    const double error = offset + Polynomial(errors.white, z) * pixel.Normal(i) +
-                         Polynomial(errors.smooth, z) * smooth[i];
+    const double error = offset + errors.White(z) * pixel.Normal(i) + errors.Smooth(z) * smooth[i];
     depth[i] = static_cast<float>(std::max(0.001, z + error));
   }
   return planned;

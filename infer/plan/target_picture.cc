@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/plot/rig_from_above.h"
 #include "core/plot/svg.h"
-#include "infer/plan/plan_picture.h"
 #include "infer/plan/target_report.h"
 
 namespace volalign {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <set>
@@ -20,7 +21,7 @@ double Share(int count, std::size_t of) {
   return of > 0 ? static_cast<double>(count) / static_cast<double>(of) : 0;
 }
 
-std::string Aliases(const TargetQuality& quality, const std::string& name) {
+std::string Aliases(const TargetQuality& quality, std::size_t boxes) {
   std::string text;
   std::set<std::string> said;  // several motions may be described alike
   for (std::size_t k = 0; k < quality.aliases.size(); ++k) {
@@ -31,14 +32,17 @@ std::string Aliases(const TargetQuality& quality, const std::string& name) {
                  view.look_alike.end();
         });
     if ((alike == 0 && !alias.all) || !said.insert(alias.motion).second) continue;
+    const double share = Share(static_cast<int>(alike), quality.views.size());
     text += fmt::format(
-        "{}, {} of {}'s boxes lie where boxes lay: {:.0f} % of the views are as "
-        "before{}\n",
-        alias.motion, alias.all ? "all" : std::to_string(alias.boxes), name,
-        100 * Share(static_cast<int>(alike), quality.views.size()),
-        alias.floor_tells ? ", but for the floor" : "");
+        "{}{}, {}the stack looks the same from {}{}.\n",
+        static_cast<char>(std::toupper(static_cast<unsigned char>(alias.motion[0]))),
+        alias.motion.substr(1),
+        alias.all ? ""
+                  : fmt::format("{} of its {} boxes lie where boxes lay, and ", alias.boxes, boxes),
+        share == 1 ? "every direction" : fmt::format("{:.0f} % of the directions", 100 * share),
+        alias.floor_tells ? "; only the floor tells the two apart" : "");
   }
-  return text.empty() ? "no motion of the stack looks as if it had not been moved\n" : text;
+  return text.empty() ? "The stack has no symmetries.\n" : text;
 }
 
 /// Whether another pose looks the same; `floor`: where the floor is seen.
@@ -49,34 +53,14 @@ bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) 
 }
 
 std::string HeightTable(const TargetQuality& quality) {
-  std::string text =
-      fmt::format("{:>8}  {:>8}  {:>8}  {:>8}  {:>8}  {:>10}  {:>8}\n", "height m", "fix pose",
-                  "unique", "no floor", "sides", "weakest mm", "worst mm");
-  for (const double height : quality.options.heights_m) {
-    int fixed = 0, unique = 0, without_floor = 0, least = 1000, most = 0;
-    std::vector<double> weakest;
-    for (const TargetView& view : quality.views) {
-      if (view.height_m != height) continue;
-      fixed += view.sides_fix_pose;
-      unique += IsUnique(view, quality, true);
-      without_floor += IsUnique(view, quality, false);
-      least = std::min(least, view.sides);
-      most = std::max(most, view.sides);
-      weakest.push_back(view.weakest_m);
-    }
-    text += fmt::format(
-        "{:>8.2f}  {:>6.0f} %  {:>6.0f} %  {:>6.0f} %  {:>8}  {:>10.1f}  {:>8.1f}\n", height,
-        100 * Share(fixed, weakest.size()), 100 * Share(unique, weakest.size()),
-        100 * Share(without_floor, weakest.size()), fmt::format("{} to {}", least, most),
-        1000 * Median(weakest), 1000 * Quantile(weakest, 1));
-  }
-  return text + fmt::format(
-                    "views from {} directions, {} m from the middle; fix pose: their sides do; "
-                    "unique: no other pose looks the same where the floor is seen, and without it; "
-                    "weakest: standard deviation of the position in its worst direction, for "
-                    "errors of 5 mm of patches of 10 x 10 px and of a pixel of every 10 px of "
-                    "silhouettes, in the median and in the worst view\n",
-                    quality.options.directions, quality.options.distance_m);
+  return FormatTable(TargetTable(quality), TableFormat::kText) +
+         fmt::format(
+             "views from {} directions, {} m from the middle; fix pose: their sides do; "
+             "unique: no other pose looks the same where the floor is seen, and without it; "
+             "weakest: standard deviation of the position in its worst direction, for "
+             "errors of 5 mm of patches of 10 x 10 px and of a pixel of every 10 px of "
+             "silhouettes, in the median and in the worst view\n",
+             quality.options.directions, quality.options.distance_m);
 }
 
 std::string Conclusion(const TargetQuality& quality) {
@@ -112,14 +96,44 @@ std::string Conclusion(const TargetQuality& quality) {
 
 }  // namespace
 
+Table TargetTable(const TargetQuality& quality) {
+  Table table;
+  table.columns = {{"height_m", "height m", 1, 2},
+                   {"fix_pose", "fix pose %", 100, 0},
+                   {"unique", "unique %", 100, 0},
+                   {"unique_without_floor", "no floor %", 100, 0},
+                   {"least_sides", "sides from"},
+                   {"most_sides", "to"},
+                   {"weakest_median_m", "weakest mm", 1000, 1},
+                   {"weakest_worst_m", "worst mm", 1000, 1}};
+  for (const double height : quality.options.heights_m) {
+    int fixed = 0, unique = 0, without_floor = 0, least = 1000, most = 0;
+    std::vector<double> weakest;
+    for (const TargetView& view : quality.views) {
+      if (view.height_m != height) continue;
+      fixed += view.sides_fix_pose;
+      unique += IsUnique(view, quality, true);
+      without_floor += IsUnique(view, quality, false);
+      least = std::min(least, view.sides);
+      most = std::max(most, view.sides);
+      weakest.push_back(view.weakest_m);
+    }
+    table.rows.push_back({height, Share(fixed, weakest.size()), Share(unique, weakest.size()),
+                          Share(without_floor, weakest.size()), CellOf(least), CellOf(most),
+                          Median(weakest), Quantile(weakest, 1)});
+  }
+  return table;
+}
+
 std::string FormatTarget(const Structure& structure, const TargetQuality& quality) {
   const Eigen::Vector3d above(0, structure.FloorHeight(), 0);
+  const std::size_t boxes = structure.boxes().size();
   return fmt::format(
-             "{}: {} boxes, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
+             "{}: {} box{}, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
              "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
-             structure.name(), structure.boxes().size(), 1000 * structure.Height(),
+             structure.name(), boxes, boxes == 1 ? "" : "es", 1000 * structure.Height(),
              -1000 * above.y()) +
-         Aliases(quality, structure.name()) + HeightTable(quality) + Conclusion(quality);
+         Aliases(quality, boxes) + HeightTable(quality) + Conclusion(quality);
 }
 
 }  // namespace volalign

@@ -31,12 +31,11 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
 
 /// Is a refined pose to be taken, by points that no solution has seen? They are few, so that by
 /// chance a better pose may seem worse: it is refused where it lies farther off and is less
-/// probable by more than a factor of kRefuse.
+/// probable by more than kModelOdds.
 inline bool IsBetter(const PoseFit& after, const PoseFit& before) {
-  constexpr double kRefuse = 20;
   if (after.observations == 0 || before.observations == 0) return after.observations > 0;
   const double rise = after.observations * (after.misfit - before.misfit);
-  return rise < 2 * std::log(kRefuse) || after.distance < before.distance;
+  return rise < 2 * std::log(kModelOdds) || after.distance < before.distance;
 }
 
 /// Is it to be taken where nothing was held out, by the points that it was fitted to? They favour

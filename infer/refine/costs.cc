@@ -151,14 +151,17 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
     return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0]);
   };
   const Eigen::Vector3d p = corrected(seen_a, 0), q = corrected(seen_b, 1);
-  if (!OverlapCost(p, q, n_, weight_).Evaluate(parameters, residuals, jacobians)) return false;
+  const double gain = 1 + (parameters[kGain][0] + parameters[kGain + 1][0]) / 2;
+  const double weight = weight_ / gain;
+  if (!OverlapCost(p, q, n_, weight).Evaluate(parameters, residuals, jacobians)) return false;
   if (!jacobians) return true;
   if (shared_ && jacobians[kLens]) std::fill_n(jacobians[kLens], kLensParameters, 0.0);
   // `by_point`: derivative by where the corrected point is.
   const auto add = [&](const Eigen::RowVector3d& by_point, const LensPoint& point,
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_point.dot(seen) / seen.z();
-    if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen);
+    if (jacobians[kGain + b])
+      jacobians[kGain + b][0] = by_point.dot(seen) - residuals[0] / (2 * gain);
     if (!jacobians[lens]) return;
     Eigen::Map<Eigen::RowVector3d> by_lens(jacobians[lens]);
     if (!shared_) by_lens.setZero();
@@ -166,8 +169,8 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
   };
   const Eigen::Vector3d normal_in_a =
       Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], n_);
-  add(weight_ * normal_in_a.transpose(), a_, seen_a, p.z(), 0, kLens);
-  add(-weight_ * n_.transpose(), b_, seen_b, q.z(), 1, lens_b);
+  add(weight * normal_in_a.transpose(), a_, seen_a, p.z(), 0, kLens);
+  add(-weight * n_.transpose(), b_, seen_b, q.z(), 1, lens_b);
   return true;
 }
 

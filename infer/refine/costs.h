@@ -75,9 +75,10 @@ struct LensPoint {
   }
 };
 
-/// OverlapCost of points as the sensors' own errors have them. Parameters: the poses of a and b,
-/// their depth offsets, their depth gains - 1 (see Corrected), and their lenses, a single one where
-/// `shared`. The normal stays as it was measured.
+/// OverlapCost of points as the sensors' own errors have them, divided by the mean of the gains
+/// (see Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1
+/// (see Corrected), and their lenses, a single one where `shared`. The normal stays as it was
+/// measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
   MeasuredOverlapCost(const LensPoint& a, const LensPoint& b, const Eigen::Vector3d& n_b,

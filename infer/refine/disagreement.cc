@@ -57,7 +57,7 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   const auto boxes = static_cast<int>(problem.layout.boxes());
   own.precisions.resize(j.cols());
   own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
-      SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.multipath, boxes)
+      SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth.seam_m, boxes)
           .unaryExpr(&Positive);
   own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
   own.values = Eigen::VectorXd::Zero(j.cols());

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
+#include "core/geometry/sensor_kind.h"
 #include "infer/refine/fine_problem.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
@@ -36,7 +37,8 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
-    FitNoise(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
+    FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
+             problem.PriorsOf(i), &observed[i]);
   });
   return observed;
 }

@@ -23,7 +23,7 @@ constexpr double kOverlapGate = 0.06;  // m
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-constexpr double kLeastPairWarp = 1e-3;  // m at 2 m
+constexpr double kLeastPairSmooth = 1e-3;  // m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -44,7 +44,7 @@ struct PairMatches {
 
 /// Standard deviation, m, of a cloud point's depth.
 double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
-  return std::hypot(std::max(noise.warp, kLeastPairWarp) * p.z() * p.z() / 4,
+  return std::hypot(std::max(noise.depth.Smooth(p.z()), kLeastPairSmooth),
                     kIntrinsicsError * p.head<2>().norm());
 }
 
@@ -60,7 +60,7 @@ struct PairEnd {
   void Count(const Eigen::Vector3d& p) {
     const double sigma = PointSigma(noise, p);
     variance += sigma * sigma;
-    const Eigen::Vector2d at = p.head<2>() / p.z() / noise.warp_length;
+    const Eigen::Vector2d at = p.head<2>() / p.z() / noise.depth.smooth_rad;
     cells.insert({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y()))});
   }
 };
@@ -250,7 +250,7 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<FrameObservations>& observed) {
   std::vector<double> multipath;
   multipath.reserve(observed.size());
-  for (const FrameObservations& of : observed) multipath.push_back(of.noise.multipath);
+  for (const FrameObservations& of : observed) multipath.push_back(of.noise.depth.seam_m);
   return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
 }
 

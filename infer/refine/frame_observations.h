@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/geometry/sensor_kind.h"
 #include "infer/lens/sensor_lens.h"
 
 namespace volalign::refine_internal {
@@ -32,10 +33,8 @@ struct EdgeObservation {
 
 /// Errors that a sensor's observations share, beyond its constant depth error.
 struct NoiseModel {
-  double warp = 0.005;        ///< m at 2 m, standard deviation of the smooth depth error
-  double warp_length = 0.15;  ///< rad: its correlation falls to 1/e or so
-  double multipath = 0.02;    ///< m, standard deviation of the depth error in a concave seam
-  double edge = 1;            ///< scale of the silhouettes' standard deviations
+  DepthErrorModel depth = ErrorsOf("");  ///< its smooth part and its corners are fitted
+  double edge = 1;                       ///< scale of the silhouettes' standard deviations
   double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
 };
 

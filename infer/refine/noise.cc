@@ -8,69 +8,40 @@
 #include "core/base/lists.h"
 #include "core/geometry/factor.h"
 #include "infer/lens/likelihood.h"
-#include "infer/lens/sensor_kind.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/prior_errors.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
 // The covariance.
-constexpr double kReferenceDepth = 2;     // m, that NoiseModel::warp is for
 constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
 constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
 constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
-/// A depth error moves a side that is seen at grazing incidence little, but there errors across the
-/// ray, of a pixel or less, count instead.
-constexpr double kLeastLever = 0.2;
-constexpr double kLateral = 0.0003;   // rad, under a tenth of a pixel
-constexpr double kLeastSigma = 3e-4;  // m: 1 mm steps
+constexpr double kLeastSigma = 3e-4;      // m: 1 mm steps
 
-// The fit. Warps of real sensors are 3-6 mm for time of flight, 8-20 mm for stereo: a log-normal
-// prior of 5 mm and a factor of e^0.8. Free of it, a warp can explain a tilt. (A prior of 12.6 mm
-// for stereo takes the worst of 43 sensors of an independent simulator from 7.7 to 9.0 mm.)
-constexpr double kUsualWarp = 0.005, kWarpSpread = 0.8;  // m, of the logarithm
-constexpr double kUsualStereoWarp = 0.0126;  // m, where nothing is fitted: the middle of 8-20 mm
-constexpr double kLeastWarp = 3e-4, kMostWarp = 0.02;  // m
-constexpr int kWarpSteps = 8;
-constexpr std::array<double, 3> kWarpLengths = {0.05, 0.1, 0.18};     // rad
-constexpr std::array<double, 3> kMultipaths = {0.001, 0.005, 0.012};  // m
-constexpr double kUsualMultipath = 0.012;                             // m, while the warp is sought
-constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;   // of NoiseModel::edge
+// The fit.
+constexpr std::array<double, 3> kSeams = {0.1, 0.4, 1};              // of the kind's
+constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;  // of NoiseModel::edge
 constexpr int kEdgeSteps = 6;
 constexpr std::size_t kMostObservations = 110;  // of each kind: enough for three numbers
 constexpr Eigen::Index kFewestFaces = 12, kFewestEdges = 8;  // that tell more than the defaults
 
 Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
 
-/// How far a depth error of 1 m moves each observation along its side's normal, times the growth of
-/// the error with depth.
-Eigen::VectorXd WarpLever(const BuildModel& model, const Pose& pose,
+SmoothMovement MovementOf(const BuildModel& model, const Pose& pose,
                           const FrameObservations& observed) {
-  Eigen::VectorXd lever(static_cast<Eigen::Index>(observed.faces.size()));
-  for (std::size_t i = 0; i < observed.faces.size(); ++i) {
-    const FaceObservation& face = observed.faces[i];
-    const Eigen::Vector3d& normal = model.structure().SideOfLabel(face.label).normal;
-    const double along = normal.dot(pose.linear() * face.p) / face.p.z();
-    lever[static_cast<Eigen::Index>(i)] =
-        -std::hypot(along, kLeastLever) * face.p.z() / kReferenceDepth;
-  }
-  return lever;
-}
-
-Eigen::MatrixXd WarpCorrelation(const FrameObservations& observed, const Eigen::VectorXd& lever,
-                                double length) {
   const auto n = static_cast<Eigen::Index>(observed.faces.size());
-  Eigen::MatrixXd covariance(n, n);
+  SmoothMovement movement{Eigen::MatrixX2d(n, 2), Eigen::VectorXd(n)};
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Vector2d at = Bearing(observed.faces[static_cast<std::size_t>(i)].p);
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      const Eigen::Vector2d other = Bearing(observed.faces[static_cast<std::size_t>(j)].p);
-      covariance(i, j) = covariance(j, i) =
-          lever[i] * lever[j] * Correlation((at - other).norm(), length);
-    }
+    const FaceObservation& face = observed.faces[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d& normal = model.structure().SideOfLabel(face.label).normal;
+    movement.bearings.row(i) = Bearing(face.p);
+    movement.levers[i] =
+        SmoothMovement::Lever(observed.noise.depth, face.p, pose.linear().transpose() * normal);
   }
-  return covariance;
+  return movement;
 }
 
 Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
@@ -80,7 +51,7 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
     const FaceObservation& face = observed.faces[i];
     const double cosine =
         model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
-    const double lateral = kLateral * face.p.z();
+    const double lateral = observed.noise.depth.lateral_rad * face.p.z();
     variances[static_cast<Eigen::Index>(i)] =
         face.variance + (1 - cosine * cosine) * lateral * lateral + kLeastSigma * kLeastSigma;
   }
@@ -151,44 +122,30 @@ Linearised Linearise(const BuildModel& model, const FrameObservations& observed,
   return linear;
 }
 
-/// Size and correlation length of the smooth depth error, then the multipath error.
-void FitFaceNoise(const BuildModel& model, const Pose& pose, const FrameObservations& sample,
-                  const Linearised& faces, NoiseModel* noise) {
-  const Eigen::VectorXd lever = WarpLever(model, pose, sample);
+/// Size and correlation length of the smooth depth error, then the size of that in corners.
+DepthErrorModel FitErrors(const BuildModel& model, const Pose& pose,
+                          const FrameObservations& sample, const Linearised& faces,
+                          const DepthErrorModel& usual) {
+  DepthErrorModel fitted = usual;
+  const SmoothMovement movement = MovementOf(model, pose, sample);
   Eigen::MatrixXd rest = faces.shared * faces.shared.transpose();
   rest.diagonal() += FaceVariances(model, pose, sample);
-  const Eigen::MatrixXd multipath = faces.seam * faces.seam.transpose();
-  double least = std::numeric_limits<double>::infinity();
-  for (const double length : kWarpLengths) {
-    const Eigen::MatrixXd correlation = WarpCorrelation(sample, lever, length);
-    double warp = 0;
-    const double cost = MinimiseOverLog(
-        kLeastWarp, kMostWarp, kWarpSteps,
-        [&](double sigma) {
-          const double unusual = std::log(sigma / kUsualWarp) / kWarpSpread;
-          return RestrictedCost(sigma * sigma * correlation + rest +
-                                    kUsualMultipath * kUsualMultipath * multipath,
-                                faces.residuals, faces.by_pose) +
-                 0.5 * unusual * unusual;
-        },
-        &warp);
-    if (cost < least) {
-      least = cost;
-      noise->warp = warp;
-      noise->warp_length = length;
-    }
-  }
+  const Eigen::MatrixXd seam = faces.seam * faces.seam.transpose();
+  FitSmoothError(movement, rest + Square(usual.seam_m) * seam, faces.residuals, faces.by_pose,
+                 &fitted);
   const Eigen::MatrixXd others =
-      noise->warp * noise->warp * WarpCorrelation(sample, lever, noise->warp_length) + rest;
-  least = std::numeric_limits<double>::infinity();
-  for (const double sigma : kMultipaths) {
+      Square(fitted.smooth_m) * movement.Covariance(fitted.smooth_rad) + rest;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double share : kSeams) {
+    const double sigma = share * usual.seam_m;
     const double cost =
-        RestrictedCost(others + sigma * sigma * multipath, faces.residuals, faces.by_pose);
+        RestrictedCost(others + Square(sigma) * seam, faces.residuals, faces.by_pose);
     if (cost < least) {
       least = cost;
-      noise->multipath = sigma;
+      fitted.seam_m = sigma;
     }
   }
+  return fitted;
 }
 
 /// Scale of the silhouettes' errors.
@@ -209,23 +166,22 @@ void FitEdgeNoise(const FrameObservations& sample, const Linearised& edges, Nois
 
 NoiseModel UsualNoise(const std::string& sensor) {
   NoiseModel noise;
-  noise.warp = kUsualWarp;
-  if (MeasuresBy(DepthPrinciple::kStereo, sensor)) noise.warp = kUsualStereoWarp;
+  noise.depth = PriorErrorsOf(sensor);
   return noise;
 }
 
 void SetCovariance(const BuildModel& model, const Pose& pose, FrameObservations* observed) {
   const NoiseModel& noise = observed->noise;
-  const Eigen::VectorXd lever = WarpLever(model, pose, *observed);
-  Eigen::MatrixXd faces =
-      noise.warp * noise.warp * WarpCorrelation(*observed, lever, noise.warp_length);
+  Eigen::MatrixXd faces = Square(noise.depth.smooth_m) *
+                          MovementOf(model, pose, *observed).Covariance(noise.depth.smooth_rad);
   faces.diagonal() += FaceVariances(model, pose, *observed);
   observed->face_root = LowerRoot(faces);
   const Eigen::MatrixXd edges = noise.edge * noise.edge * EdgeCovariance(*observed);
   observed->edge_root = LowerRoot(edges);
 }
 
-void FitNoise(const BuildModel& model, const FrameParameters& parameters, const Priors& priors,
+void FitNoise(const BuildModel& model, const DepthErrorModel& usual,
+              const FrameParameters& parameters, const Priors& priors,
               FrameObservations* observed) {
   const FrameObservations sample = Sample(*observed);
   const Linearised all = Linearise(model, sample, parameters, priors);
@@ -234,7 +190,8 @@ void FitNoise(const BuildModel& model, const FrameParameters& parameters, const 
   PoseBlock block;
   std::copy_n(parameters.pose, 7, block.values);
   const Pose pose = block.ToPose();
-  if (faces > kFewestFaces) FitFaceNoise(model, pose, sample, all.Rows(0, faces), &observed->noise);
+  if (faces > kFewestFaces)
+    observed->noise.depth = FitErrors(model, pose, sample, all.Rows(0, faces), usual);
   if (edges > kFewestEdges) FitEdgeNoise(sample, all.Rows(faces, edges), &observed->noise);
   SetCovariance(model, pose, observed);
 }

@@ -32,7 +32,8 @@ constexpr double kWidening = 4;   // of what an outlier's square exceeds the lim
 
 /// One image block's points on one side, without those that lie apart from the others.
 FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
-                       int label, const std::vector<const SidePoint*>& points) {
+                       int label, double seam_reach_m,
+                       const std::vector<const SidePoint*>& points) {
   const Side& side = built.SideOfLabel(label);
   std::vector<double> distances;
   distances.reserve(points.size());
@@ -57,7 +58,8 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   }
   face.p /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  face.multipath = SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p));
+  face.multipath =
+      SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p), seam_reach_m);
   return face;
 }
 
@@ -132,8 +134,9 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
 
 }  // namespace
 
-double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q) {
-  double nearest = kMultipathReach;
+double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                 double reach) {
+  double nearest = reach;
   if (std::abs(side.normal.y()) < 0.5)
     nearest = std::clamp(q.y() - structure.FloorHeight(), 0.0, nearest);
   const double plane = side.normal.dot(side.centre);
@@ -142,13 +145,13 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
     const Box& box = structure.boxes()[b];
     const Eigen::Matrix3d box_from_structure = box.structure_from_box.linear().transpose();
     const Eigen::Vector3d half = 0.5 * box.size;
-    const double reach = side.normal.dot(box.structure_from_box.translation()) +
+    const double front = side.normal.dot(box.structure_from_box.translation()) +
                          (box_from_structure * side.normal).cwiseAbs().dot(half);
-    if (reach < plane + kRise) continue;
+    if (front < plane + kRise) continue;
     const Eigen::Vector3d d = box_from_structure * (q - box.structure_from_box.translation());
     nearest = std::min(nearest, (d.cwiseAbs() - half).cwiseMax(0.0).norm());
   }
-  return 1 - nearest / kMultipathReach;
+  return 1 - nearest / reach;
 }
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
@@ -180,7 +183,8 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   observed->faces.clear();
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
-      observed->faces.push_back(FaceOf(nominal, built, places.front(), key.first, of));
+      observed->faces.push_back(FaceOf(nominal, built, places.front(), key.first,
+                                       observed->noise.depth.seam_reach_m, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();

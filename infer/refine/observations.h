@@ -13,13 +13,11 @@
 
 namespace volalign::refine_internal {
 
-/// How far from a concave seam, m, multipath still bends a surface: time-of-flight cameras measure
-/// inward corners rounded over about this length.
-inline constexpr double kMultipathReach = 0.3;
-
 /// Share of the multipath error that a point at q on a side takes: 1 in a concave seam, falling to
-/// 0 at kMultipathReach. Seams are where another box, or the floor, rises in front of the side.
-double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
+/// 0 at `reach` from it, m (DepthErrorModel::seam_reach_m). Seams are where another box, or the
+/// floor, rises in front of the side.
+double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                 double reach);
 
 /// Gathers the points of one use into one observation for each image block and side
 /// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor

@@ -1,8 +1,9 @@
 #include "infer/refine/overlap.h"
 
+#include <algorithm>
 #include <cmath>
-
-#include "core/base/lists.h"
+#include <cstdint>
+#include <utility>
 
 namespace volalign::refine_internal {
 
@@ -31,11 +32,17 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
     (inside ? near : far).push_back(static_cast<int>(j));
   }
   std::vector<int> chosen;
-  const auto take = [&](const std::vector<int>& from, std::size_t count) {
-    for (const int j : Thinned(from, count)) chosen.push_back(j);
+  // Each point has its place in the order, whichever others are near: a pose that differs a little
+  // gives few other points. Multiples of the golden ratio are even over any part of the cloud
+  // (Weyl's sequence).
+  const auto take = [&](std::vector<int> from, std::size_t count) {
+    const auto place = [](int j) { return static_cast<std::uint32_t>(j) * 0x9E3779B9U; };
+    std::sort(from.begin(), from.end(), [&](int a, int b) { return place(a) < place(b); });
+    from.resize(std::min(from.size(), count));
+    chosen.insert(chosen.end(), from.begin(), from.end());
   };
-  take(near, static_cast<std::size_t>(most) * kTenthsFromAround / 10);
-  take(far, static_cast<std::size_t>(most) - chosen.size());
+  take(std::move(near), static_cast<std::size_t>(most) * kTenthsFromAround / 10);
+  take(std::move(far), static_cast<std::size_t>(most) - chosen.size());
   return chosen;
 }
 

@@ -1,6 +1,7 @@
 #include "infer/refine/residuals.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace volalign::refine_internal {
 
@@ -32,6 +33,9 @@ class Scene {
   const Eigen::Matrix3d& rotation() const { return rotation_; }
   const double* pose() const { return parameters_.pose; }
   double nuisance(int which) const { return parameters_.nuisance[which]; }
+  double gain() const { return 1 + *parameters_.gain; }
+  /// Of ln(focal length), from the lens that was looked through.
+  double FocalChange() const { return lens_[0]; }
   Eigen::Index columns() const { return FrameColumns::kBoxes + model_.box_parameters(); }
   const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
@@ -106,12 +110,13 @@ class Scene {
   const double growth_;
 };
 
-/// Distance of a block of points to its side's plane. `jacobian` may be null.
+/// Distance of a block of points to its side's plane, divided by the gain. `jacobian` may be null.
 double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Index row,
                     Eigen::MatrixXd* jacobian) {
   const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
   const Eigen::Vector3d ray = scene.Ray(face.p, face.by_lens);
   const Eigen::Vector3d p = scene.TruePoint(face, ray), at = scene.InStructure(p);
+  const double distance = scene.Distance(plane, at) / scene.gain();
   if (jacobian) {
     jacobian->row(row) = scene.Derivative(plane, p, at);
     const double along = plane.normal.dot(scene.rotation() * ray);
@@ -120,12 +125,15 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
+    jacobian->row(row) /= scene.gain();
+    (*jacobian)(row, FrameColumns::kGain) -= distance / scene.gain();
   }
-  return scene.Distance(plane, at);
+  return distance;
 }
 
 /// Distance of a silhouette to its edge, along the ray to the side's plane, so that its depth has
-/// no say. `jacobian` may be null.
+/// no say; as long as that distance is where the silhouette was measured, through the lens of the
+/// observations. `jacobian` may be null.
 double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Index row,
                     Eigen::MatrixXd* jacobian) {
   const Side& side = scene.SideOf(edge.label);
@@ -134,22 +142,31 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
   const Eigen::Vector3d v = scene.rotation() * ray, at = scene.InStructure(p);
   const double behind = scene.Distance(plane, at);
   const double nv = plane.normal.dot(v), dv = line.normal.dot(v);
-  const double slope = dv / nv;
+  const double beyond = behind / nv;
+  const double distance = scene.Distance(line, at) - beyond * dv;
+  const double nearer = edge.p.z() / (edge.p.z() - beyond);
+  const double scale = nearer * std::exp(scene.FocalChange());
   if (jacobian) {
-    jacobian->row(row) = scene.Derivative(line, p, at) - slope * scene.Derivative(plane, p, at);
-    const Eigen::Vector3d turn = (line.normal * nv - plane.normal * dv) / (nv * nv);
-    jacobian->row(row).head<4>() -=
-        behind * turn.transpose() * RotatedPointJacobian(scene.pose(), ray);
-    (*jacobian)(row, FrameColumns::kBoxes + BuildModel::Yaw(side.box)) -=
-        behind *
-        (VerticalCross(line.normal).dot(v) * nv - VerticalCross(plane.normal).dot(v) * dv) /
-        (nv * nv);
+    constexpr Eigen::Index kLens = FrameColumns::kLens;
+    const auto of_distance = [&](const MovedPlane& of) {
+      Eigen::RowVectorXd by = scene.Derivative(of, p, at);
+      by.segment<kLensParameters>(kLens) = edge.p.z() * scene.ByLens(of.normal, edge.by_lens);
+      return by;
+    };
+    const auto of_slant = [&](const MovedPlane& of) {  // of.normal . v
+      Eigen::RowVectorXd by = Eigen::RowVectorXd::Zero(scene.columns());
+      by.head<4>() = of.normal.transpose() * RotatedPointJacobian(scene.pose(), ray);
+      by.segment<kLensParameters>(kLens) = scene.ByLens(of.normal, edge.by_lens);
+      by[FrameColumns::kBoxes + BuildModel::Yaw(of.box)] = VerticalCross(of.normal).dot(v);
+      return by;
+    };
+    const Eigen::RowVectorXd by_beyond = (of_distance(plane) - beyond * of_slant(plane)) / nv;
+    jacobian->row(row) = scale * (of_distance(line) - beyond * of_slant(line) +
+                                  (distance * nearer / edge.p.z() - dv) * by_beyond);
+    (*jacobian)(row, kLens) += scale * distance;
     (*jacobian)(row, FrameColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
-    jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
-        scene.ByLens(p.z() * (line.normal - slope * plane.normal) - behind * turn, edge.by_lens);
   }
-  return scene.Distance(line, at) - slope * behind -
-         scene.nuisance(kEdgeShift + edge.axis) * edge.pixel;
+  return scale * distance - scene.nuisance(kEdgeShift + edge.axis) * edge.pixel;
 }
 
 }  // namespace

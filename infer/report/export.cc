@@ -20,8 +20,10 @@
 #include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 #include "infer/capture/capture.h"
+#include "infer/report/advice.h"
 #include "infer/report/html_report/encode.h"
 #include "infer/report/html_report/page.h"
+#include "infer/report/html_report/rig_views.h"
 #include "infer/report/panels.h"
 #include "infer/report/pictures.h"
 #include "infer/report/ply.h"
@@ -111,16 +113,30 @@ std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const St
     merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
     files.cloud.clear();
   }
-  WriteFileAtomically(
-      still.Path(folder, "pictures", "overview.png"),
-      EncodePalettePng(OverviewPicture(pictures, pictures.size() > 3 ? 2 : 1, *still.built)));
+  WriteFileAtomically(still.Path(folder, "pictures", "overview.png"),
+                      EncodePalettePng(OverviewPicture(pictures, *still.built)));
   WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
   return written;
 }
 
+ReportRig RigOf(const CalibrationResult& result, const std::vector<StillFiles>& files) {
+  ReportRig rig{FormatNotes(result),
+                Advise(result),
+                PlacedFromAbove(result.sensors, *files.front().built),
+                {}};
+  for (const RigTwin& twin : result.twins) {
+    const auto of = std::find_if(files.begin(), files.end(),
+                                 [&](const StillFiles& still) { return still.name == twin.still; });
+    const StillFiles& still = of == files.end() ? files.front() : *of;
+    rig.twins.push_back(
+        TwinJson(twin, result.sensors, *still.sensors, *still.built, still.first_from_placement));
+  }
+  return rig;
+}
+
 void WriteReport(const std::filesystem::path& folder, const std::vector<StillFiles>& files,
                  std::vector<std::vector<FrameFiles>> written, const Extrinsics& extrinsics,
-                 const std::string& notes, const ReportRun& run) {
+                 const ReportRig& rig, const ReportRun& run) {
   std::vector<ReportStill> stills;
   std::vector<Structure> structures;
   std::vector<RigCloud> clouds;
@@ -136,7 +152,7 @@ void WriteReport(const std::filesystem::path& folder, const std::vector<StillFil
   }
   WriteRigGlb(folder / kRigFile, extrinsics, structures, clouds);
   WriteFileAtomically(folder / kReportFile,
-                      ReportPage(ReportPayload(extrinsics, stills, notes, run)));
+                      ReportPage(ReportPayload(extrinsics, stills, rig, run)));
 }
 
 std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure) {
@@ -239,7 +255,8 @@ void WriteReportPage(const std::filesystem::path& path, const CalibrationResult&
     shown.push_back({still.name, *still.built, std::move(frames)});
   }
   const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
-  WriteFileAtomically(path, ReportPage(ReportPayload(extrinsics, shown, FormatNotes(result), run)));
+  WriteFileAtomically(path,
+                      ReportPage(ReportPayload(extrinsics, shown, RigOf(result, files), run)));
 }
 
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
@@ -252,7 +269,7 @@ void WriteCalibration(const ResultFolder& folder, const CalibrationResult& resul
     written.push_back(WriteStill(folder.draft(), still, points));
   const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
   if (report)
-    WriteReport(folder.draft(), files, std::move(written), extrinsics, FormatNotes(result),
+    WriteReport(folder.draft(), files, std::move(written), extrinsics, RigOf(result, files),
                 *report);
   WriteExtrinsics(folder.draft() / kExtrinsicsFile, extrinsics);
   folder.Publish(kExtrinsicsFile, OutdatedFiles(folder.dir(), files, report.has_value()));

@@ -26,6 +26,13 @@ constexpr char kConvention[] =
 // The file's keys.
 
 template <class Archive>
+void Describe(Archive& ar, Extrinsics::Colour& colour) {
+  ar.Optional("structure_from_colour", colour.structure_from_colour);
+  ar("colour_from_depth", colour.colour_from_depth);
+  ar.Optional("intrinsics", colour.intrinsics);
+}
+
+template <class Archive>
 void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   Describe(ar, static_cast<SensorOutcome&>(sensor));
   ar("intrinsics", sensor.intrinsics);
@@ -37,6 +44,8 @@ void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   ar("depth_scale", sensor.depth_scale);
   ar("quarter_turns", sensor.quarter_turns);
   ar.Optional("serial", sensor.serial);
+  ar.Optional("renderer", sensor.renderer);
+  ar.Optional("colour", sensor.colour);
 }
 
 template <class Archive>
@@ -73,6 +82,7 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::StructureId& structure) {
   ar("name", structure.name);
   ar("sha256", structure.sha256);
+  ar.Optional("floor_m", structure.floor_m);
 }
 
 template <class Archive>
@@ -88,6 +98,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar("tool", extrinsics.tool);
   ar.Optional("date", extrinsics.date);
   ar.Optional("libraries", extrinsics.libraries);
+  ar.Optional("note", extrinsics.note);
   ar.Constant("convention", kConvention);
   ar.OneOrList("capture", extrinsics.captures);
   ar("structure", extrinsics.structure);
@@ -100,6 +111,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.Later("placements", extrinsics.placements);
   ar.Later("solution", extrinsics.solution);
   ar("pairs", extrinsics.pairs);
+  ar.Optional("twins", extrinsics.twins);
   ar.Optional("metrics", extrinsics.metrics);
   ar("timings_s", extrinsics.timings_s);
 }
@@ -118,7 +130,15 @@ Extrinsics::Sensor SensorOf(const FrameResult& result, const SensorFrame& frame)
   sensor.depth_files = frame.depth_files;
   sensor.depth_scale = frame.depth_scale;
   sensor.serial = frame.serial;
+  sensor.renderer = frame.renderer;
   DemoteIfNotFinite(&sensor);
+  if (frame.colour) {
+    sensor.colour = Extrinsics::Colour{*frame.colour, std::nullopt};
+    if (sensor.structure_from_sensor) {
+      sensor.colour->structure_from_colour =
+          *sensor.structure_from_sensor * frame.colour->colour_from_depth.inverse();
+    }
+  }
   return sensor;
 }
 
@@ -183,10 +203,11 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
                           const Structure& structure, const ExtrinsicsSource& source) {
   Extrinsics out;
   out.tool = Tool();
-  out.date = UtcNow();
+  out.date = source.date;
+  out.note = source.note;
   out.libraries = Libraries();
   out.captures = source.captures;
-  out.structure = {structure.name(), structure.Hash()};
+  out.structure = {structure.name(), structure.Hash(), structure.FloorHeight()};
   if (!source.model_file.empty())
     out.model = Extrinsics::Model{source.model_file, source.model_sha256, source.model_runtime};
   out.assembly = result.assembly;
@@ -198,6 +219,7 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.placements = PlacementsOf(result, structure, source.captures);
   out.size = {result.size_estimated, result.size_scale, result.sigma_size_scale};
   out.pairs = result.pairs;
+  out.twins = result.twins;
   out.metrics = result.metrics;
   out.solution = result.solve;
   out.timings_s = result.timings_s;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/provenance.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/metrics.h"
 #include "core/geometry/structure.h"
@@ -23,17 +24,25 @@ inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
 struct ExtrinsicsSource {
   std::vector<std::string> captures;                    ///< of each still
   std::string model_file, model_sha256, model_runtime;  ///< empty without a network
+  std::string date = UtcNow();                          ///< of the calibration
+  std::string note;                                     ///< what the operator says of it
 };
 
 /// extrinsics.json (docs/formats.md). Its keys stand in extrinsics.cc and describe_result.h. A
 /// number that is not finite is a key that is absent from the file, and NaN when it is read: one
 /// such number does not take the other sensors' poses with it.
 struct Extrinsics {
+  /// The colour camera beside a depth camera; its pose, where the depth camera has one.
+  struct Colour : ColourCamera {
+    std::optional<Pose> structure_from_colour;
+  };
+
   struct Sensor : SensorOutcome {
     std::string sensor;  ///< its kind, as the capture names it
     std::vector<std::string> depth_files;
     double depth_scale = 0.001;  ///< m per unit of the depth files
-    std::string serial;
+    std::string serial, renderer;
+    std::optional<Colour> colour;
   };
 
   /// A box as it was found: displacement of its centre, m, and turn about the vertical through it.
@@ -66,6 +75,7 @@ struct Extrinsics {
 
   struct StructureId {
     std::string name, sha256;
+    std::optional<double> floor_m;  ///< height of the floor, its lowest y; none in files of 0.1.0
   };
   struct Model {
     std::string file, sha256;
@@ -75,6 +85,7 @@ struct Extrinsics {
   // What made the file; date and libraries are "" in files of 0.1.0.
   std::string tool, date;  ///< see core/base/provenance.h
   std::string libraries;   ///< those that poses depend on: "Ceres 2.1.0, Eigen 3.4.0"
+  std::string note;        ///< what the operator said of it
   std::vector<std::string> captures;
   StructureId structure;
   std::optional<Model> model;
@@ -86,6 +97,7 @@ struct Extrinsics {
   std::vector<Placement> placements;  ///< of the stills
   SolveReport solution;
   std::vector<PairResult> pairs;
+  std::vector<RigTwin> twins;
   std::optional<SetDistances> metrics;
   std::vector<std::pair<std::string, double>> timings_s;
 };

@@ -9,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/noise_fields.h"
 #include "core/geometry/visibility.h"
 #include "core/plot/picture.h"
 #include "infer/view/sensor_view.h"
@@ -18,6 +19,8 @@ namespace volalign {
 namespace {
 
 constexpr int kWidestFrame = 480;  // pixels; larger ones are thinned out
+constexpr Rgb kEdge{255, 40, 90};  // a colour that DepthColour has not
+constexpr double kOnSide = 0.1;    // m, as far as the RMS to the structure counts
 
 /// Range of depths to colour: where the middle 96 % of the pixels lie.
 std::pair<double, double> DepthRange(const DepthImage& depth) {
@@ -43,6 +46,44 @@ RgbImage ColourResiduals(const DepthImage& depth, const Image<float>& residuals)
                                           : SignedColour(residuals[i] / kResidualScale);
   }
   return picture;
+}
+
+int StrideOf(const FrameResult& sensor) {
+  const int widest = std::max(sensor.view.width(), sensor.view.height());
+  return (widest + kWidestFrame - 1) / kWidestFrame;
+}
+
+template <class Pixels>
+Pixels Thinned(const Pixels& image, int stride) {
+  return stride > 1 ? DecimateImage(image, stride) : image;
+}
+
+/// Draws the pixels of the structure beside which another side, or none, begins.
+void DrawEdges(const ExpectedView& view, int stride, RgbImage* picture) {
+  const DepthImage depth = Thinned(view.depth, stride);
+  const LabelImage labels = Thinned(view.labels, stride);
+  ForEachNeighbourPair(depth.width(), depth.height(),
+                       [&](int u, int v, int p, int q, std::uint64_t /*pair*/) {
+                         const bool here = depth(u, v) > 0, there = depth(p, q) > 0;
+                         if (here == there && labels(u, v) == labels(p, q)) return;
+                         (here ? (*picture)(u, v) : (*picture)(p, q)) = kEdge;
+                       });
+}
+
+std::vector<SideFit> SideFits(const LabelImage& labels, const Image<float>& residuals) {
+  std::map<int, SideFit> fits;
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const double residual = residuals[i];
+    if (!(std::abs(residual) < kOnSide)) continue;
+    SideFit& fit = fits[labels[i]];
+    ++fit.points;
+    fit.mean_m += residual;
+    fit.rms_m += residual * residual;
+  }
+  std::vector<SideFit> list;
+  for (const auto& [label, sum] : fits)
+    list.push_back({label, sum.points, sum.mean_m / sum.points, std::sqrt(sum.rms_m / sum.points)});
+  return list;
 }
 
 void AddLabels(const LabelImage& labels, std::set<int>* shown) {
@@ -75,14 +116,20 @@ Image<float> SideResiduals(const FrameResult& sensor, const Structure& structure
   return residuals;
 }
 
+RgbImage EdgesPanel(const FrameResult& sensor, const Structure& structure,
+                    const Pose& structure_from_sensor, int turns) {
+  const int stride = StrideOf(sensor);
+  const DepthImage depth = Thinned(sensor.view.depth, stride);
+  const auto [near_m, far_m] = DepthRange(depth);
+  RgbImage picture = ColourDepth(depth, near_m, far_m);
+  DrawEdges(CastView(structure, sensor.view.rays, structure_from_sensor), stride, &picture);
+  return Turn(picture, turns);
+}
+
 FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, int turns) {
-  const int widest = std::max(sensor.view.width(), sensor.view.height());
-  const int stride = (widest + kWidestFrame - 1) / kWidestFrame;
-  const auto thinned = [&](const auto& image) {
-    return stride > 1 ? DecimateImage(image, stride) : image;
-  };
-  const DepthImage depth = thinned(sensor.view.depth);
-  const LabelImage labels = thinned(sensor.segmentation.labels);
+  const int stride = StrideOf(sensor);
+  const DepthImage depth = Thinned(sensor.view.depth, stride);
+  const LabelImage labels = Thinned(sensor.segmentation.labels, stride);
   FramePanels panels;
   std::tie(panels.near_m, panels.far_m) = DepthRange(depth);
   panels.depth = Turn(ColourDepth(depth, panels.near_m, panels.far_m), turns);
@@ -90,12 +137,10 @@ FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, in
   std::set<int> shown;
   AddLabels(labels, &shown);
   if (sensor.structure_from_sensor) {
-    const LabelImage model =
-        thinned(CastView(structure, sensor.view.rays, *sensor.structure_from_sensor).labels);
-    panels.model = Turn(OverlayLabels(depth, model), turns);
-    panels.residual =
-        Turn(ColourResiduals(depth, thinned(SideResiduals(sensor, structure))), turns);
-    AddLabels(model, &shown);
+    panels.edges = EdgesPanel(sensor, structure, *sensor.structure_from_sensor, turns);
+    const Image<float> residuals = SideResiduals(sensor, structure);
+    panels.residual = Turn(ColourResiduals(depth, Thinned(residuals, stride)), turns);
+    panels.sides = SideFits(sensor.segmentation.labels, residuals);
   }
   panels.shown_labels.assign(shown.begin(), shown.end());
   return panels;

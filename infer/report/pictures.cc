@@ -85,7 +85,7 @@ RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
   const std::vector<std::pair<const RgbImage*, std::string>> all = {
       {&panels.depth, "measured depth, m"},
       {&panels.labels, "labels found"},
-      {&panels.model, "structure at the pose"},
+      {&panels.edges, "structure's edges at the pose"},
       {&panels.residual, "residual, mm"}};
   std::vector<RgbImage> images;
   for (const auto& [image, caption] : all) {
@@ -120,11 +120,11 @@ RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
                         : picture;
 }
 
-RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, int columns,
-                         const Structure& structure) {
+RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, const Structure& structure) {
+  const int widest = pictures.size() > 3 ? 2 : 1;
   std::vector<int> labels;
   for (int label = 1; label < structure.num_classes(); ++label) labels.push_back(label);
-  return WithLegend(Montage(pictures, columns), LabelLegend(structure, labels));
+  return WithLegend(Shelves(pictures, widest), LabelLegend(structure, labels));
 }
 
 }  // namespace volalign

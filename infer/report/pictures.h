@@ -17,8 +17,7 @@ LabelImage ConfidenceImage(const Image<float>& confidence);
 RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
                        const Structure& structure, bool caption_labels);
 
-/// The sensors' pictures in `columns` columns, and one legend of the sides' colours below them all.
-RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, int columns,
-                         const Structure& structure);
+/// The sensors' pictures, and one legend of the sides' colours below them all.
+RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, const Structure& structure);
 
 }  // namespace volalign

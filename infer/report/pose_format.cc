@@ -23,26 +23,23 @@ bool IsLivescan(PoseFormat format) {
   return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
 }
 
-/// The camera whose points LiveScan3D's client of that device transforms.
-CameraFromSensor LivescanCamera(PoseFormat format, const PoseFormatOptions& options) {
+/// Where the camera whose points LiveScan3D's client of that device transforms is to the depth
+/// camera: p_camera = T p_depth.
+Pose LivescanCamera(PoseFormat format, const std::string& name,
+                    const std::optional<ColourCamera>& colour) {
   if (format == PoseFormat::kLivescanKinectV2) {
-    return [](const std::string&) {
-      Pose pose = Pose::Identity();
-      pose.linear() = KinectV2FromSensor();
-      return pose;
-    };
+    Pose pose = Pose::Identity();
+    pose.linear() = KinectV2FromSensor();
+    return pose;
   }
-  return [&options](const std::string& name) {
-    const auto found = options.colour_from_depth.find(name);
-    if (found == options.colour_from_depth.end()) {
-      throw ConfigError(fmt::format(
-          "livescan3d_azure: its points are those of the colour camera, and where that of {0} is "
-          "to its depth camera is not known; give the device's raw calibration by "
-          "--colour-camera {0}=FILE.json",
-          name));
-    }
-    return found->second;
-  };
+  if (!colour) {
+    throw ConfigError(fmt::format(
+        "livescan3d_azure: its points are those of the colour camera, and where that of {0} is "
+        "to its depth camera is not known; give the device's raw calibration by "
+        "--colour-camera {0}=FILE.json",
+        name));
+  }
+  return colour->colour_from_depth;
 }
 
 Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
@@ -67,17 +64,103 @@ Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
 std::vector<SensorPose> ReadPosesOfExtrinsics(const std::filesystem::path& path) {
   std::vector<SensorPose> poses;
   for (const Extrinsics::Sensor& sensor : ReadExtrinsics(path).sensors) {
-    if (sensor.structure_from_sensor)
-      poses.push_back({sensor.name, *sensor.structure_from_sensor, sensor.intrinsics});
+    if (!sensor.structure_from_sensor) continue;
+    poses.push_back(
+        {sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, sensor.serial});
+    if (sensor.colour) poses.back().colour = static_cast<const ColourCamera&>(*sensor.colour);
   }
   return poses;
+}
+
+bool IsZUp(PoseFormat format) {
+  return format == PoseFormat::kRos || format == PoseFormat::kVolumetricCapture;
+}
+
+/// The axis that is up in every file of the format; "" where it leaves the choice.
+std::string FixedUp(PoseFormat format) {
+  return IsZUp(format) ? "z" : format == PoseFormat::kUnity ? "y" : "";
+}
+
+Pose ZUp() {
+  Pose pose = Pose::Identity();
+  pose.linear() = ZUpFromYUp();
+  return pose;
+}
+
+const SensorPose& SensorNamed(const std::vector<SensorPose>& poses, const std::string& name) {
+  std::vector<std::string> names;
+  for (const SensorPose& pose : poses) {
+    if (pose.name == name) return pose;
+    names.push_back(pose.name);
+  }
+  throw ConfigError(
+      fmt::format("--origin {}: neither structure, floor nor a sensor with a pose; those are {}",
+                  name, fmt::join(names, ", ")));
+}
+
+/// Of the colour cameras, instead of the depth cameras.
+std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
+  std::vector<SensorPose> colour;
+  for (const SensorPose& pose : poses) {
+    if (!pose.colour) {
+      throw ConfigError(fmt::format(
+          "--camera colour: where the colour camera of {0} is to its depth camera is not known; "
+          "the "
+          "capture's recordings may say it, or \"colour\" of its capture.json; of an Azure Kinect, "
+          "give the raw calibration by --colour-camera {0}=FILE.json",
+          pose.name));
+    }
+    colour.push_back({pose.name,
+                      pose.structure_from_sensor * pose.colour->colour_from_depth.inverse(),
+                      pose.colour->intrinsics,
+                      {},
+                      pose.serial});
+  }
+  return colour;
+}
+
+/// p_world = T p_structure, and what the file says of the world.
+std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
+                                   const WorldChoice& choice) {
+  const std::string fixed = FixedUp(format);
+  if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
+    throw ConfigError(fmt::format("--up {}: in files of {}, {} is up", choice.up,
+                                  WordOf(kPoseFormatWords, format), fixed));
+  }
+  const std::string up = fixed.empty() ? choice.up : fixed;
+  FileFrame frame{"", choice.origin, choice.colour};
+  Pose world = Pose::Identity();
+  std::string origin;
+  if (choice.origin == "floor") {
+    if (!choice.floor_m) {
+      throw ConfigError(
+          "--origin floor: the input does not say where the floor is; an extrinsics.json of this "
+          "version of volalign does");
+    }
+    world.translation().y() = -*choice.floor_m;
+    origin = ", origin on the floor below the structure's";
+  } else if (choice.origin != "structure") {
+    const SensorPose& sensor = SensorNamed(poses, choice.origin);
+    if (up.empty()) {
+      frame.world = fmt::format("the camera of {}, x right, y down, z forward", sensor.name);
+      return {sensor.structure_from_sensor.inverse(), frame};
+    }
+    world.translation() = -sensor.structure_from_sensor.translation();
+    origin = fmt::format(", origin at the camera of {}", sensor.name);
+    frame.name = "level_at_" + sensor.name;
+  }
+  frame.world =
+      (up == "z" ? "z up, right-handed, (x, y, z) of volalign's structure frame is (x, -z, y)"
+                 : "y up, right-handed") +
+      origin;
+  return {up == "z" ? ZUp() * world : world, frame};
 }
 
 /// Of a format that is one text.
 struct TextCodec {
   PoseFormat format;
   Poses (*read)(const std::string& text, const std::string& name);
-  std::string (*write)(const Poses& poses);
+  std::string (*write)(const Poses& poses, const FileFrame& frame);
 };
 constexpr TextCodec kTextCodecs[] = {{PoseFormat::kPoses, ReadPosesJson, WritePosesJson},
                                      {PoseFormat::kOpen3d, ReadOpen3d, WriteOpen3d},
@@ -85,6 +168,7 @@ constexpr TextCodec kTextCodecs[] = {{PoseFormat::kPoses, ReadPosesJson, WritePo
                                      {PoseFormat::kOpencv, ReadOpencv, WriteOpencv},
                                      {PoseFormat::kRos, ReadRos, WriteRos},
                                      {PoseFormat::kUnity, ReadUnity, WriteUnity},
+                                     {PoseFormat::kCwipc, ReadCwipc, WriteCwipc},
                                      {PoseFormat::kTum, ReadTum, WriteTum},
                                      {PoseFormat::kCsv, ReadCsv, WriteCsv}};
 
@@ -94,11 +178,17 @@ const TextCodec& CodecOf(PoseFormat format) {
 }
 
 std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format,
-                                const PoseFormatOptions& options) {
+                                const ColourCameras& colour) {
   if (format == PoseFormat::kVolalign) return ReadPosesOfExtrinsics(path);
   if (IsFolder(format)) {
     const Files files = ReadFolder(path, format);
-    if (IsLivescan(format)) return ReadLivescan(files, LivescanCamera(format, options));
+    if (IsLivescan(format)) {
+      return ReadLivescan(files, [&](const std::string& name) {
+        const auto found = colour.find(name);
+        return LivescanCamera(format, name,
+                              found == colour.end() ? std::nullopt : std::optional(found->second));
+      });
+    }
     return format == PoseFormat::kColmap ? ReadColmap(files) : ReadVolumetricCapture(files);
   }
   return CodecOf(format).read(ReadFile(path, kMaxResultBytes), path.string());
@@ -107,7 +197,7 @@ std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat fo
 bool HoldsIntrinsics(PoseFormat format) {
   return format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
          format != PoseFormat::kVolumetricCapture && format != PoseFormat::kTum &&
-         !IsLivescan(format);
+         format != PoseFormat::kCwipc && !IsLivescan(format);
 }
 
 /// Throws where the format cannot be written; what it leaves out.
@@ -156,28 +246,49 @@ PoseFormat ParsePoseFormat(const std::string& word) {
 }
 
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
-                                  const PoseFormatOptions& options) {
-  std::vector<SensorPose> poses = ReadAny(path, format, options);
+                                  const ColourCameras& colour) {
+  std::vector<SensorPose> poses = ReadAny(path, format, colour);
   if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
-  for (const SensorPose& pose : poses) RequirePlainName(pose.name, path.string());
+  for (SensorPose& pose : poses) {
+    RequirePlainName(pose.name, path.string());
+    if (IsZUp(format)) pose.structure_from_sensor = ZUp().inverse() * pose.structure_from_sensor;
+    const auto given = colour.find(pose.name);
+    if (given != colour.end()) pose.colour = given->second;
+  }
   return poses;
+}
+
+std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format) {
+  return format == PoseFormat::kVolalign ? ReadExtrinsics(path).structure.floor_m : std::nullopt;
 }
 
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
                                     const std::vector<SensorPose>& poses,
-                                    const PoseFormatOptions& options) {
+                                    const WorldChoice& choice) {
   if (format == PoseFormat::kVolalign)
     throw ConfigError(
         "only `volalign calibrate` writes an extrinsics.json; --to poses has the "
         "poses and intrinsics alone");
-  std::vector<std::string> lost = CheckPlace(format, poses);
+  if (choice.colour && IsLivescan(format)) {
+    throw ConfigError(
+        fmt::format("--camera colour: {} says by itself which camera its poses are of",
+                    WordOf(kPoseFormatWords, format)));
+  }
+  std::vector<SensorPose> cameras = choice.colour ? ColourPoses(poses) : poses;
+  const auto [world_from_structure, frame] = WorldOf(format, cameras, choice);
+  for (SensorPose& camera : cameras)
+    camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
+  std::vector<std::string> lost = CheckPlace(format, cameras);
   if (!IsFolder(format)) {
-    WriteFileAtomically(path, CodecOf(format).write(poses));
+    WriteFileAtomically(path, CodecOf(format).write(cameras, frame));
     return lost;
   }
-  const Files files = IsLivescan(format) ? WriteLivescan(poses, LivescanCamera(format, options))
-                      : format == PoseFormat::kColmap ? WriteColmap(poses)
-                                                      : WriteVolumetricCapture(poses);
+  const auto camera_of = [&](const std::string& name) {
+    return LivescanCamera(format, name, SensorNamed(cameras, name).colour);
+  };
+  const Files files = IsLivescan(format)              ? WriteLivescan(cameras, camera_of)
+                      : format == PoseFormat::kColmap ? WriteColmap(cameras, frame)
+                                                      : WriteVolumetricCapture(cameras);
   for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
   return lost;
 }

@@ -9,6 +9,7 @@
 
 #include "infer/checks/verdict.h"
 #include "infer/refine/refine.h"
+#include "infer/report/sensors_table.h"
 
 namespace volalign {
 
@@ -56,40 +57,16 @@ std::string OverlapTable(const CalibrationResult& result) {
   return text + summary;
 }
 
-std::string SensorRow(const FrameResult& sensor, std::size_t width) {
-  const std::string head =
-      fmt::format("{:<{}}  {:<6}", sensor.name, width, ToString(sensor.status));
-  if (!sensor.structure_from_sensor) return head + "\n";
-  std::string row = fmt::format(
-      "{}  {:>10}  {:>5}  {:>7.1f}  {:>8.2f}  {:>9.3f}  {:>5.0f} %  {:>9}", head,
-      ToString(sensor.initial_source), sensor.sides.size(), 1000 * sensor.rms_to_structure_m,
-      1000 * sensor.sigma_position_m().maxCoeff(), sensor.sigma_rotation_deg().maxCoeff(),
-      100 * sensor.inlier_share, sensor.refinement_accepted ? "yes" : "no");
-  if (sensor.error) {
-    row += fmt::format("  {:>8.2f}  {:>9.3f}", 1000 * sensor.error->translation_m,
-                       sensor.error->rotation_deg);
-  }
-  return row + "\n";
-}
-
 std::string SensorTable(const std::vector<FrameResult>& sensors) {
-  std::size_t width = 6;
-  bool truth = false;
-  for (const FrameResult& sensor : sensors) {
-    width = std::max(width, sensor.name.size());
-    truth = truth || sensor.error.has_value();
-  }
-  std::string text = fmt::format("{:<{}}  {:<6}  {:>10}  {:>5}  {:>7}  {:>8}  {:>8}  {:>7}  {:>9}",
-                                 "sensor", width, "status", "initial", "sides", "rms mm",
-                                 "sigma mm", "sigma deg", "inliers", "refined");
-  if (truth) text += fmt::format("  {:>8}  {:>9}", "error mm", "error deg");
-  text += '\n';
-  for (const FrameResult& sensor : sensors) text += SensorRow(sensor, width);
+  const bool truth = std::any_of(sensors.begin(), sensors.end(), [](const FrameResult& sensor) {
+    return sensor.error.has_value();
+  });
+  std::string text = FormatTable(SensorsTable(sensors), TableFormat::kText);
   text +=
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
       "structure, of those within 10 cm;\nsigma: the largest standard deviation of the sensor's "
-      "position along an axis, and of its rotation about one;\ninliers: labelled points within 3 "
-      "cm; refined: no where the initial pose was kept";
+      "position along an axis, and of its rotation about one;\ninliers: labelled points "
+      "on the structure; refined: no where the initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
 }
@@ -133,8 +110,11 @@ std::string Reasons(const std::vector<FrameResult>& sensors) {
       said[j] = 1;
       names += ", " + other.name;
     }
-    text += fmt::format("{} {} {} ({}): {}; {}\n", names, names == sensor.name ? "is" : "are",
-                        ToString(sensor.status), ToString(sensor.code), sensor.reason, sensor.hint);
+    const char* verb = sensor.status == SensorStatus::kFailed ? ""
+                       : names == sensor.name                 ? "is "
+                                                              : "are ";
+    text += fmt::format("{} {}{} ({}): {}; {}\n", names, verb, ToString(sensor.status),
+                        ToString(sensor.code), sensor.reason, sensor.hint);
   }
   text += BothPosesOf(sensors);
   for (const FrameResult& sensor : sensors) {
@@ -260,6 +240,48 @@ std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s
 }
 
 }  // namespace
+
+Table SensorsTable(const std::vector<FrameResult>& sensors) {
+  Table table;
+  table.columns = {"sensor",
+                   "status",
+                   {"code", ""},
+                   {"reason", ""},
+                   {"hint", ""},
+                   "initial",
+                   "sides",
+                   {"rms_m", "rms mm", 1000, 1},
+                   {"sigma_m", "sigma mm", 1000, 2},
+                   {"sigma_deg", "sigma deg", 1, 3},
+                   {"inliers", "inliers %", 100, 0},
+                   "refined",
+                   {"error_m", "error mm", 1000, 2},
+                   {"error_deg", "error deg", 1, 3}};
+  for (const FrameResult& sensor : sensors) {
+    std::vector<Table::Cell> row = {sensor.name, ToString(sensor.status)};
+    row.resize(table.columns.size());
+    if (sensor.status != SensorStatus::kOk) {
+      row[2] = ToString(sensor.code);
+      row[3] = sensor.reason;
+      row[4] = sensor.hint;
+    }
+    if (sensor.structure_from_sensor) {
+      row[5] = ToString(sensor.initial_source);
+      row[6] = CellOf(sensor.sides.size());
+      row[7] = sensor.rms_to_structure_m;
+      row[8] = sensor.sigma_position_m().maxCoeff();
+      row[9] = sensor.sigma_rotation_deg().maxCoeff();
+      row[10] = sensor.inlier_share;
+      row[11] = sensor.refinement_accepted;
+    }
+    if (sensor.structure_from_sensor && sensor.error) {
+      row[12] = sensor.error->translation_m;
+      row[13] = sensor.error->rotation_deg;
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
 
 std::string FormatNotes(const CalibrationResult& result) {
   return BothPosesOf(result.sensors) + Placements(result) + Lenses(result.sensors);

@@ -9,6 +9,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/json/json_archive.h"
+#include "infer/rigcheck/movement_table.h"
 
 namespace volalign {
 
@@ -40,7 +41,7 @@ std::vector<SensorEstimate> EstimatesOf(const Extrinsics& extrinsics) {
 std::string Lacks(const Sensor* sensor, const std::string& when) {
   if (!sensor) return fmt::format("the rig does not have it {}", when);
   if (!sensor->structure_from_sensor) {
-    return fmt::format("it is failed {} ({}): {}", when, ToString(sensor->code), sensor->reason);
+    return fmt::format("it failed {} ({}): {}", when, ToString(sensor->code), sensor->reason);
   }
   return IsComparable(*sensor) ? "" : fmt::format("its uncertainty {} is not known", when);
 }
@@ -69,22 +70,8 @@ bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-std::string Table(const Movements& movements) {
-  std::size_t width = 6;
-  for (const SensorMovement& sensor : movements.sensors)
-    width = std::max(width, sensor.name.size());
-  std::string text = fmt::format("{:<{}}  {:<9}  {:>8}  {:>7}  {:>11}  {:>8}  {:>8}\n", "sensor",
-                                 width, "now", "apart mm", "deg", "probability", "found mm", "deg");
-  for (const SensorMovement& sensor : movements.sensors) {
-    text += fmt::format("{:<{}}  {:<9}", sensor.name, width, ToString(sensor.movement));
-    if (movements.last_from_now) {
-      text += fmt::format("  {:>8.1f}  {:>7.3f}  {:>11.2g}  {:>8.0f}  {:>8.2f}",
-                          1000 * sensor.translation_m, sensor.rotation_deg, sensor.probability,
-                          1000 * sensor.found_from_m, sensor.found_from_deg);
-    }
-    text += '\n';
-  }
-  return text +
+std::string MovementText(const Movements& movements) {
+  return FormatTable(MovementTable(movements), TableFormat::kText) +
          "apart: between its two poses; probability: of so much or more by the errors of both "
          "calibrations; found: a movement or a turn of it in any direction is found with 95 % "
          "probability from here on\n";
@@ -212,8 +199,30 @@ void WriteRigCheck(const std::filesystem::path& path, const RigCheck& check) {
   WriteFileAtomically(path, RigCheckText(check, path.string()));
 }
 
+Table MovementTable(const Movements& movements) {
+  Table table;
+  table.columns = {"sensor",
+                   {"movement", "now"},
+                   {"translation_m", "apart mm", 1000, 1},
+                   {"rotation_deg", "deg", 1, 3},
+                   {"probability", "probability"},
+                   {"found_from_m", "found mm", 1000, 0},
+                   {"found_from_deg", "deg", 1, 2}};
+  for (const SensorMovement& sensor : movements.sensors) {
+    std::vector<Table::Cell> row = {sensor.name, ToString(sensor.movement)};
+    row.resize(table.columns.size());
+    if (movements.last_from_now) {
+      row = {sensor.name,          ToString(sensor.movement), sensor.translation_m,
+             sensor.rotation_deg,  sensor.probability,        sensor.found_from_m,
+             sensor.found_from_deg};
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 std::string FormatRigCheck(const RigCheck& check) {
-  std::string text = Table(check.movements);
+  std::string text = MovementText(check.movements);
   for (const RigCheck::NotCompared& sensor : check.not_compared)
     text += fmt::format("{} is not compared: {}\n", sensor.name, sensor.reason);
   if (!check.same_structure) {

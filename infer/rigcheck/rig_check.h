@@ -17,7 +17,7 @@ struct RigCheck {
   /// A sensor of either that has not two poses to compare.
   struct NotCompared {
     std::string name;
-    std::string reason;  ///< a part of a sentence, "it is failed now (no_depth): ..."
+    std::string reason;  ///< a part of a sentence, "it failed now (no_depth): ..."
   };
   std::string tool;
   std::string last;  ///< extrinsics.json

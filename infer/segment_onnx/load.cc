@@ -15,8 +15,10 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/text.h"
 #include "infer/segment_onnx/encode_depth.h"
 #include "infer/segment_onnx/onnx_network.h"
+#include "infer/segment_onnx/onnx_runtime.h"
 
 namespace volalign {
 
@@ -26,14 +28,14 @@ namespace {
 /// sensors, each in both orientations.
 constexpr std::size_t kMostNets = 4;
 
-/// The most probable class of each pixel of log-probabilities [1,K,H,W], and its probability.
-SegmentationResult MostProbable(const cv::Mat& log_probabilities, int width, int height) {
-  const int classes = log_probabilities.size[1];
+/// The most probable class of each pixel of log-probabilities [K,H,W], and its probability.
+SegmentationResult MostProbable(const float* log_probabilities, int classes, int width,
+                                int height) {
   SegmentationResult result{LabelImage(width, height), Image<float>(width, height)};
   Image<float>& best = result.confidence;
-  std::copy_n(log_probabilities.ptr<float>(0, 0), best.size(), best.begin());
+  std::copy_n(log_probabilities, best.size(), best.begin());
   for (int k = 1; k < classes; ++k) {
-    const float* const plane = log_probabilities.ptr<float>(0, k);
+    const float* const plane = log_probabilities + static_cast<std::size_t>(k) * best.size();
     for (std::size_t i = 0; i < best.size(); ++i) {
       if (!(plane[i] > best[i])) continue;
       best[i] = plane[i];
@@ -42,6 +44,11 @@ SegmentationResult MostProbable(const cv::Mat& log_probabilities, int width, int
   }
   for (float& value : best) value = std::exp(value);
   return result;
+}
+
+[[noreturn]] void FailForShape(const NetworkSegmenter& of, int classes, int width, int height) {
+  throw Error(fmt::format("{}: {} gives log-probabilities of another shape than {}x{}x{}",
+                          of.file(), of.runtime(), classes, height, width));
 }
 
 class OnnxSegmenter : public NetworkSegmenter {
@@ -104,10 +111,10 @@ std::vector<SegmentationResult> OnnxSegmenter::Forward(
       const int expected[] = {1, options.num_classes, height, width};
       if (log_probabilities.dims != 4 || log_probabilities.type() != CV_32F ||
           !std::equal(expected, expected + 4, log_probabilities.size.p)) {
-        throw Error(fmt::format("{}: OpenCV gives log-probabilities of another shape than {}x{}x{}",
-                                file(), options.num_classes, height, width));
+        FailForShape(*this, options.num_classes, width, height);
       }
-      results.push_back(MostProbable(log_probabilities, width, height));
+      results.push_back(
+          MostProbable(log_probabilities.ptr<float>(), options.num_classes, width, height));
     }
   } catch (const cv::Exception& error) {
     throw Error(fmt::format("{}: OpenCV cannot run it on {}x{} pixels: {}", file(), width, height,
@@ -116,22 +123,97 @@ std::vector<SegmentationResult> OnnxSegmenter::Forward(
   return results;
 }
 
-}  // namespace
+class ForeignSegmenter : public NetworkSegmenter {
+ public:
+  ForeignSegmenter(int classes, OnnxRuntime runtime, NetworkDescription description)
+      : NetworkSegmenter(std::move(description)), classes_(classes), runtime_(std::move(runtime)) {}
 
-std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
-                                                    const Structure* structure) {
-  const std::string bytes = ReadFile(FindInputFile(file.string()), kMaxOnnxBytes);
+ private:
+  std::vector<SegmentationResult> Forward(const std::vector<const DepthImage*>& depths) override {
+    std::vector<SegmentationResult> results;
+    results.reserve(depths.size());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const DepthImage* depth : depths) {
+      const std::vector<float> log_probabilities = runtime_.log_probabilities(*depth);
+      if (log_probabilities.size() != static_cast<std::size_t>(classes_) * depth->size())
+        FailForShape(*this, classes_, depth->width(), depth->height());
+      results.push_back(
+          MostProbable(log_probabilities.data(), classes_, depth->width(), depth->height()));
+    }
+    return results;
+  }
+
+  std::mutex mutex_;
+  const int classes_;
+  const OnnxRuntime runtime_;
+};
+
+struct CheckedFile {
+  std::string bytes;
   OnnxNetwork network;
+  NetworkDescription description;
+};
+
+CheckedFile ReadChecked(const std::filesystem::path& file, const Structure* structure) {
+  CheckedFile read;
+  read.bytes = ReadFile(FindInputFile(file.string()), kMaxOnnxBytes);
   try {
-    network = ReadOnnxNetwork(bytes);
+    read.network = ReadOnnxNetwork(read.bytes);
   } catch (const DataError& error) {
     throw DataError(fmt::format("{}: not a whole ONNX file of volalign export ({})", file.string(),
                                 error.what()));
   }
-  if (structure) CheckStructure(network.meta, *structure);
-  NetworkDescription description{network.meta.structure, network.meta.focal_px, file.string(),
-                                 Sha256(bytes), "OpenCV " CV_VERSION};
-  return std::make_unique<OnnxSegmenter>(std::move(network), std::move(description));
+  const CheckpointMeta& meta = read.network.meta;
+  if (structure) CheckStructure(meta, *structure);
+  read.description = {meta.structure, meta.focal_px, file.string(), Sha256(read.bytes), ""};
+  return read;
+}
+
+std::unique_ptr<NetworkSegmenter> ByOpenCv(CheckedFile read) {
+  read.description.runtime = "OpenCV " CV_VERSION;
+  return std::make_unique<OnnxSegmenter>(std::move(read.network), std::move(read.description));
+}
+
+std::unique_ptr<NetworkSegmenter> By(OnnxRuntime runtime, CheckedFile read) {
+  read.description.runtime = runtime.name;
+  return std::make_unique<ForeignSegmenter>(read.network.meta.network.num_classes,
+                                            std::move(runtime), std::move(read.description));
+}
+
+}  // namespace
+
+std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
+                                                    const Structure* structure) {
+  return ByOpenCv(ReadChecked(file, structure));
+}
+
+std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(
+    const std::filesystem::path& file, const Structure* structure,
+    const std::function<OnnxRuntime(const std::string& bytes)>& start) {
+  CheckedFile read = ReadChecked(file, structure);
+  OnnxRuntime runtime = start(read.bytes);
+  return By(std::move(runtime), std::move(read));
+}
+
+std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
+                                                    const Structure* structure,
+                                                    const std::string& runtime, int threads) {
+  const bool either = runtime == "auto", is_path = runtime.find('/') != std::string::npos;
+  if (!either && runtime != "opencv" && runtime != "onnxruntime" && !is_path) {
+    throw ConfigError(
+        fmt::format("runtime = {} is none of auto, opencv, onnxruntime, and no path with a '/'",
+                    Shortened(runtime)));
+  }
+  CheckedFile read = ReadChecked(file, structure);
+  if (runtime == "opencv") return ByOpenCv(std::move(read));
+  try {
+    OnnxRuntime started = StartOnnxRuntime(is_path ? runtime : "", read.bytes,
+                                           read.network.meta.network.num_classes, threads);
+    return By(std::move(started), std::move(read));
+  } catch (const ConfigError&) {
+    if (!either) throw;
+    return ByOpenCv(std::move(read));
+  }
 }
 
 }  // namespace volalign

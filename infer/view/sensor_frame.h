@@ -6,6 +6,7 @@
 
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
+#include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {
@@ -32,6 +33,8 @@ struct SensorFrame {
   std::vector<std::string> depth_files;  ///< as the capture names them
   double depth_scale = 0.001;            ///< m per unit of the depth files
   std::string serial;
+  std::string renderer;  ///< that drew the frame, where no sensor measured it
+  std::optional<ColourCamera> colour;
 };
 
 /// What the sensors saw while the stack stood in one place.

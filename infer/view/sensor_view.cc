@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
+#include "infer/view/prior_errors.h"
 
 namespace volalign {
 
@@ -34,7 +35,8 @@ double SensorView::PixelArea(int u, int v, double z, const Eigen::Vector3d& norm
   return z * z * ray_areas(u, v) / std::max(std::abs(normal.dot(ray)), kGrazing * ray.norm());
 }
 
-SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics) {
+SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics,
+                          const DepthErrorModel& errors) {
   if (depth.width() != intrinsics.width || depth.height() != intrinsics.height) {
     throw DataError(fmt::format(
         "the depth map is {}x{} but the intrinsics are for {}x{}; give those of this resolution",
@@ -42,6 +44,7 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
   }
   SensorView view;
   view.depth = depth;
+  view.errors = errors;
   view.rays = ComputeRays(intrinsics);
   view.ray_areas = RayAreas(intrinsics, view.rays);
   for (std::size_t i = 0; i < view.depth.size(); ++i) {
@@ -53,7 +56,7 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics)
 }
 
 SensorView MakeSensorView(const SensorFrame& frame, const Intrinsics& intrinsics) {
-  SensorView view = MakeSensorView(frame.depth, intrinsics);
+  SensorView view = MakeSensorView(frame.depth, intrinsics, PriorErrorsOf(frame.sensor));
   if (frame.depth_sigma.empty()) return view;
   if (frame.depth_sigma.width() != frame.depth.width() ||
       frame.depth_sigma.height() != frame.depth.height()) {
@@ -74,6 +77,7 @@ SensorView Corrected(SensorView view, double gain, double offset) {
 SensorView Decimate(const SensorView& view, int stride) {
   if (stride <= 1) return view;
   SensorView small;
+  small.errors = view.errors;
   small.depth = DecimateImage(view.depth, stride);
   if (!view.depth_sigma.empty()) small.depth_sigma = DecimateImage(view.depth_sigma, stride);
   small.rays.width = small.depth.width();

@@ -5,6 +5,7 @@
 
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
+#include "core/geometry/sensor_kind.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -18,6 +19,7 @@ struct SensorView {
   /// What each pixel covers of the plane z = 1, m^2: 1 / (fx fy |J|), J being the lens's derivative
   /// at the pixel's ray (BendRay); 0 where it has no ray.
   Image<float> ray_areas;
+  DepthErrorModel errors = ErrorsOf("");  ///< of the sensor's kind
 
   int width() const { return depth.width(); }
   int height() const { return depth.height(); }
@@ -44,8 +46,10 @@ struct SensorView {
 };
 
 /// The view of a frame, without depths that are not finite and positive and without those of pixels
-/// that have no ray. Throws DataError if the image and the intrinsics differ in size.
-SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics);
+/// that have no ray; by default of a kind that nothing knows. Throws DataError if the image and the
+/// intrinsics differ in size.
+SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics,
+                          const DepthErrorModel& errors = ErrorsOf(""));
 
 /// The view of a frame with its depth_sigma, through these intrinsics instead of its own. Throws
 /// DataError also where that is of another size.

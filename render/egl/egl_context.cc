@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <tuple>
 #include <vector>
 
 #include "core/base/error.h"
@@ -68,7 +69,9 @@ EGLContext TryContext(EGLDisplay display) {
   if (!eglChooseConfig(display, kConfig, &config, 1, &count) || count < 1) {
     config = EGL_NO_CONFIG_KHR;
   }
-  static const EGLint kContext[] = {EGL_CONTEXT_MAJOR_VERSION,
+  static const EGLint kContext[] = {EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY,
+                                    EGL_LOSE_CONTEXT_ON_RESET,
+                                    EGL_CONTEXT_MAJOR_VERSION,
                                     4,
                                     EGL_CONTEXT_MINOR_VERSION,
                                     5,
@@ -76,7 +79,10 @@ EGLContext TryContext(EGLDisplay display) {
                                     EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
                                     EGL_NONE};
   eglBindAPI(EGL_OPENGL_API);
-  return eglCreateContext(display, config, EGL_NO_CONTEXT, kContext);
+  // A device's driver tells of its reset. Mesa's software driver knows none and refuses to.
+  const EGLContext context = eglCreateContext(display, config, EGL_NO_CONTEXT, kContext);
+  if (context != EGL_NO_CONTEXT) return context;
+  return eglCreateContext(display, config, EGL_NO_CONTEXT, kContext + 2);
 }
 
 /// Mesa's software driver compiles shaders with libLLVM. Debian 13's LibTorch exports functions of
@@ -93,6 +99,17 @@ void KeepMesaFromForeignLlvm() {
   ::dlopen(driver.c_str(), kOwnFirst);
 }
 
+/// libepoxy ends the process where it cannot open one of these.
+void RequireLibraries() {
+  for (const auto& [name, other, package] : {std::tuple("libEGL.so.1", "libEGL.so.1", "libegl1"),
+                                             {"libOpenGL.so.0", "libGL.so.1", "libopengl0"}}) {
+    if (::dlopen(name, RTLD_LAZY | RTLD_LOCAL) || ::dlopen(other, RTLD_LAZY | RTLD_LOCAL)) continue;
+    const char* why = ::dlerror();
+    throw IoError(fmt::format("EGL: {} cannot be opened ({}); install the Debian package {}", name,
+                              why ? why : "no reason", package));
+  }
+}
+
 /// Displays that were initialised by this process; guarded by `mutex`.
 struct DisplayTable {
   std::mutex mutex;
@@ -101,6 +118,7 @@ struct DisplayTable {
 
 DisplayTable& Displays() {
   static auto* const table = [] {
+    RequireLibraries();
     KeepMesaFromForeignLlvm();  // before EGL is used for the first time
     return new DisplayTable;    // outlives every thread
   }();

@@ -232,6 +232,11 @@ void GlDepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics
   DrawIds(mesh, picture.pinhole, structure_from_sensor);
   DrawThroughLens(picture, ids_, vertices_, first_vertex_, view);
   const GLenum error = glGetError();
+  if (error == GL_CONTEXT_LOST) {
+    throw Error(
+        "OpenGL: the device was reset, and its context is lost; give the command again, or with "
+        "the renderer cpu, which needs no OpenGL");
+  }
   if (error != GL_NO_ERROR) {
     throw Error(fmt::format("OpenGL: error {:#x} while drawing {} faces at {}x{}", error,
                             vertices_.size() / 4, width_, height_));

@@ -23,7 +23,7 @@ run() {
   local assignments=()
   for assignment in "$@"; do assignments+=(--set "$assignment"); done
   "$program" train --config configs/ablation.yaml "${assignments[@]}" -o "$out/$name" 2>"$out/$name/train.log"
-  "$program" validate --model "$out/$name/model.pt" --config configs/ablation.yaml --samples 1000 >"$out/$name/validation.md"
+  "$program" validate --model "$out/$name/model.pt" --config configs/ablation.yaml --samples 1000 >"$out/$name/validation.txt"
   if [ ${#captures[@]} -gt 0 ]; then
     "$program" evaluate --model "$out/$name/model.pt" --captures "${captures[@]}" -o "$out/$name/captures" \
       >"$out/$name/captures.md" 2>/dev/null || true
@@ -42,6 +42,6 @@ run full-seed-3 run.seed=3
 
 for name in paper-noise rooms sensors full no-attention no-procrustes full-seed-2 full-seed-3; do
   echo "## $name"
-  grep '^| all' "$out/$name/validation.md"
+  grep ' all ' "$out/$name/validation.txt"
   [ ! -f "$out/$name/captures.md" ] || cat "$out/$name/captures.md"
 done

@@ -15,10 +15,11 @@ import json
 import math
 import pathlib
 import random
-import struct
 import subprocess
 import sys
-import zlib
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+from grey_png import read_png  # noqa: E402
 
 SENSORS = ["azure_kinect_nfov_binned", "kinect_v2", "kinect_v1", "realsense_d415"]
 MOST_OFF_M, MOST_OFF_DEG = 0.10, 5  # of a pose that is not wrong
@@ -60,35 +61,6 @@ def write_inputs(folder, seed, sensor, boxes):
     (folder / "rig.yaml").write_text("\n".join(lines) + "\n")
 
 
-def read_png(path):
-    """Rows of a grey PNG, of 8 or 16 bits."""
-    data, at, body = path.read_bytes(), 8, b""
-    while at < len(data):
-        size, kind = struct.unpack(">I4s", data[at:at + 8])
-        part = data[at + 8:at + 8 + size]
-        if kind == b"IHDR":
-            width, height, bits = struct.unpack(">IIB", part[:9])
-        elif kind == b"IDAT":
-            body += part
-        at += size + 12
-    step = bits // 8
-    body, stride, rows, before = zlib.decompress(body), width * step, [], bytearray(width * step)
-    for v in range(height):
-        method, row = body[v * (stride + 1)], bytearray(body[v * (stride + 1) + 1:(v + 1) * (stride + 1)])
-        for i in range(stride if method else 0):
-            a, b = row[i - step] if i >= step else 0, before[i]
-            c = before[i - step] if i >= step else 0
-            if method == 4:
-                p = a + b - c
-                best = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
-            else:
-                best = (0, a, b, (a + b) // 2)[method]
-            row[i] = (row[i] + best) & 255
-        rows.append(row if step == 1 else struct.unpack(f">{width}H", row))
-        before = row
-    return rows
-
-
 def sees_enough(folder, capture, sensor, truth):
     """Two boxes or more, and some floor?"""
     labels = read_png(folder / f"{sensor['name']}_labels.png")
@@ -127,7 +99,7 @@ def calibrate(options, seed, sensor):
         run([options.program, "render", "--rig", folder / "rig.yaml", "-o", folder] +
             [part for change in changes for part in ("--set", change)])
         run([options.program, "calibrate", "--capture", folder / "capture.json", "--structure", folder / "stack.yaml",
-             "-o", folder / "out"])
+             "--model", "none", "-o", folder / "out"])
     capture, extrinsics = json.loads((folder / "capture.json").read_text()), json.loads(result.read_text())
     rows = []
     for one in capture["sensors"]:
@@ -169,6 +141,7 @@ def print_table(rows, sensors):
         print(f"| {sensor} | {sum(row['status'] != 'failed' and not row['off'] for row in enough)} of {len(enough)} | {len(right)} of {len(some)} | "
               f"{wrong['ok']} | {wrong['weak']} | {quantiles([row['initial_mm'] for row in right])} | "
               f"{quantiles([row['mm'] for row in right])} | {quantiles([row['seconds'] for row in some])} |")
+    print()
     for row in rows:
         if row["off"] or (row["enough"] and row["status"] == "failed"):
             print(f"- stack {row['stack']}, {row['sensor']} {row['name']}: {row['status']} {row['code']}, "

@@ -2,12 +2,16 @@
 """What attention, the soft Procrustes term and the range of distances are worth, over seeds.
 
   claims.py VOLALIGN RUNS [--samples 1008]
+  claims.py VOLALIGN MODELS --validations 5 [--samples 400] [--scores FOLDER]
 
 RUNS holds the runs of `volalign train --sweep configs/paper/claims.yaml -o RUNS`; those that are not finished are left out. Each
 model is scored (volalign validate) on samples of its own recipe, and m03, m05 and m07 on those of m07's distances, 150 to 350 cm;
 scores that are there already are kept (RUNS/NAME/own.json, far.json). Printed as Markdown: mean and standard deviation over seeds of each model; the
 differences that the paper claims, with Student's paired t-test over seeds (two-sided; models with the same seed and range see
 the same samples); and scores by distance. Needs SciPy.
+
+MODELS holds one checkpoint of each model, m01.pt to m07.pt: seeds are then those of so many validation sets, so that intervals speak
+of these very networks and not of others that the same recipe would give.
 """
 
 import argparse
@@ -20,8 +24,8 @@ import sys
 
 from scipy import stats
 
-CLAIMS = [("attention", "m01", "m02"), ("Procrustes term, 150-225 cm", "m02", "m03"),
-          ("Procrustes term, 150-275 cm", "m04", "m05"), ("Procrustes term, 150-350 cm", "m06", "m07")]
+CLAIMS = [("attention", "m01", "m02"), ("Procrustes, 150-225 cm", "m02", "m03"),
+          ("Procrustes, 150-275 cm", "m04", "m05"), ("Procrustes, 150-350 cm", "m06", "m07")]
 RANGES = ["m03", "m05", "m07"]
 BANDS = ["150-225", "225-275", "275-350"]
 # Name in the file, heading, factor, decimals.
@@ -39,10 +43,10 @@ def finished(run):
     return json.loads(rows[-1])["samples"] >= wanted
 
 
-def score(program, run, name, samples, assignments):
-    path = run / f"{name}.json"
+def score(program, model, path, samples, assignments):
     if not path.exists():
-        command = [program, "validate", "--model", str(run / "model.pt"), "--samples", str(samples), "--threads", "1", "-o", str(path)]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        command = [program, "validate", "--model", str(model), "--samples", str(samples), "--threads", "1", "-o", str(path)]
         for assignment in assignments:
             command += ["--set", assignment]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
@@ -64,7 +68,7 @@ def mean_and_spread(scores, metric, factor, decimals):
     all_of = [factor * v for v in values(scores, metric).values()]
     if not all_of:
         return "-"
-    spread = f" +- {statistics.stdev(all_of):.{decimals}f}" if len(all_of) > 1 else ""
+    spread = f" ± {statistics.stdev(all_of):.{decimals}f}" if len(all_of) > 1 else ""
     return f"{statistics.mean(all_of):.{decimals}f}{spread}"
 
 
@@ -76,7 +80,7 @@ def difference(before, after, metric, factor, decimals):
     gains = [factor * (b[s] - a[s]) for s in seeds]
     p = stats.ttest_rel([b[s] for s in seeds], [a[s] for s in seeds]).pvalue
     half = stats.t.ppf(0.975, len(gains) - 1) * statistics.stdev(gains) / len(gains) ** 0.5
-    return f"{statistics.mean(gains):+.{decimals}f} +- {half:.{decimals}f} (p = {p:.3f})"
+    return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f} (p = {p:.3f})"
 
 
 def table(heading, rows):
@@ -91,18 +95,27 @@ def main():
     parser.add_argument("program")
     parser.add_argument("runs", type=pathlib.Path)
     parser.add_argument("--samples", type=int, default=1008)
+    parser.add_argument("--validations", type=int, default=0)
+    parser.add_argument("--scores", type=pathlib.Path, default=pathlib.Path("out/claims"))
     arguments = parser.parse_args()
+    entries = []  # model, seed, checkpoint, folder of its scores, settings
+    if arguments.validations:
+        for model in sorted(arguments.runs.glob("m0?.pt")):
+            for seed in range(2000001, 2000001 + arguments.validations):
+                entries.append((model.stem, seed, model, arguments.scores / f"{model.stem}_{seed}", [f"run.validation_seed={seed}"]))
+    else:
+        for run in sorted(arguments.runs.iterdir()):
+            name = re.fullmatch(r"(m0\d)_run\.seed=(\d+)", run.name)
+            if name and finished(run):
+                entries.append((name[1], int(name[2]), run / "model.pt", run, []))
     own, far = {}, {}  # model -> seed -> scores
-    for run in sorted(arguments.runs.iterdir()):
-        name = re.fullmatch(r"(m0\d)_run\.seed=(\d+)", run.name)
-        if not name or not finished(run):
-            continue
-        model, seed = name[1], int(name[2])
-        own.setdefault(model, {})[seed] = score(arguments.program, run, "own", arguments.samples, [])
+    for model, seed, checkpoint, folder, settings in entries:
+        own.setdefault(model, {})[seed] = score(arguments.program, checkpoint, folder / "own.json", arguments.samples, settings)
         if model in RANGES:
-            far.setdefault(model, {})[seed] = score(arguments.program, run, "far", arguments.samples, ["data.pose.rho_cm=[150,350]"])
+            far.setdefault(model, {})[seed] = score(arguments.program, checkpoint, folder / "far.json", arguments.samples,
+                                                    settings + ["data.pose.rho_cm=[150,350]"])
     if not own:
-        sys.exit(f"{arguments.runs} holds no finished run of configs/paper/claims.yaml")
+        sys.exit(f"{arguments.runs} holds no finished run of configs/paper/claims.yaml, and no m01.pt for --validations")
 
     headings = [heading for _, heading, _, _ in METRICS]
     print("Mean and standard deviation over seeds, each model on samples of its own distances:\n")

@@ -98,7 +98,7 @@ def main(build, rounds):
         rows += [(f"ONNX, {p}", "ONNX Runtime", models["onnx", p], here) for p in ("fp32", "fp16")]
         rows += [(f"ONNX, {p}", "volalign, OpenCV", models["onnx", p], own) for p in ("fp32", "fp16")]
         reference = None
-        print("| format | size, MB | runtime | labels equal | ms a frame |\n|---|---|---|---|---|")
+        print("| format | size, MB | runtime | labels equal | ms per frame |\n|---|---|---|---|---|")
         for format_, runtime, model, command in rows:
             done = subprocess.run(command(model), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False, env=ENVIRONMENT)
             if done.returncode != 0:

@@ -72,16 +72,15 @@ int Main(int argc, char** argv) {
   std::cout << ToString(compute) << std::endl;
   std::int64_t samples = 1;
   for (std::string line; std::getline(std::cin, line);) {
-    StepReport report;
-    const at::Tensor norm =
-        ComputeGradient(learner, loss, batch, compute, samples++, config.run.micro_batch, &report);
+    StepTimes times;
+    const StepNumbers numbers =
+        ComputeGradient(learner, loss, batch, compute, samples++, config.run.micro_batch, &times);
     const auto start = std::chrono::steady_clock::now();
-    learner.Update(1e-4, norm);
-    report.times.optim =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    std::cout << fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {}", report.times.forward,
-                             report.times.loss, report.times.backward, report.times.optim,
-                             report.loss)
+    learner.Update(1e-4, numbers.norm, numbers.finite);
+    Synchronize(compute.device);
+    times.optim = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    std::cout << fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {}", times.forward, times.loss,
+                             times.backward, times.optim, ReadSums(numbers.Sums()).loss)
               << std::endl;
   }
   return 0;

@@ -90,7 +90,7 @@ def main():
     parser.add_argument("--json")
     args = parser.parse_args()
     rows = []
-    print(f"| width | threads | precision | layout | | ms a sample | {' | '.join(PARTS)} |")
+    print(f"| width | threads | precision | layout | | ms per sample | {' | '.join(PARTS)} |")
     print("|---" * (6 + len(PARTS)) + "|")
     for width, threads, precision, layout in itertools.product(
             args.widths.split(","), args.threads.split(","), args.precisions.split(","), args.layouts.split(",")):

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <string>
@@ -22,6 +23,7 @@
 #include <vector>
 
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
 #include "core/config/config.h"
 #include "core/formats/image_io.h"
 #include "core/formats/structure_gltf.h"
@@ -117,10 +119,14 @@ TEST_F(Program, SaysWhatItCanDo) {
     EXPECT_EQ(run.status, 1) << arguments;
     EXPECT_NE(run.output.find(part), std::string::npos) << arguments << ": " << run.output;
     EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
+    EXPECT_EQ(run.output.rfind("error: ", 0), 0u) << arguments << ": " << run.output;
+    EXPECT_EQ(std::count(run.output.begin(), run.output.end(), '\n'), 1)
+        << arguments << ": " << run.output;
   };
   expect_usage("", "subcommand");
   expect_usage("fly", "sub-command fly");
   expect_usage("calibrate --capture", "--capture");
+  expect_usage("train --nproc 100000", "--nproc");
 }
 
 TEST_F(Program, BuildsAStructure) {
@@ -235,6 +241,10 @@ std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
   return count;
 }
 
+/// Three times the error without noise that was measured (0.26 mm, and 0.008 deg). Half a pixel is
+/// 4 mm at 2 m.
+constexpr double kExact = 0.0007;
+
 TEST_F(Program, CalibratesACaptureFromFiles) {
   const Outcome run =
       Volalign("calibrate --capture " + WriteSmallCapture() +
@@ -251,11 +261,11 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
     const nlohmann::json& truth = capture.at("ground_truth").at(name);
     const nlohmann::json& pose = sensor.at("structure_from_sensor");
     for (std::size_t row = 0; row < 3; ++row) {
-      EXPECT_NEAR(pose.at(row).at(3).get<double>(), truth.at(row).at(3).get<double>(), 0.01)
+      EXPECT_NEAR(pose.at(row).at(3).get<double>(), truth.at(row).at(3).get<double>(), kExact)
           << name;
     }
-    EXPECT_LT(sensor.at("error").at("translation_m").get<double>(), 0.01) << name;
-    EXPECT_LT(sensor.at("error").at("rotation_deg").get<double>(), 0.2) << name;
+    EXPECT_LT(sensor.at("error").at("translation_m").get<double>(), kExact) << name;
+    EXPECT_LT(sensor.at("error").at("rotation_deg").get<double>(), 0.025) << name;
 
     // Labels and confidences are pictures of the frame; as many are labelled as the report says.
     const LabelImage labels = ReadPng8(Path("out/labels/" + name + ".png"));
@@ -313,10 +323,11 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
   const double placement[3] = {0.3, 0, -0.2};
   for (std::size_t row = 0; row < 3; ++row) {
     EXPECT_NEAR(second.at("first_from_placement").at(row).at(3).get<double>(), placement[row],
-                0.01);
+                0.002);  // 0.6 mm
   }
   for (const char* name : {"A", "B"}) {
-    EXPECT_LT(extrinsics["sensors"][name]["error"]["translation_m"].get<double>(), 0.01) << name;
+    EXPECT_LT(extrinsics["sensors"][name]["error"]["translation_m"].get<double>(), 0.0015)
+        << name;  // 0.5 mm
     EXPECT_TRUE(std::filesystem::exists(Path("several/labels/placement_2/") + name + ".png"));
   }
   // The same picture twice is no second placement.
@@ -329,7 +340,7 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
 
 TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const std::string capture = WriteSmallCapture();
-  WritePng(Path("capture/B_Depth.png"), Image16(320, 180));
+  WritePng(Path("capture/B_depth.png"), Image16(320, 180));
   const Outcome run = Volalign("calibrate --no-report --capture " + capture +
                                " --model models/m05-lite.pt -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
@@ -337,7 +348,7 @@ TEST_F(Program, ASensorThatFailsGivesStatus2) {
   EXPECT_FALSE(std::filesystem::exists(Path("out/rig.glb")));
   const nlohmann::json sensors = ReadJson(Path("out/extrinsics.json")).at("sensors");
   EXPECT_EQ(sensors.at("A").at("status"), "ok");
-  EXPECT_LT(sensors.at("A").at("error").at("translation_m").get<double>(), 0.01);
+  EXPECT_LT(sensors.at("A").at("error").at("translation_m").get<double>(), kExact);
   EXPECT_EQ(sensors.at("B").at("status"), "failed");
   EXPECT_EQ(sensors.at("B").at("code"), "no_depth");
   EXPECT_FALSE(sensors.at("B").contains("structure_from_sensor"));
@@ -380,9 +391,9 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   ExpectCalibrateError(capture, {"capture.json"});
 
   WriteFileAtomically(capture, good.dump(1));
-  const std::string image = ReadFile(Path("capture/A_Depth.png"));
-  WriteFileAtomically(Path("capture/A_Depth.png"), image.substr(0, image.size() / 2));
-  ExpectCalibrateError(capture, {"A_Depth.png", "truncated"});
+  const std::string image = ReadFile(Path("capture/A_depth.png"));
+  WriteFileAtomically(Path("capture/A_depth.png"), image.substr(0, image.size() / 2));
+  ExpectCalibrateError(capture, {"A_depth.png", "truncated"});
 }
 
 TEST_F(Program, EvaluatesRigsAndCaptures) {
@@ -505,6 +516,36 @@ TEST_F(Program, OneProcessAtATimeWritesAResult) {
   EXPECT_EQ(Volalign(calibrate).status, 0);
 }
 
+/// Commands that write a folder, without -o: the name of the folder, which is in `folder`, and the
+/// rest. Those behind the first need what the first writes.
+std::vector<std::pair<std::string, std::string>> FolderCommands(const std::string& folder) {
+  return {
+      {"calibrated", "calibrate --capture " + folder + "/capture/capture.json --structure " +
+                         folder + "/capture/structure.glb --no-report"},
+      {"converted", "convert " + folder + "/calibrated/extrinsics.json --to colmap"},
+      {"rendered", "render --force --rig " + folder + "/rig.yaml"},
+      {"evaluated", "evaluate --model models/m05-lite.pt --rig " + folder + "/rig.yaml --seeds 5"}};
+}
+
+TEST_F(Program, NoCommandWritesIntoAFolderThatAnotherOneWritesInto) {
+  WriteSmallCapture();
+  for (const auto& [name, command] : FolderCommands(folder_.path().string())) {
+    SCOPED_TRACE(command);
+    {
+      const FolderLock other(Path(name));
+      const Outcome run = Volalign(command + " -o " + Path(name));
+      EXPECT_EQ(run.status, 1);
+      EXPECT_NE(run.output.find(Path(name) + ": another volalign is writing there"),
+                std::string::npos)
+          << run.output;
+      EXPECT_TRUE(fs::is_empty(Path(name)));
+    }
+    if (name == "calibrated") {
+      EXPECT_EQ(Volalign(command + " -o " + Path(name)).status, 0);
+    }
+  }
+}
+
 TEST_F(Program, EndsOnSignalsWithNothingHalfWritten) {
   const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
                                 Path("capture/structure.glb") + " --no-report -o " + Path("out");
@@ -529,22 +570,75 @@ TEST_F(Program, EndsOnSignalsWithNothingHalfWritten) {
   EXPECT_FALSE(fs::is_empty(Path("run/states")));
 }
 
+/// Bytes of a file, or of each file of a folder, by path.
+std::map<std::string, std::string> Contents(const fs::path& path) {
+  std::map<std::string, std::string> contents;
+  if (fs::is_regular_file(path)) contents[path.string()] = ReadFile(path);
+  if (!fs::is_directory(path)) return contents;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file()) contents[entry.path().string()] = ReadFile(entry.path());
+  }
+  return contents;
+}
+
 // A limit on the size of files does what a full disk does.
 TEST_F(Program, AFullDiskLeavesTheEarlierResult) {
-  const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
-                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
-  EXPECT_EQ(Volalign(calibrate).status, 0);
-  const std::string before = ReadFile(Path("out/extrinsics.json"));
-  rlimit old_limit{};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
-  rlimit limit = old_limit;
-  limit.rlim_cur = 100000;
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
-  const Outcome run = Volalign(calibrate + " --set threads=1");
-  ::setrlimit(RLIMIT_FSIZE, &old_limit);
-  ExpectError(run, {"cannot write", "File too large"});
-  EXPECT_EQ(ReadFile(Path("out/extrinsics.json")), before);
-  EXPECT_NE(ReadFile(Path("out/command.yaml")).find("no-report"), std::string::npos);
+  WriteSmallCapture();
+  auto commands = FolderCommands(folder_.path().string());
+  commands.emplace_back("m.onnx", "export --model models/m05-lite.pt --format onnx");
+  commands.emplace_back("p.csv", "convert " + Path("calibrated/extrinsics.json") + " --to csv");
+  for (const auto& [name, command] : commands) {
+    SCOPED_TRACE(command);
+    const std::string whole = command + " -o " + Path(name);
+    EXPECT_EQ(Volalign(whole).status, 0);
+    const auto before = Contents(Path(name));
+    EXPECT_FALSE(before.empty());
+    for (const rlim_t bytes : {10, 100}) {
+      rlimit old_limit{};
+      ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
+      rlimit limit = old_limit;
+      limit.rlim_cur = bytes;
+      ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+      const Outcome run = Volalign(whole);
+      ::setrlimit(RLIMIT_FSIZE, &old_limit);
+      EXPECT_EQ(run.status, 1) << bytes << ": " << run.output;
+      const std::size_t error = run.output.find("error: cannot write ");
+      ASSERT_NE(error, std::string::npos) << run.output;
+      EXPECT_NE(run.output.find("File too large\n", error), std::string::npos) << run.output;
+      EXPECT_TRUE(Contents(Path(name)) == before) << bytes << " bytes";
+    }
+  }
+}
+
+/// GOMP_SPINCOUNT of each start of `train` with this OMP_WAIT_POLICY, as libgomp says it.
+std::vector<std::string> SpinCounts(const char* policy) {
+  const char* const before = std::getenv("OMP_WAIT_POLICY");
+  const std::string kept = before != nullptr ? before : "";
+  unsetenv("OMP_WAIT_POLICY");
+  if (policy != nullptr) setenv("OMP_WAIT_POLICY", policy, 1);
+  setenv("OMP_DISPLAY_ENV", "verbose", 1);
+  const std::string output = Volalign("train --config no_such_file.yaml -o no_such_run").output;
+  unsetenv("OMP_DISPLAY_ENV");
+  unsetenv("OMP_WAIT_POLICY");
+  if (before != nullptr) setenv("OMP_WAIT_POLICY", kept.c_str(), 1);
+  EXPECT_NE(output.find("error: cannot read no_such_file.yaml"), std::string::npos) << output;
+  const std::regex pattern("GOMP_SPINCOUNT = '([0-9]+)'");
+  std::vector<std::string> counts;
+  for (auto at = std::sregex_iterator(output.begin(), output.end(), pattern);
+       at != std::sregex_iterator(); ++at)
+    counts.push_back((*at)[1]);
+  return counts;
+}
+
+TEST(Train, WaitsPassivelyUnlessToldOtherwise) {
+  const std::vector<std::string> counts = SpinCounts(nullptr);
+  if (counts.empty()) GTEST_SKIP() << "another OpenMP than GCC's";
+  ASSERT_EQ(counts.size(), 2u);  // it starts itself again
+  EXPECT_NE(counts[0], "0");
+  EXPECT_EQ(counts[1], "0");
+  const std::vector<std::string> told = SpinCounts("ACTIVE");
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_NE(told[0], "0");
 }
 
 }  // namespace

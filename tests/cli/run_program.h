@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "core/base/file_util.h"
 #include "core/base/text.h"
+#include "tests/core/base/read_file.h"
 
 namespace volalign {
 
@@ -51,6 +53,16 @@ class RunningProgram {
   RunningProgram(const RunningProgram&) = delete;
   RunningProgram& operator=(const RunningProgram&) = delete;
 
+  /// Waits until main has begun, which takes SIGINT (proc(5)), or the program has ended.
+  void WaitForMain() const {
+    const std::string path = "/proc/" + std::to_string(child_) + "/status";
+    for (bool begun = false; !begun; ::usleep(1000)) {
+      const std::string status = ReadFile(path);
+      const std::size_t caught = status.find("SigCgt:\t");
+      begun = status.find("State:\tZ") != std::string::npos || caught == std::string::npos ||
+              (std::stoull(status.substr(caught + 8, 16), nullptr, 16) >> (SIGINT - 1) & 1) != 0;
+    }
+  }
   void Signal(int number) const { ::kill(child_, number); }
 
   Outcome Wait() {

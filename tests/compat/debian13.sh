@@ -23,7 +23,8 @@ bind proc
 bind dev
 bind sys
 cp /etc/resolv.conf "$root/etc/resolv.conf"
-mkdir -p "$root/volalign"
-git archive HEAD | tar -x -C "$root/volalign"
+# Not below a folder "volalign": tests look for the name of the source tree in what is installed.
+mkdir -p "$root/srv/clone"
+git archive HEAD | tar -x -C "$root/srv/clone"
 run() { chroot "$root" /usr/bin/env -i HOME=/root TERM=dumb PATH=/usr/sbin:/usr/bin:/sbin:/bin "$@"; }
-run bash -c "cat /etc/debian_version; cd /volalign && ./quickstart.sh && ./test.sh $*"
+run bash -c "cat /etc/debian_version; cd /srv/clone && ./quickstart.sh && ./test.sh $*"

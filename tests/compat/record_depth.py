@@ -3,8 +3,7 @@
 
     tests/compat/record_depth.py FOLDER      the small recordings of tests/infer/formats/recordings
 
-Needs mkvmerge (Debian's mkvtoolnix), and of PyPI pyrealsense2 (2.56; 2.59 records no .bag any more), imageio-ffmpeg and numpy:
-    python3 -m venv build/venv && build/venv/bin/pip install 'pyrealsense2<2.57' imageio-ffmpeg numpy
+Needs mkvmerge (Debian's mkvtoolnix), and of PyPI pyrealsense2 (2.56; 2.59 records no .bag any more), imageio-ffmpeg and numpy.
 """
 
 import json

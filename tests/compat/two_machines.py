@@ -33,8 +33,6 @@ def ip(*arguments):
 
 
 def make_machines():
-    if os.geteuid() != 0 or not shutil.which("ip"):
-        skip("namespaces need root and iproute2")
     ends = [f"va{os.getpid() % 100000}", f"vb{os.getpid() % 100000}"]
     try:
         for name in NAMES:
@@ -55,6 +53,8 @@ def train(program, folder, *arguments):
 
 def main():
     program = sys.argv[1]
+    if os.geteuid() != 0 or not shutil.which("ip"):
+        skip("namespaces need root and iproute2")
     with tempfile.TemporaryDirectory() as folder:
         try:
             make_machines()

@@ -73,9 +73,15 @@ TEST_F(Boards, HideTheShareThatLiesFarthestToTheirSide) {
       // In a levelled picture; v points down.
       const double right = u_hidden / hidden - u_seen / seen;
       const double down = v_hidden / hidden - v_seen / seen;
-      if (edge == BoardEdge::kLeft) EXPECT_LT(right, -3);
-      if (edge == BoardEdge::kRight) EXPECT_GT(right, 3);
-      if (edge == BoardEdge::kBelow) EXPECT_GT(down, 3);
+      if (edge == BoardEdge::kLeft) {
+        EXPECT_LT(right, -3);
+      }
+      if (edge == BoardEdge::kRight) {
+        EXPECT_GT(right, 3);
+      }
+      if (edge == BoardEdge::kBelow) {
+        EXPECT_GT(down, 3);
+      }
     }
   }
 }

@@ -21,6 +21,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/base/terminal.h"
 
 namespace volalign::dataset_test {
 namespace {
@@ -132,6 +133,17 @@ TEST(Dataset, FilesDoNotDependOnThreadsOrInterruptions) {
   fs::remove_all(parts / "000002");
   EXPECT_EQ(WriteDataset(parts.path(), Context(), Options(30)).found, 11u);
   ExpectSameFiles(one.path(), parts.path());
+}
+
+TEST(Dataset, SaysOnATerminalHowFarItIs) {
+  const TempFolder folder;
+  WriteDataset(folder.path(), Context(), Options(99));
+  DatasetOptions options = Options(100);
+  options.progress = true;
+  Terminal terminal;
+  WriteDataset(folder.path(), Context(), options);
+  const std::string seen = terminal.Seen();
+  EXPECT_NE(seen.find("samples, 99 of 100 ..."), std::string::npos) << seen;
 }
 
 // The process is killed in the middle, as a cluster does it; the rows that it leaves name complete

@@ -66,7 +66,10 @@ class GoldenTest : public testing::Test {
       config.noise.model = c.noise;
       samples_.push_back(Synthesize(MakeSampleContext(config, 16), renderer, kSeed, c.index));
     }
-    if (std::getenv("VOLALIGN_WRITE_GOLDEN")) Record();
+    if (std::getenv("VOLALIGN_WRITE_GOLDEN")) {
+      Record();
+      ADD_FAILURE() << "recorded anew; look at the difference, and test without the variable";
+    }
   }
 
   static void Record() {

@@ -72,10 +72,26 @@ TEST_F(NoiseKernelsTest, DrawTheNumbersOfPixelRandom) {
   ForEachSet([&](const NoiseKernels& kernels) {
     Floats uniform(kPixels), normal(kPixels);
     kernels.uniform(pixel.key(), 1000, kPixels, uniform.data());
-    kernels.normal(pixel.key(), 1000, kPixels, normal.data());
+    kernels.fields.normal(pixel.key(), 1000, kPixels, normal.data());
     for (std::size_t i = 0; i < kPixels; ++i) {
       ASSERT_EQ(uniform[i], pixel.Uniform(1000 + i));
       ASSERT_EQ(normal[i], pixel.Normal(1000 + i));
+    }
+  });
+}
+
+TEST_F(NoiseKernelsTest, MakeTheFieldsOfThePlainLoops) {
+  ForEachSet([&](const NoiseKernels& kernels) {
+    for (const int width : {1, 2, 33, kWidth}) {
+      for (const double correlation : {1.0, 4.7, 60.0}) {
+        RandomStream a(3, 4, "test"), b(3, 4, "test");
+        Image<float> plain = SmoothField(width, kHeight, correlation, a);
+        Image<float> field = SmoothField(width, kHeight, correlation, b, kernels.fields);
+        ASSERT_TRUE(field == plain);
+        SmoothUnitNoise(1.2, 0.9, &plain);
+        SmoothUnitNoise(1.2, 0.9, &field, kernels.fields);
+        ASSERT_TRUE(field == plain);
+      }
     }
   });
 }

@@ -11,7 +11,9 @@
 #include "core/formats/structure_gltf.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
+#include "render/noise_kernels.h"
 #include "render/sample.h"
+#include "render/tiles/tile_renderer.h"
 
 namespace volalign::noise_test {
 namespace {
@@ -27,13 +29,13 @@ struct WallScene {
   RenderedView view;
 };
 
+Intrinsics CentredCamera(int width, int height, double fx) {
+  return {width, height, fx, fx, 0.5 * width - 0.5, 0.5 * height - 0.5, {}};
+}
+
 class NoiseTest : public testing::Test {
  protected:
   NoiseTest() : structure_(ReadStructure("configs/structure.yaml")) {}
-
-  static Intrinsics Camera(int width, int height, double fx) {
-    return {width, height, fx, fx, 0.5 * width - 0.5, 0.5 * height - 0.5, {}};
-  }
 
   /// `plate_z` 0 leaves the plate out. Both count as structure, so that they are well textured and
   /// bright; far from its boxes.
@@ -157,7 +159,7 @@ TEST(NoiseFieldsTest, PoissonHasItsMeanAndVariance) {
 // docs/sensor-models.md: white 0.2 to 0.5 mm (neighbour differences hold 0.29 mm of rounding
 // too), smooth 1.4 to 5.6 mm rms, bias within 11 mm; mask about 82 %.
 TEST_F(NoiseTest, TimeOfFlightHasTheMeasuredMagnitudes) {
-  const Intrinsics k = Camera(320, 288, 252);
+  const Intrinsics k = CentredCamera(320, 288, 252);
   const WallScene scene = MakeWall(2.0, 0, k);
   double bias = 0, valid = 0;
   for (std::uint64_t i = 0; i < 20; ++i) {
@@ -177,8 +179,28 @@ TEST_F(NoiseTest, TimeOfFlightHasTheMeasuredMagnitudes) {
   EXPECT_NEAR(valid, 0.815, 0.015);
 }
 
+// The grain is as round at twice the size of 320x288 as there: with 1.24 px in one direction and
+// 0.62 in the other, neighbours would differ 1.5 times as much in the second.
+TEST_F(NoiseTest, TimeOfFlightGrainIsAlikeAlongRowsAndColumns) {
+  const Intrinsics k = CentredCamera(640, 576, 504);
+  const NoisyView noisy = Spoil(MakeWall(8.0, 0, k), k, kAzure, 0);
+  double along_rows = 0, along_columns = 0;
+  int pairs = 0;
+  for (int v = 1; v < k.height; ++v) {
+    for (int u = 1; u < k.width; ++u) {
+      const float d = noisy.depth(u, v), left = noisy.depth(u - 1, v), up = noisy.depth(u, v - 1);
+      if (d == 0 || left == 0 || up == 0) continue;
+      along_rows += std::pow(d - left, 2);
+      along_columns += std::pow(d - up, 2);
+      ++pairs;
+    }
+  }
+  EXPECT_GT(pairs, 100000);
+  EXPECT_NEAR(std::sqrt(along_rows / along_columns), 1, 0.05);
+}
+
 TEST_F(NoiseTest, HexagonKeepsItsShapeAtHalfSize) {
-  const Intrinsics k = Camera(160, 144, 126);
+  const Intrinsics k = CentredCamera(160, 144, 126);
   const WallScene scene = MakeWall(2.0, 0, k);
   const NoisyView noisy = Spoil(scene, k, kAzure, 3);
   // Row 73.55 of 144 is the widest; the first row reaches 93 of 320 px to each side of a centre at
@@ -199,7 +221,7 @@ TEST_F(NoiseTest, HexagonKeepsItsShapeAtHalfSize) {
 // Section 2: z = f B / d with f B = 51.9 px m; local 0.045 to 0.065 px, warp 0.08 to 0.19 px, both
 // constant in z; left band f B / z.
 TEST_F(NoiseTest, StereoNoiseIsConstantInDisparity) {
-  const Intrinsics k = Camera(320, 180, 236);
+  const Intrinsics k = CentredCamera(320, 180, 236);
   for (const double z : {1.5, 3.0, 4.5}) {
     const WallScene scene = MakeWall(z, 0, k);
     double rms = 0;
@@ -224,7 +246,7 @@ TEST_F(NoiseTest, StereoNoiseIsConstantInDisparity) {
 }
 
 TEST_F(NoiseTest, StereoShadowLiesLeftOfTheForeground) {
-  const Intrinsics k = Camera(320, 180, 236);
+  const Intrinsics k = CentredCamera(320, 180, 236);
   const WallScene scene = MakeWall(4.0, 1.6, k);
   // The plate spans 0.6 m at 1.6 m: columns 159.5 -+ 44.25. Shadow: 12.975 (1/1.6 - 1/4) = 4.9 px.
   double left = 0, right = 0;
@@ -254,7 +276,7 @@ TEST_F(NoiseTest, StereoShadowLiesLeftOfTheForeground) {
 // Section 1, "Edges": a gap at 60 to 70 % of the jumps, seldom wider than 12 px; 2 to 5 % flying
 // pixels.
 TEST_F(NoiseTest, TimeOfFlightLosesEdges) {
-  const Intrinsics k = Camera(320, 288, 252);
+  const Intrinsics k = CentredCamera(320, 288, 252);
   const WallScene scene = MakeWall(4.0, 1.8, k);
   int edges = 0, gaps = 0, flying = 0;
   for (std::uint64_t i = 0; i < 40; ++i) {
@@ -274,23 +296,28 @@ TEST_F(NoiseTest, TimeOfFlightLosesEdges) {
   EXPECT_NEAR(static_cast<double>(flying) / edges, 0.035, 0.03);
 }
 
-TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
-  // The floor in front of the bottom box against the floor 1 m away, in frames with the same bias:
-  // the difference of the mean errors.
+/// How much farther the floor reads at a box than 35 cm and more away from it, m: within 5 cm of
+/// it, and from 8 to 18 cm.
+struct CornerErrors {
+  double near = 0, middle = 0;
+};
+
+CornerErrors MeasureCorner(const NoiseConfig& config, int frames, const Structure& structure,
+                           DepthRenderer& renderer) {
   SceneMesh mesh;
-  mesh.AppendStructure(structure_);
+  mesh.AppendStructure(structure);
   mesh.BeginObject({0.9F, 1.0F, false});
-  const double y = structure_.FloorHeight();
+  const double y = structure.FloorHeight();
   mesh.AppendQuad({Eigen::Vector3d(-9, y, -9), Eigen::Vector3d(9, y, -9), Eigen::Vector3d(9, y, 9),
                    Eigen::Vector3d(-9, y, 9)},
                   Eigen::Vector3d::UnitY());
-  const Intrinsics k = Camera(160, 144, 126);
+  const Intrinsics k = CentredCamera(160, 144, 126);
   const Pose pose = LookAt({2.2, 0.4, 0}, {0.4, -0.5, 0}, 0);
   RenderedView view;
-  renderer_.Render(mesh, k, pose, &view);
+  renderer.Render(mesh, k, pose, &view);
   double near = 0, middle = 0, far = 0, near_count = 0, middle_count = 0, far_count = 0;
-  for (std::uint64_t i = 0; i < 40; ++i) {
-    const NoisyView noisy = ApplyNoise({}, {view, mesh, structure_, k, pose, kAzure}, 78, i);
+  for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(frames); ++i) {
+    const NoisyView noisy = ApplyNoise(config, {view, mesh, structure, k, pose, kAzure}, 78, i);
     for (int v = 0; v < k.height; ++v) {
       for (int u = 0; u < k.width; ++u) {
         const double z = view.depth(u, v);
@@ -312,13 +339,136 @@ TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
       }
     }
   }
-  ASSERT_GT(near_count, 500);
-  ASSERT_GT(middle_count, 500);
-  ASSERT_GT(far_count, 500);
+  EXPECT_GT(std::min({near_count, middle_count, far_count}), 12.0 * frames);
+  return {near / near_count - far / far_count, middle / middle_count - far / far_count};
+}
+
+TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
+  const CornerErrors errors = MeasureCorner({}, 40, structure_, renderer_);
   // On average 12.5 mm at the seam, falling linearly over 0.3 m, and the corner filled by 10 mm,
   // falling over 6 cm: 11.5 - 5.8 mm in the first 5 cm, 7.1 mm at 8 to 18 cm.
-  EXPECT_NEAR(near / near_count - far / far_count, 0.0057, 0.003);
-  EXPECT_NEAR(middle / middle_count - far / far_count, 0.0071, 0.003);
+  EXPECT_NEAR(errors.near, 0.0057, 0.003);
+  EXPECT_NEAR(errors.middle, 0.0071, 0.003);
+  // Light that bounces off the box has farther to go, too.
+  NoiseConfig physics;
+  physics.model = "physics";
+  const CornerErrors bounced = MeasureCorner(physics, 6, structure_, renderer_);
+  EXPECT_GT(bounced.middle, 0.001);
+  EXPECT_LT(bounced.middle, 0.012);
+  // Close to the seam the way over the box is hardly longer.
+  EXPECT_LT(bounced.near, bounced.middle);
+}
+
+// noise.model "physics", of time of flight. A wall is straight for it, but for the device's
+// harmonics.
+TEST_F(NoiseTest, PhysicsOfTimeOfFlightHasTheWhiteNoiseOfRealFrames) {
+  const Intrinsics k = CentredCamera(320, 288, 252);
+  NoiseConfig physics;
+  physics.model = "physics";
+  for (const double z : {1.0, 2.0, 3.0}) {
+    const WallScene scene = MakeWall(z, 0, k);
+    const Residual r = Measure(Spoil(scene, k, kAzure, 1, physics).depth, z, false);
+    // 0.4 mm at 2 m and what grows with z for reflectivity 0.6, 1 mm steps, an offset of each
+    // pixel.
+    const double white = 0.0004 * z / 2 * std::sqrt(0.6 / 0.9);
+    const double local = std::hypot(white, 0.0003, 0.00029);
+    EXPECT_NEAR(r.local, local, 0.25 * local) << z;
+    EXPECT_LT(r.rms, 0.006) << z;
+    EXPECT_LT(std::abs(r.mean), 0.015) << z;
+  }
+}
+
+TEST_F(NoiseTest, PhysicsOfTimeOfFlightMixesSurfacesAtEdges) {
+  const Intrinsics k = CentredCamera(320, 288, 252);
+  NoiseConfig physics;
+  physics.model = "physics";
+  int lost = 0, off = 0, rows = 0;
+  for (const double wall : {2.2, 2.6, 3.0, 3.4, 3.8}) {
+    const WallScene scene = MakeWall(wall, 1.77, k);
+    const NoisyView noisy = Spoil(scene, k, kAzure, 1, physics);
+    for (int v = 110; v < 178; ++v) {
+      ++rows;
+      // The plate's right edge, column 159.5 + 42.7: a pixel of which it has 70 %.
+      for (int u = 198; u < 206; ++u) {
+        const float z = noisy.depth(u, v);
+        lost += z == 0;
+        if (z == 0 || std::abs(z - scene.view.depth(u, v)) < 0.05F) continue;
+        ++off;
+        EXPECT_EQ(noisy.labels(u, v), 0) << u << " " << v;
+      }
+    }
+  }
+  // The edge crosses one pixel of a row: its mixture is dropped or flies, or one surface outshines
+  // the other.
+  EXPECT_GT(lost, rows / 10);
+  EXPECT_GT(lost + off, rows / 4);
+  EXPECT_LE(lost + off, rows);
+}
+
+TEST_F(NoiseTest, PhysicsOfADeviceStaysFromFrameToFrame) {
+  const Intrinsics k = CentredCamera(160, 144, 126), d415 = CentredCamera(160, 90, 118);
+  NoiseConfig physics;
+  physics.model = "physics";
+  for (const bool stereo : {false, true}) {
+    const Intrinsics& camera = stereo ? d415 : k;
+    const WallScene scene = MakeWall(2.0, 0, camera);
+    const std::string sensor = stereo ? kD415 : kAzure;
+    const NoiseInput input{scene.view, scene.mesh, structure_, camera, scene.pose, sensor};
+    DeviceErrors device;
+    const NoisyView first = ApplyNoise(physics, input, 5, 1, &device);
+    const NoisyView second = ApplyNoise(physics, input, 5, 2, &device);
+    const NoisyView other = ApplyNoise(physics, input, 5, 3);
+    EXPECT_TRUE(ApplyNoise(physics, input, 5, 1).depth == first.depth);
+    EXPECT_FALSE(second.depth == first.depth);
+    const auto apart = [](const NoisyView& a, const NoisyView& b) {
+      double sum = 0;
+      int n = 0;
+      for (std::size_t i = 0; i < a.depth.size(); ++i) {
+        if (!(a.depth[i] > 0 && b.depth[i] > 0)) continue;
+        sum += a.depth[i] - b.depth[i];
+        ++n;
+      }
+      return std::abs(sum / n);
+    };
+    EXPECT_LT(apart(first, second), 2e-4) << sensor;
+    EXPECT_GT(apart(first, other), 1e-3) << sensor;
+  }
+}
+
+// noise.model "physics", of stereo: what block matching makes of two pictures.
+TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
+  const Intrinsics k = CentredCamera(320, 180, 236);
+  NoiseConfig physics;
+  physics.model = "physics";
+  for (const double z : {1.5, 3.0}) {
+    const WallScene scene = MakeWall(z, 0, k);
+    double rms = 0;
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      const Residual r = Measure(Spoil(scene, k, kD415, i, physics).depth, z, true);
+      rms += r.rms / 4;
+      EXPECT_GT(r.valid, 0.8) << z;
+      EXPECT_LT(r.local, 0.08) << z;
+    }
+    // 0.10 to 0.27 px over whole faces of the real frame, bent cardboard with them.
+    EXPECT_GT(rms, 0.03) << z;
+    EXPECT_LT(rms, 0.27) << z;
+  }
+  // The plate spans 0.6 m at 1.6 m: columns 159.5 -+ 44.25. Shadow: 12.975 (1/1.6 - 1/4) = 4.9 px.
+  const WallScene scene = MakeWall(4.0, 1.6, k);
+  const NoisyView noisy = Spoil(scene, k, kD415, 1, physics);
+  double shadow = 0, grown = 0;
+  for (int v = 70; v < 110; ++v) {
+    int u = 119;
+    while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) --u;
+    for (; noisy.depth(u, v) == 0; --u) shadow += 1.0 / 40;
+    u = 200;
+    while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) ++u;
+    grown += (u - 204) / 40.0;
+  }
+  EXPECT_NEAR(shadow, 4.9, 2.5);
+  // Up to half a window of 9 native pixels.
+  EXPECT_GT(grown, 0.2);
+  EXPECT_LT(grown, 1.6);
 }
 
 TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
@@ -373,7 +523,7 @@ TEST_F(NoiseTest, RoomsHaveTheMeasuredShareOfHoles) {
 }
 
 TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
-  const Intrinsics k = Camera(160, 90, 118);
+  const Intrinsics k = CentredCamera(160, 90, 118);
   const WallScene scene = MakeWall(4.0, 1.6, k);
   NoiseConfig config;
   config.model = "paper";
@@ -421,7 +571,7 @@ TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
 // Baselines of Intel's datasheet: 55, 50 and 95 mm; the D415's focal length is the one at 1280x720.
 TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
   constexpr double kFocal = 210, kDistance = 1;
-  const Intrinsics k = Camera(320, 180, kFocal);
+  const Intrinsics k = CentredCamera(320, 180, kFocal);
   const WallScene scene = MakeWall(kDistance, 0, k);
   const auto first_column = [&](const std::string& sensor) {
     const NoisyView noisy = Spoil(scene, k, sensor, 0);
@@ -435,12 +585,29 @@ TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
   EXPECT_EQ(first_column("realsense_d415"), std::ceil(0.055 * 943.6 / 4 / kDistance));
   EXPECT_EQ(first_column("realsense_d435i"), std::ceil(0.050 * kFocal / kDistance));
   EXPECT_EQ(first_column("realsense_d455"), std::ceil(0.095 * kFocal / kDistance));
+  EXPECT_EQ(first_column("oak_d"), std::ceil(0.075 * kFocal / kDistance));
   EXPECT_FALSE(HasSensorModel("realsense_d405"));
   EXPECT_THROW(Spoil(scene, k, "realsense_d405", 0), ConfigError);
 }
 
+// The corners of a wall: dark in the narrow modes, whose pictures are not square.
+TEST_F(NoiseTest, TheHexagonIsThatOfTheNarrowModes) {
+  for (const std::string sensor : {"azure_kinect", "orbbec_femto_bolt"}) {
+    for (const int height : {288, 320}) {
+      const Intrinsics k = CentredCamera(320, height, 250);
+      const WallScene scene = MakeWall(2.0, 0, k);
+      const NoisyView noisy = Spoil(scene, k, sensor, 0);
+      int measured = 0;
+      for (int v = 0; v < 20; ++v) {
+        for (int u = 0; u < 20; ++u) measured += noisy.depth(u, v) > 0;
+      }
+      EXPECT_EQ(measured > 200, height == 320) << sensor << " " << measured;
+    }
+  }
+}
+
 TEST_F(NoiseTest, UnknownSensorIsAnError) {
-  const Intrinsics k = Camera(64, 64, 50);
+  const Intrinsics k = CentredCamera(64, 64, 50);
   const WallScene scene = MakeWall(2.0, 0, k);
   EXPECT_THROW(Spoil(scene, k, "lidar", 0), ConfigError);
 }
@@ -454,8 +621,9 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
   });
   EXPECT_THROW(RegisterNoiseModel("offset", nullptr), Error);
   EXPECT_THROW(RegisterNoiseModel("paper", nullptr), Error);
-  EXPECT_EQ(NoiseModelNames(), (std::vector<std::string>{"none", "paper", "sensor", "offset"}));
-  const Intrinsics k = Camera(64, 64, 50);
+  EXPECT_EQ(NoiseModelNames(),
+            (std::vector<std::string>{"none", "paper", "sensor", "physics", "offset"}));
+  const Intrinsics k = CentredCamera(64, 64, 50);
   const WallScene scene = MakeWall(2.0, 0, k);
   NoiseConfig config;
   config.model = "offset";
@@ -466,6 +634,37 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
   EXPECT_NE(offset_of(3), offset_of(4));
   EXPECT_GE(offset_of(3), 0.0999);
   EXPECT_LE(offset_of(3), 0.2001);
+}
+
+/// Whole frames, from the same clean depth.
+TEST(Noise, IsTheSameByEveryInstructionSet) {
+  const KernelSets<noise::NoiseKernels>& all = noise::AllNoiseKernels();
+  if (all.count == 1) GTEST_SKIP() << "this processor has one set of them";
+  struct Case {
+    const char *model, *sensor, *size;
+  };
+  for (const Case& c : {Case{"sensor", kD415, "320x180"}, Case{"sensor", kAzure, "320x288"},
+                        Case{"physics", kD415, "73x41"}, Case{"physics", kAzure, "51x46"}}) {
+    SampleConfig config;
+    config.sensors = {c.sensor};
+    config.image_sizes = {c.size};
+    config.noise.model = c.model;
+    const SampleContext context = MakeSampleContext(config, 16);
+    TileRenderer renderer;
+    for (std::uint64_t index = 0; index < 3; ++index) {
+      std::vector<Sample> of_sets;
+      for (int set = 0; set < all.count; ++set) {
+        const noise::KernelsOnThisThread use(all.sets[set]);
+        of_sets.push_back(Synthesize(context, renderer, 5, index));
+      }
+      EXPECT_FALSE(of_sets[0].depth == of_sets[0].depth_clean);
+      for (std::size_t set = 1; set < of_sets.size(); ++set) {
+        SCOPED_TRACE(std::string(c.model) + " " + c.sensor + " " + all.sets[set].name);
+        EXPECT_TRUE(of_sets[set].depth == of_sets[0].depth);
+        EXPECT_TRUE(of_sets[set].labels == of_sets[0].labels);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ TEST_F(Preview, ComparesWithRealFramesOfTheSensorsAspectRatio) {
   for (int v = 0; v < 18; ++v) {
     for (int u = 0; u < 8; ++u) depth(u, v) = 0;  // a quarter
   }
-  WritePng(real_ / "A_Depth.png", depth);
+  WritePng(real_ / "A_depth.png", depth);
   WritePng(real_ / "labels" / "A.png", LabelImage(32, 18, 1));
   WritePng(real_ / "colour.png", Image16(7, 7));  // is left out
   options_.real_frames = real_;

@@ -84,7 +84,7 @@ TEST_F(RigTest, PosesHaveTheirClosedForm) {
 
 TEST_F(RigTest, WrittenCaptureReadsBack) {
   const RigCapture capture = RenderOne(Parse(kTwo), renderer_);
-  WriteCapture(dir_, capture);
+  WriteCapture(dir_, capture, "a renderer");
   const auto json = nlohmann::json::parse(ReadFile(dir_ / "capture.json"));
   EXPECT_EQ(json.at("format"), "volalign.capture/1");
   ASSERT_EQ(json.at("sensors").size(), 2u);
@@ -94,8 +94,11 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
     const auto& entry = json.at("sensors").at(i);
     const CapturedSensor& sensor = capture.sensors[i];
     EXPECT_EQ(entry.at("name"), sensor.name);
+    EXPECT_EQ(entry.at("renderer"), "a renderer");
     EXPECT_EQ(entry.at("sensor"), i == 0 ? "realsense_d415" : "azure_kinect_nfov_binned");
     const auto& k = entry.at("intrinsics");
+    EXPECT_EQ(entry.at("depth"), sensor.name + "_depth.png");
+    EXPECT_EQ(nlohmann::json::parse(ReadFile(dir_ / (sensor.name + "_intrinsics.json"))), k);
     EXPECT_EQ(k.at("width"), sensor.depth.width());
     EXPECT_EQ(k.at("height"), sensor.depth.height());
     EXPECT_EQ(k.at("fx"), sensor.intrinsics.fx);
@@ -150,7 +153,7 @@ TEST_F(RigTest, TheCaptureLeavesOutALensThatIsNotStated) {
     EXPECT_TRUE(silent.sensors[i].stated_intrinsics.distortion.empty());
     EXPECT_EQ(silent.sensors[i].stated_intrinsics.fx, stated.sensors[i].intrinsics.fx);
   }
-  WriteCapture(dir_, silent);
+  WriteCapture(dir_, silent, "a renderer");
   const auto json = nlohmann::json::parse(ReadFile(dir_ / "capture.json"));
   EXPECT_TRUE(json.at("sensors").at(1).at("intrinsics").at("distortion").empty());
 }
@@ -218,7 +221,7 @@ TEST_F(RigTest, RoomWithoutStructureAndSensorThatLooksAway) {
         std::count_if(sensor.depth.begin(), sensor.depth.end(), [](float z) { return z > 0; }),
         5000);
   }
-  WriteCapture(dir_, empty);
+  WriteCapture(dir_, empty, "a renderer");
   EXPECT_FALSE(nlohmann::json::parse(ReadFile(dir_ / "capture.json")).contains("ground_truth"));
 
   const RigCapture away = RenderOne(

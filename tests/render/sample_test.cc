@@ -186,7 +186,7 @@ TEST(SampleContextTest, AMissingFileSaysWhereItWasLookedForAndHowToGiveAnother) 
 // The batch's size decides which sensors may be drawn; among them they are drawn evenly.
 TEST_F(SampleTest, ASensorIsDrawnAmongThoseThatHaveTheAspectRatio) {
   SampleConfig config = BareConfig();
-  config.sensors = {};
+  config.sensors = {"realsense_d415", "kinect_v1", "azure_kinect_nfov_binned"};
   config.image_sizes = {"40x36", "64x36", "64x48"};
   const SampleContext context = MakeSampleContext(config, 1);
   std::map<std::pair<int, std::string>, int> counts;

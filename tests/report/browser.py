@@ -143,17 +143,18 @@ class Page:
             self.send("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, **button)
         self.send("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], **button)
 
-    def screenshot(self, selector=None, whole=False):
-        """PNG bytes: of the window, of the whole page or of an element."""
+    def screenshot(self, selector=None, whole=False, until=None, **encoding):
+        """PNG bytes, or what `encoding` (format, quality) asks for: of the window, of the whole page, of an element, or of the page up to the end of an element."""
         options = {}
         if selector:
             box = self.evaluate(f"(() => {{ const b = document.querySelector({json.dumps(selector)}).getBoundingClientRect(); "
                                 "return {x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height}; })()")
             options = {"clip": {**box, "scale": 1}, "captureBeyondViewport": True}
-        if whole:
+        if whole or until:
             size = self.send("Page.getLayoutMetrics")["cssContentSize"]
-            options = {"clip": {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}, "captureBeyondViewport": True}
-        return base64.b64decode(self.send("Page.captureScreenshot", format="png", **options)["data"])
+            height = self.evaluate(f"document.querySelector({json.dumps(until)}).getBoundingClientRect().bottom + scrollY") if until else size["height"]
+            options = {"clip": {"x": 0, "y": 0, "width": size["width"], "height": height, "scale": 1}, "captureBeyondViewport": True}
+        return base64.b64decode(self.send("Page.captureScreenshot", **{"format": "png", **encoding}, **options)["data"])
 
     def complaints(self):
         """What the console and the log have against the page, and every request for anything but the file itself and data in it."""

@@ -14,6 +14,7 @@ import zlib
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BLIND = "S4"
+NOTE = "S4's lens was covered; <b>S2</b> on the new tripod"
 
 
 def write_blank_depth(path, width, height):
@@ -26,11 +27,11 @@ def write_blank_depth(path, width, height):
                    + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
-def main(volalign, folder):
+def main(volalign, folder, note=NOTE):
     capture, output = os.path.join(folder, "capture"), os.path.join(folder, "calibration")
-    subprocess.run([volalign, "render", "--rig", "configs/rig_ring4.yaml", "-o", capture], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-    write_blank_depth(os.path.join(capture, f"{BLIND}_Depth.png"), 320, 288)
-    run = subprocess.run([volalign, "calibrate", "--model", "models/m05-lite.pt", "--capture", os.path.join(capture, "capture.json"), "-o", output], cwd=ROOT)
+    subprocess.run([volalign, "render", "--rig", "configs/rig_ring4.yaml", "--force", "-o", capture], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    write_blank_depth(os.path.join(capture, f"{BLIND}_depth.png"), 320, 288)
+    run = subprocess.run([volalign, "calibrate", "--model", "models/m05-lite.pt", "--capture", os.path.join(capture, "capture.json"), "-o", output, "--note", note], cwd=ROOT)
     if run.returncode != 2:
         sys.exit(f"calibrate ended with {run.returncode}; with a blind sensor 2 is expected")
 

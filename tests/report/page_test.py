@@ -7,11 +7,13 @@ Needs Chromium (Debian package chromium; WebGL is drawn by its software renderer
 """
 
 import json
+import math
 import os
 import sys
 import unittest
 
 from browser import Browser, find_chromium
+from make_report import NOTE
 
 FOLDER = os.path.join(os.path.abspath(sys.argv.pop(1)), "calibration")
 PLACED = ["S1", "S2", "S3"]
@@ -31,6 +33,16 @@ def payload_of(page):
 def read(name):
     with open(os.path.join(FOLDER, name), encoding="utf-8") as file:
         return file.read()
+
+
+def least_known_deg(covariance):
+    """By power iteration: the largest eigenvalue of the rotation's part."""
+    turn, v = [row[3:] for row in covariance[3:]], [1, 1.1, 1.2]
+    for _ in range(1000):
+        v = [sum(a * b for a, b in zip(row, v)) for row in turn]
+        norm = math.hypot(*v)
+        v = [x / norm for x in v]
+    return math.degrees(norm ** 0.5)
 
 
 class ReportPage(unittest.TestCase):
@@ -133,12 +145,16 @@ class ReportPage(unittest.TestCase):
     def test_tables_say_what_extrinsics_json_says(self):
         extrinsics = json.loads(read("extrinsics.json"))
         self.assertEqual(self.report["extrinsics"], extrinsics)
-        self.assertEqual(self.text("h1"), "3 of 4 sensors are placed")
+        self.assertEqual(self.text("h1"), "3 of 4 sensors usable; S4 failed")
+        self.assertIn(extrinsics["date"][:10], self.text("#subject"))
+        self.assertEqual(self.text("#note"), "Note: " + NOTE)
+        page = self.page.evaluate("decodeURI(new URL(document.querySelector('#tool a').href).pathname)")
+        self.assertTrue(page.endswith("/docs/report.md") and os.path.exists(page), page)
         self.assertIn("failed", self.text("#tiles"))
         self.assertEqual(self.page.evaluate("document.querySelectorAll('#sensor-table tbody tr').length"), 4)
         row = self.text("#sensor-table tbody tr")
         sensor = extrinsics["sensors"]["S1"]
-        for number in (f"{1000 * sensor['rms_to_structure_m']:.1f}", f"{max(sensor['sigma_rotation_deg']):.3f}", f"{1000 * sensor['error']['translation_m']:.1f}"):
+        for number in (f"{1000 * sensor['rms_to_structure_m']:.1f}", f"{least_known_deg(sensor['covariance']):.3f}", f"{1000 * sensor['error']['translation_m']:.1f}"):
             self.assertIn(number, row.replace("−", "-"))
         reasons = self.text("#reasons").lower()
         self.assertIn(extrinsics["sensors"]["S4"]["reason"].lower(), reasons)
@@ -182,6 +198,85 @@ class ReportPage(unittest.TestCase):
             page.close()
         self.assertEqual(len(backgrounds), 2)
 
+    def open_with(self, report, name):
+        """The page around another payload."""
+        text = read("report.html")
+        begin = text.index(PAYLOAD) + len(PAYLOAD)
+        with open(os.path.join(FOLDER, name), "w", encoding="utf-8") as file:
+            file.write(text[:begin] + json.dumps(report).replace("<", "\\u003c") + text[text.index("</script>", begin):])
+        return self.browser.open(url(name))
+
+    def test_every_number_says_what_it_means(self):
+        bare = self.page.evaluate("""[...document.querySelectorAll('.tile b, td, main dd')].filter((node) => /[0-9]/.test(node.innerText) && !node.closest('#run'))
+            .filter((node) => !node.closest('[title]')).map((node) => node.innerText)""")
+        self.assertEqual(bare, [])
+        heads = self.page.evaluate("[...document.querySelectorAll('#sensor-table th[scope=col]')].map((node) => node.title)")
+        self.assertTrue(all(heads), heads)
+        self.assertGreater(self.page.evaluate("document.querySelectorAll('td[title]').length"), 60)
+        # The limits in force stand beside the numbers.
+        self.assertIn("≤ 20", self.text("#sensor-table thead"))
+
+    def test_it_advises(self):
+        reasons = self.text("#reasons")
+        self.assertIn("What next:", reasons)
+        self.assertRegex(reasons, r"S\d and S\d are known least \([\d.]+ and [\d.]+ mm\): a second capture")
+
+    def test_the_rig_from_above(self):
+        self.assertEqual(self.page.evaluate("document.querySelectorAll('#above-picture svg').length"), 1)
+        sensor = self.report["extrinsics"]["sensors"]["S2"]
+        x, y, z = (sensor["structure_from_sensor"][k][3] for k in range(3))
+        distance, height = (x * x + z * z) ** 0.5, y - self.report["extrinsics"]["structure"]["floor_m"]
+        row = self.page.evaluate("[...document.querySelectorAll('#above-table tbody tr')[1].cells].map((cell) => cell.innerText.trim())")
+        self.assertEqual(row[:3], ["S2", f"{distance:.3f}", f"{height:.3f}"])
+        drawn = self.page.evaluate("document.querySelector('#above-picture svg').textContent")
+        self.assertIn(f"{distance:.2f} m, {height:.2f} m high", drawn)
+
+    def test_residuals_by_side(self):
+        frame = self.report["stills"][0]["frames"][0]
+        side = frame["sides"][0]
+        name = next(label["name"] for label in self.report["labels"] if label["id"] == side["label"])
+        title = self.page.evaluate(f"[...document.querySelectorAll('#side-table td')].map((cell) => cell.title).find((title) => title.startsWith('S1, {name}:'))")
+        self.assertIn(f"mean {1000 * side['mean_m']:.1f} mm".replace("-", "−"), title)
+        self.assertIn(f"of {side['points']} points", title)
+
+    def test_pictures_are_enlarged_by_click(self):
+        width = "document.querySelector('#frame-list img').getBoundingClientRect().width"
+        before = self.page.evaluate(width)
+        self.page.evaluate("document.querySelector('#frame-list .enlarge').click()")
+        self.assertGreater(self.page.evaluate(width), 2 * before)
+        self.page.evaluate("document.querySelector('#frame-list .enlarge').click()")
+        self.assertEqual(self.page.evaluate(width), before)
+
+    def test_on_paper(self):
+        page = self.browser.open(url(), width=700, height=990, dark=True)
+        page.send("Emulation.setEmulatedMedia", media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+        hidden = page.evaluate("['#rig', 'nav', '#frame-list details'].map((what) => getComputedStyle(document.querySelector(what)).display)")
+        self.assertEqual(hidden, ["none"] * 3)
+        self.assertEqual(page.evaluate("getComputedStyle(document.body).backgroundColor"), "rgb(255, 255, 255)")
+        self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth"), 700)
+        pages = page.send("Page.printToPDF", preferCSSPageSize=True, printBackground=True)["data"]
+        self.assertGreater(len(pages), 20000)
+        page.close()
+
+    def test_other_poses_that_fit(self):
+        """S1 and S2 may stand elsewhere, and a choice that is decided."""
+        self.assertTrue(self.page.evaluate("document.querySelector('#twins').hidden"))
+        report = json.loads(json.dumps(self.report))
+        sensors, frames = report["extrinsics"]["sensors"], report["stills"][0]["frames"]
+        other = lambda *names: {name: {"twin": 2, "structure_from_sensor": sensors[name]["structure_from_sensor"]} for name in names}
+        report["extrinsics"]["twins"] = [{"log_odds": 0.4, "sensors": other("S1", "S2")}, {"log_odds": 30, "sensors": other("S3")}]
+        shown = [{"sensor": frame["sensor"], "width": frame["width"], "height": frame["height"], "picture": frame["pictures"]["edges"], "outlines_differ": share}
+                 for frame, share in zip(frames, (0.1, 0.3))]
+        report["twins"] = [{"from_above": report["from_above"], "frames": shown}, {"from_above": report["from_above"], "frames": []}]
+        page = self.open_with(report, "twins.html")
+        text = page.evaluate("document.querySelector('#twins').innerText")
+        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--twin S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well is decided against, with odds from over 1000 : 1 on"):
+            self.assertIn(part, text)
+        self.assertEqual(page.evaluate("document.querySelectorAll('#twins svg').length"), 2)
+        self.assertEqual(page.evaluate("document.querySelectorAll('#twins img').length"), 4)
+        self.assertEqual(page.complaints(), [])
+        page.close()
+
     def test_several_stills(self):
         """The page with its still a second time, a metre away."""
         report = json.loads(json.dumps(self.report))
@@ -189,11 +284,7 @@ class ReportPage(unittest.TestCase):
         placements.append({**placements[0], "name": "there", "first_from_placement": [[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]})
         stills[0]["name"], placements[0]["name"] = "here", "here"
         stills.append({**stills[0], "name": "there"})
-        text = read("report.html")
-        begin = text.index(PAYLOAD) + len(PAYLOAD)
-        with open(os.path.join(FOLDER, "two_stills.html"), "w", encoding="utf-8") as file:
-            file.write(text[:begin] + json.dumps(report).replace("<", "\\u003c") + text[text.index("</script>", begin):])
-        page = self.browser.open(url("two_stills.html"))
+        page = self.open_with(report, "two_stills.html")
         page.settle()
         state = page.evaluate("volalignReport()")
         points = sum(frame["cloud"]["count"] for frame in stills[0]["frames"] if "cloud" in frame)
@@ -207,6 +298,7 @@ class ReportPage(unittest.TestCase):
             page = browser.open(url())
             self.assertIn("no WebGL", page.evaluate("document.querySelector('#view-message').innerText"))
             self.assertEqual(page.evaluate("document.querySelectorAll('#sensor-table tbody tr').length"), 4)
+            self.assertEqual(page.evaluate("document.querySelectorAll('#above-picture svg').length"), 1)
             self.assertEqual(page.evaluate("document.querySelectorAll('#controls input').length"), 0)
 
 

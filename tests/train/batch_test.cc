@@ -2,9 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
 
 #include "core/base/error.h"
+#include "tests/train/synthetic_source.h"
+#include "train/batch_feed.h"
 
 namespace volalign::batch_test {
 namespace {
@@ -52,6 +58,73 @@ TEST(Collate, PixelsBeyondALensesFoldHaveNoDepth) {
     }
   }
   EXPECT_GT(without, 20);
+}
+
+/// What goes to a device in 16 and 8 bits comes out as it was.
+TEST(BatchPacker, TakesMillimetresWhereThatLosesNothing) {
+  const Intrinsics k{24, 20, 22, 22, 11.5, 9.5, {}};
+  Sample rounded = Blank(k), other = Blank(k);
+  for (std::size_t i = 0; i < rounded.depth.size(); ++i) {
+    // As a sensor's noise rounds (render/noise_kernels.inc), up to what int16 holds.
+    rounded.depth[i] = std::nearbyintf(static_cast<float>(i) * 68.4F) * 0.001F;
+    other.depth[i] = static_cast<float>(i) * 0.0123F;
+    rounded.labels[i] = static_cast<std::uint8_t>(i % 256);
+  }
+  for (const auto& [samples, type] : std::vector<std::pair<std::vector<Sample>, at::ScalarType>>{
+           {{rounded, rounded}, at::kShort}, {{rounded, other}, at::kFloat}}) {
+    BatchPacker packer(at::kCPU);
+    const PackedBatch packed = packer.Pack(samples);
+    EXPECT_EQ(packed.depth.scalar_type(), type);
+    EXPECT_EQ(packed.labels.scalar_type(), at::kByte);
+    EXPECT_EQ(packed.cameras.size(), 2u);
+    EXPECT_TRUE(packed.rays[0].is_same(packed.rays[1]));  // one camera, one tensor
+    const Batch batch = Unpack(packed);
+    for (std::size_t s = 0; s < 2; ++s) {
+      const float* depth = batch.depth.data_ptr<float>() + s * rounded.depth.size();
+      const std::int64_t* labels = batch.labels.data_ptr<std::int64_t>() + s * rounded.depth.size();
+      EXPECT_TRUE(std::equal(samples[s].depth.begin(), samples[s].depth.end(), depth));
+      EXPECT_TRUE(std::equal(samples[s].labels.begin(), samples[s].labels.end(), labels));
+    }
+  }
+  rounded.depth[7] = 32.768F;
+  EXPECT_EQ(BatchPacker(at::kCPU).Pack({rounded}).depth.scalar_type(), at::kFloat);
+}
+
+TEST(BatchPacker, ForgetsCamerasOfWhichThereAreMany) {
+  BatchPacker packer(at::kCPU);
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 0; i < 100; ++i) {
+      const Intrinsics k{24, 20, 22.0 + i, 22, 11.5, 9.5, {}};
+      const Batch batch = Unpack(packer.Pack({Blank(k), Blank(k)}));
+      EXPECT_NEAR(batch.rays[1][0][3][2].item<float>(), (2 - 11.5) / (22 + i), 1e-6);
+    }
+  }
+}
+
+TEST(BatchFeed, GivesWhatTheSourceDoesHoweverFarAhead) {
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const std::unique_ptr<SampleSource> source = data.open_training(4);
+  BatchFeed now(data.open_training(4), at::kCPU, 0), ahead(data.open_training(4), at::kCPU, 2);
+  for (int i = 0; i < 6; ++i) {
+    const Batch expected = Collate(source->Next());
+    for (BatchFeed* feed : {&now, &ahead}) {
+      const FedBatch fed = feed->Next();
+      EXPECT_TRUE(fed.batch.depth.equal(expected.depth));
+      EXPECT_TRUE(fed.batch.labels.equal(expected.labels));
+      EXPECT_TRUE(fed.batch.rays.equal(expected.rays));
+      EXPECT_EQ(fed.cameras.size(), 2u);
+    }
+  }
+}
+
+TEST(BatchFeed, PassesOnWhatTheSourceThrows) {
+  struct Failing : SampleSource {
+    std::vector<Sample> Next() override { throw IoError("gone"); }
+  };
+  for (const int ahead : {0, 2}) {
+    BatchFeed feed(std::make_unique<Failing>(), at::kCPU, ahead);
+    EXPECT_THROW(feed.Next(), IoError);
+  }
 }
 
 TEST(Collate, ImagesOfOtherSizesAreAnError) {

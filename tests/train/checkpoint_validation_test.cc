@@ -32,10 +32,16 @@ TEST(ValidationJson, HasMeansOfEachSensorAndBandOfDistance) {
 }
 
 TEST(ValidationTable, HasTheSameRows) {
-  const std::string table = ValidationTable(Scored().result);
-  EXPECT_NE(table.find("| all | 4 | 0.375 |"), std::string::npos) << table;
-  EXPECT_NE(table.find("| rho 150-225 cm | 2 | 0.600 |"), std::string::npos) << table;
-  EXPECT_EQ(table.find("275-350"), std::string::npos) << table;
+  const Table table = ValidationTable({Scored(), Scored()});
+  ASSERT_EQ(table.rows.size(), 10u);
+  const std::string text = FormatTable(table, TableFormat::kText);
+  EXPECT_NE(text.find("rho 150-225 cm"), std::string::npos) << text;
+  EXPECT_EQ(text.find("275-350"), std::string::npos) << text;
+  const auto rows = nlohmann::json::parse(FormatTable(table, TableFormat::kJson));
+  EXPECT_EQ(rows.at(0).at("group"), "all");
+  EXPECT_EQ(rows.at(0).at("samples"), 4);
+  EXPECT_NEAR(rows.at(0).at("miou").get<double>(), 0.375, 1e-12);
+  EXPECT_FALSE(rows.at(0).contains("median_translation_error_m"));
 }
 
 }  // namespace

@@ -15,9 +15,11 @@
 #include <string>
 #include <system_error>
 #include <thread>
+#include <vector>
 
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
 #include "train/trainer.h"
@@ -29,12 +31,12 @@ namespace fs = std::filesystem;
 using std::chrono::microseconds;
 
 /// Rows, states and checkpoints come at numbers of samples that do not divide each other.
-TrainConfig KillConfig() {
+TrainConfig KillConfig(OptimizerKind optimizer) {
   TrainConfig config;
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
   config.model.normalization = "batch";
-  config.optim.optimizer = OptimizerKind::kAdamW;
+  config.optim.optimizer = optimizer;
   config.optim.lr = 3e-3;
   config.optim.schedule = Schedule::kOneCycle;
   config.optim.warmup_samples = 8;
@@ -50,7 +52,7 @@ TrainConfig KillConfig() {
 
 /// Trains in a process of its own, which the caller may kill; LibTorch stays unused in this one, so
 /// that its threads are no matter.
-pid_t Start(const fs::path& run_dir) {
+pid_t Start(OptimizerKind optimizer, const fs::path& run_dir) {
   const pid_t child = ::fork();
   if (child != 0) return child;
   int status = 1;
@@ -60,7 +62,8 @@ pid_t Start(const fs::path& run_dir) {
     options.run_dir = run_dir;
     options.resume = fs::exists(run_dir / "config.yaml");
     options.quiet = true;
-    if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(), options).finished) status = 0;
+    if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(optimizer), options).finished)
+      status = 0;
   } catch (const std::exception& e) {
     fmt::print(stderr, "{}\n", e.what());
   }
@@ -111,14 +114,17 @@ bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool wh
   return WIFSIGNALED(status);
 }
 
-// VOLALIGN_KILLS=N kills N times instead of 30.
-TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
+class Kill : public testing::TestWithParam<OptimizerKind> {};
+
+// VOLALIGN_KILLS=N kills N times instead of 30; of the optimizers that are no default in long runs
+// alone.
+TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
   const char* wanted = std::getenv("VOLALIGN_KILLS");
   const int kills = wanted ? std::atoi(wanted) : 30;
   const TempFolder folder;
   int status = 1;
   const auto start = std::chrono::steady_clock::now();
-  ::waitpid(Start(folder / "whole"), &status, 0);
+  ::waitpid(Start(GetParam(), folder / "whole"), &status, 0);
   ASSERT_EQ(status, 0);
   const auto span =
       std::chrono::duration_cast<microseconds>(std::chrono::steady_clock::now() - start);
@@ -132,7 +138,7 @@ TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
       // Moments within the first third, so that several kills fall on one run.
       const microseconds moment(random() % static_cast<unsigned>(span.count() / 3 + 1));
       const bool while_writing = done < kills && random() % 2 == 0;
-      const pid_t child = Start(run_dir);
+      const pid_t child = Start(GetParam(), run_dir);
       if (done >= kills) {
         ::waitpid(child, &status, 0);
         ASSERT_EQ(status, 0);
@@ -156,6 +162,14 @@ TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
   fmt::print("{} kills of {} runs, {} of them while a file was being written\n", done, runs,
              in_files);
 }
+
+std::vector<OptimizerKind> Optimizers() {
+  std::vector<OptimizerKind> kinds = {OptimizerKind::kAdam};
+  if (Rounds(0, 1) == 1) kinds.insert(kinds.end(), {OptimizerKind::kAdamW, OptimizerKind::kSgd});
+  return kinds;
+}
+
+INSTANTIATE_TEST_SUITE_P(Optimizers, Kill, testing::ValuesIn(Optimizers()));
 
 }  // namespace
 }  // namespace volalign::kill_test

@@ -1,7 +1,12 @@
 #include "train/learner.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/full.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
 
 #include <string>
 
@@ -39,13 +44,54 @@ TEST(Learner, AnUpdateStepsTheWeightsAndTheirAverage) {
   const double average = Average(learner)[0].item<double>();
   const double start = learner.net->parameters()[0].flatten()[0].item<double>();
   learner.flat.gradients().fill_(1);
-  learner.Update(0.25, learner.optimizer.GradientNorm());
+  const auto norm = [&] { return learner.optimizer.GradientNorm(); };
+  learner.Update(0.25, norm(), at::full({}, true, at::kBool));
   EXPECT_LT((learner.flat.parameters() - (before - 0.25)).abs().max().item<double>(), 1e-6);
   EXPECT_EQ(learner.flat.gradients().abs().max().item<double>(), 0);
   EXPECT_EQ(learner.optimizer.steps(), 1);
   // The decay of the first step is 2 / 11 (train/averaging.cc).
   EXPECT_EQ(average, start);
   EXPECT_NEAR(Average(learner)[0].item<double>(), start - 0.25 * 9 / 11, 1e-6);
+}
+
+/// Weights, moments and average of a step that is to be skipped stay; one that is not is the same
+/// whether the host knows.
+TEST(Learner, SkipsAStepThatIsNotFinite) {
+  TrainConfig config = SmallConfig();
+  config.optim.optimizer = OptimizerKind::kAdam;
+  config.optim.clip_norm = 1;
+  Learner seen(config, 3, Compute()), unseen(config, 3, Compute());
+  const auto state = [](Learner& l) {
+    std::vector<at::Tensor> all = {l.flat.parameters().clone()};
+    for (const auto& [name, moment] : l.optimizer.moments()) all.push_back(moment.clone());
+    for (const at::Tensor& values : l.average.values()) all.push_back(values.clone());
+    return all;
+  };
+  const auto equal = [](const std::vector<at::Tensor>& a, const std::vector<at::Tensor>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](const at::Tensor& x, const at::Tensor& y) { return x.equal(y); });
+  };
+  const auto step = [&](float gradient, bool finite) {
+    for (Learner* l : {&seen, &unseen}) {
+      l->flat.gradients().fill_(gradient);
+      const at::Tensor norm = l->optimizer.GradientNorm(), good = at::full({}, finite, at::kBool);
+      if (l == &seen) {
+        l->Update(0.1, norm, good);
+      } else {
+        l->UpdateUnseen(0.1, norm, good);
+      }
+      EXPECT_EQ(l->flat.gradients().abs().max().item<double>(), 0);
+    }
+  };
+  const std::vector<at::Tensor> start = state(seen);
+  step(1, true);
+  const std::vector<at::Tensor> once = state(seen);
+  EXPECT_FALSE(equal(once, start));
+  EXPECT_TRUE(equal(state(unseen), once));
+  step(NAN, false);
+  EXPECT_TRUE(equal(state(seen), once));
+  EXPECT_TRUE(equal(state(unseen), once));
+  EXPECT_EQ(seen.optimizer.steps(), 1);
 }
 
 class StartFromTest : public testing::Test {

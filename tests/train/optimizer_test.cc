@@ -1,6 +1,7 @@
 #include "train/optimizer.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/ones.h>
 #include <ATen/ops/rand.h>
 #include <gtest/gtest.h>
 
@@ -89,6 +90,25 @@ TEST(Sgd, AgreesWithTheScalarAlgorithm) {
       }
     }
   }
+}
+
+TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
+  StructureNet net = TinyNet(Normalization::kBatch);
+  FlatModule flat(*net);
+  at::Tensor between = at::ones({flat.parameters().numel()});
+  for (std::size_t i = 0; i < flat.tensors().size(); ++i) {
+    between.narrow(0, flat.offset(i), flat.tensors()[i].numel()).zero_();
+  }
+  EXPECT_GT(between.sum().item<double>(), 0);
+  OptimConfig config;
+  config.optimizer = OptimizerKind::kAdamW;
+  config.weight_decay = 0.1;
+  Optimizer adam(config, &flat);
+  for (int step = 0; step < 3; ++step) {
+    net->forward(at::rand({2, 1, 16, 16})).square().sum().backward();
+    adam.Step(0.1, adam.GradientNorm());
+  }
+  EXPECT_EQ((flat.parameters() * between).abs().max().item<double>(), 0);
 }
 
 }  // namespace

@@ -89,7 +89,9 @@ TEST(RequireSameRun, TheLengthIsBoundWhereTheLearningRateFollowsIt) {
     longer.emplace_back("run.samples", "123456");
     const std::string refusal = Refusal(Saved(c.schedule), With(longer));
     EXPECT_EQ(refusal.empty(), c.free) << c.schedule[0].second << ": " << refusal;
-    if (!c.free) EXPECT_NE(refusal.find("learning rate"), std::string::npos) << refusal;
+    if (!c.free) {
+      EXPECT_NE(refusal.find("learning rate"), std::string::npos) << refusal;
+    }
   }
 }
 

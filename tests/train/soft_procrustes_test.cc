@@ -72,7 +72,7 @@ void ExpectSameGradient(const std::function<at::Tensor(const at::Tensor&)>& f, c
       << what << "\nautograd " << exact << "\ndifferences " << numeric;
 }
 
-TEST(ProcrustesRotation, GradientAgreesWithFiniteDifferences) {
+TEST(FitRotation, GradientAgreesWithFiniteDifferences) {
   struct Case {
     const char* name;
     Eigen::Vector3d sigma;  // the last one negative: det M < 0, d = -1
@@ -87,17 +87,17 @@ TEST(ProcrustesRotation, GradientAgreesWithFiniteDifferences) {
       const Eigen::Matrix3d m =
           RandomRotation() * c.sigma.asDiagonal() * RandomRotation().transpose();
       const at::Tensor g = at::randn({1, 3, 3}, kF64);
-      const auto f = [&g](const at::Tensor& x) { return (ProcrustesRotation(x) * g).sum(); };
+      const auto f = [&g](const at::Tensor& x) { return (FitRotation(x).rotation * g).sum(); };
       ExpectSameGradient(f, FromEigen(m), c.name);
-      EXPECT_TRUE(DeterminedRotation(FromEigen(m)).item<bool>()) << c.name;
+      EXPECT_TRUE(FitRotation(FromEigen(m)).determined.item<bool>()) << c.name;
     }
   }
 }
 
-TEST(ProcrustesRotation, MaximisesTheTrace) {
+TEST(FitRotation, MaximisesTheTrace) {
   for (int trial = 0; trial < 20; ++trial) {
     const at::Tensor m = at::randn({1, 3, 3}, kF64);
-    const Eigen::Matrix3d r = ToEigen(ProcrustesRotation(m)), e = ToEigen(m);
+    const Eigen::Matrix3d r = ToEigen(FitRotation(m).rotation), e = ToEigen(m);
     EXPECT_NEAR(r.determinant(), 1, 1e-12);
     EXPECT_TRUE((r.transpose() * r).isIdentity(1e-12));
     const double best = (r.transpose() * e).trace();
@@ -107,22 +107,22 @@ TEST(ProcrustesRotation, MaximisesTheTrace) {
   }
 }
 
-TEST(ProcrustesRotation, IsFiniteWhereNothingIsDetermined) {
+TEST(FitRotation, IsFiniteWhereNothingIsDetermined) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<Eigen::Matrix3d> matrices = {
       Eigen::Matrix3d::Zero(), Eigen::Vector3d(1, 0, 0) * Eigen::RowVector3d(0.3, 0.4, 0.5),
       Eigen::Vector3d(3, 1, -1).asDiagonal().toDenseMatrix(), Eigen::Matrix3d::Constant(nan)};
   for (const Eigen::Matrix3d& m : matrices) {
     const at::Tensor x = FromEigen(m);
-    EXPECT_FALSE(DeterminedRotation(x).item<bool>()) << m;
-    EXPECT_NEAR(ToEigen(ProcrustesRotation(x)).determinant(), 1, 1e-9) << m;
+    EXPECT_FALSE(FitRotation(x).determined.item<bool>()) << m;
+    EXPECT_NEAR(ToEigen(FitRotation(x).rotation).determinant(), 1, 1e-9) << m;
     const at::Tensor g =
-        Gradient([](const at::Tensor& y) { return ProcrustesRotation(y).square().sum(); }, x);
+        Gradient([](const at::Tensor& y) { return FitRotation(y).rotation.square().sum(); }, x);
     EXPECT_EQ(g.abs().max().item<double>(), 0) << m;
   }
 }
 
-TEST(ProcrustesRotation, IsTheRotationOfAlignPoints) {
+TEST(FitRotation, IsTheRotationOfAlignPoints) {
   for (int trial = 0; trial < 10; ++trial) {
     const int n = 3 + trial;
     std::vector<Eigen::Vector3d> source, target;
@@ -139,7 +139,7 @@ TEST(ProcrustesRotation, IsTheRotationOfAlignPoints) {
     for (int i = 0; i < n; ++i) {
       m += (target[i] - target_mean) * (source[i] - source_mean).transpose();
     }
-    const Eigen::Matrix3d r = ToEigen(ProcrustesRotation(FromEigen(m)));
+    const Eigen::Matrix3d r = ToEigen(FitRotation(FromEigen(m)).rotation);
     EXPECT_TRUE(r.isApprox(AlignPoints(source, target).target_from_source.linear(), 1e-9));
   }
 }

@@ -17,7 +17,8 @@ constexpr char kProgress[] = R"({
   "focal_px": [117.5, 126.25], "image_sizes": [[160, 90], [160, 144]], "validated": -1,
   "best": {"samples": 3200, "value": 0.125, "since": 2},
   "means": {"steps": 3, "samples": 48, "loss": 1.5, "loss_seg": 1.25, "loss_3d": 0.25,
-            "degenerate": 7, "gradient_norm": 4.5, "times": [0.5, 1.0, 1.5, 2.0, 2.5]}})";
+            "degenerate": 7, "gradient_norm": 4.5, "times": [0.5, 1.0, 1.5, 2.0, 2.5],
+            "skipped": 1}})";
 
 TEST(RunProgress, IsReadFromAndWrittenToTheseKeys) {
   const RunProgress progress = ReadProgress(kProgress);
@@ -30,13 +31,20 @@ TEST(RunProgress, IsReadFromAndWrittenToTheseKeys) {
   EXPECT_EQ(progress.best.samples, 3200);
   EXPECT_EQ(progress.best.value, 0.125);
   EXPECT_EQ(progress.best.since, 2);
-  EXPECT_EQ(progress.means.steps, 3);
+  EXPECT_EQ(progress.means.sum.steps, 3);
+  EXPECT_EQ(progress.means.sum.skipped, 1);
   EXPECT_EQ(progress.means.samples, 48);
   EXPECT_EQ(progress.means.sum.loss_3d, 0.25);
   EXPECT_EQ(progress.means.sum.degenerate, 7);
   EXPECT_EQ(progress.means.sum.times.data, 0.5);
   EXPECT_EQ(progress.means.sum.times.optim, 2.5);
   EXPECT_EQ(nlohmann::json::parse(WriteProgress(progress)), nlohmann::json::parse(kProgress));
+}
+
+TEST(RunProgress, OfAnEarlierVersionSkippedNoStep) {
+  nlohmann::json earlier = nlohmann::json::parse(kProgress);
+  earlier["means"].erase("skipped");
+  EXPECT_EQ(ReadProgress(earlier.dump()).means.sum.skipped, 0);
 }
 
 TEST(RunProgress, SaysWhatIsWrong) {

@@ -1,8 +1,10 @@
 #include "train/step.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/full.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <string>
 
@@ -27,10 +29,11 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
     StepReport whole;
     for (const int micro_batch : {0, 1, 2}) {
       Learner learner(config, data.structure.num_classes(), compute);
-      StepReport report;
-      const at::Tensor norm =
-          ComputeGradient(learner, loss, batch, compute, 0, micro_batch, &report);
-      EXPECT_NEAR(norm.item<double>(), report.gradient_norm, 1e-12);
+      const StepNumbers numbers = ComputeGradient(learner, loss, batch, compute, 0, micro_batch);
+      const StepReport report = ReadSums(numbers.Sums());
+      EXPECT_EQ(report.steps, 1);
+      EXPECT_EQ(report.skipped, 0);
+      EXPECT_NEAR(numbers.norm.item<double>(), report.gradient_norm, 1e-12);
       const at::Tensor gradient = learner.flat.gradients().clone();
       if (micro_batch == 0) {
         expected = gradient;
@@ -46,6 +49,45 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
       EXPECT_EQ(report.degenerate, whole.degenerate);
     }
   }
+}
+
+TEST(StepNumbers, OfAStepThatIsNotFiniteCountAsNothing) {
+  const auto numbers = [](double loss, bool finite) {
+    StepNumbers n;
+    n.values = at::full({5}, loss, at::kDouble);
+    n.finite = at::full({}, finite, at::kBool);
+    return n;
+  };
+  const StepReport sum = ReadSums(numbers(2, true).Sums() + numbers(NAN, false).Sums() +
+                                  numbers(INFINITY, false).Sums() + numbers(3, true).Sums());
+  EXPECT_EQ(sum.steps, 4);
+  EXPECT_EQ(sum.skipped, 2);
+  EXPECT_EQ(sum.loss, 5);
+  EXPECT_EQ(sum.degenerate, 5);
+  EXPECT_EQ(sum.gradient_norm, 5);
+}
+
+TEST(Compute, AutoIsDecidedByTheDevice) {
+  const at::Device cpu(at::kCPU), cuda("cuda:1");
+  RunConfig run;
+  run.precision = Precision::kAuto;
+  run.channels_last = Layout::kAuto;
+  for (const bool processor : {false, true}) {
+    for (const bool device : {false, true}) {
+      const Compute here = DecideCompute(run, cpu, {processor, device}),
+                    there = DecideCompute(run, cuda, {processor, device});
+      EXPECT_EQ(here.type, processor ? at::kBFloat16 : at::kFloat);
+      EXPECT_TRUE(here.channels_last);
+      EXPECT_EQ(there.type, device ? at::kBFloat16 : at::kFloat);
+      EXPECT_EQ(there.channels_last, device);
+      EXPECT_EQ(there.device, cuda);
+    }
+  }
+  run.precision = Precision::kFp32;  // what is said holds
+  EXPECT_EQ(DecideCompute(run, cuda, {true, true}).type, at::kFloat);
+  EXPECT_FALSE(DecideCompute(run, cuda, {true, true}).channels_last);
+  run.channels_last = Layout::kChannelsLast;
+  EXPECT_TRUE(DecideCompute(run, cuda, {false, false}).channels_last);
 }
 
 TEST(Compute, AutoIsBf16WhereTheKernelListsIt) {

@@ -37,6 +37,9 @@ TEST(Sweep, HasEveryCombination) {
     EXPECT_EQ(run.config.run.batch_size, 8);
     EXPECT_EQ(run.config.data.image_sizes, (std::vector<std::string>{"40x36", "64x36"}));
   }
+  // --set goes before what the file has for all runs, and may not take the place of a list.
+  EXPECT_EQ(ExpandSweep(sweep, {"loss.lambda=0.3"})[0].config.loss.lambda, 0.3);
+  ExpectError<ConfigError>([&] { ExpandSweep(sweep, {"optim.lr=1e-3"}); }, {"optim.lr", "several"});
   // Whoever adds a value or a seed later finds the earlier runs in the same folders.
   EXPECT_EQ(ExpandSweep(Read("recipes: [configs/m04.yaml]\nseeds: [3]\n"), {}).at(0).name,
             "m04_run.seed=3");

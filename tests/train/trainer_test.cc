@@ -1,21 +1,29 @@
 #include "train/trainer.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/isfinite.h>
+#include <c10/core/CPUAllocator.h>
 #include <c10/core/GradMode.h>
+#include <c10/util/Exception.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <torch/version.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <thread>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
@@ -88,6 +96,36 @@ std::vector<json> Rows(const std::filesystem::path& folder, const std::string& t
   return rows;
 }
 
+TEST(Trainer, SaysHowLongTheRunWillTake) {
+  const TempFolder folder;
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const auto said = [&](std::int64_t samples) {
+    TrainConfig config = TinyConfig();
+    config.run.samples = samples;
+    config.run.log_every = 100;
+    TrainOptions options = Options(folder / std::to_string(samples));
+    options.quiet = false;
+    options.stop_at_samples = 120;
+    testing::internal::CaptureStderr();
+    TrainOn(data, config, options);
+    return testing::internal::GetCapturedStderr();
+  };
+  constexpr std::int64_t kMany = 10'000'000'000;
+  const std::string far = said(kMany);
+  const std::size_t at = far.find(" days at this speed; configs/paper/lite.yaml suits a CPU\n");
+  ASSERT_NE(at, std::string::npos) << far;
+  const std::size_t about = far.rfind("about ", at) + 6;
+  // The first row is of the same hundred samples.
+  const double rate = Rows(folder / std::to_string(kMany), "train")[0].at("samples_per_s");
+  const double days = static_cast<double>(kMany - 100) / rate / (24 * 3600);
+  EXPECT_NEAR(std::stod(far.substr(about, at - about)), days, 1 + 1e-3 * days);
+  EXPECT_EQ(far.find("at this speed", at + 10), std::string::npos) << "said twice";
+
+  const std::string soon = said(1000);
+  EXPECT_NE(soon.find(" at this speed\n"), std::string::npos) << soon;
+  EXPECT_EQ(soon.find("lite.yaml"), std::string::npos) << soon;
+}
+
 TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
   const TempFolder folder;
   const TrainConfig config = TinyConfig();
@@ -121,32 +159,42 @@ TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
     EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
 }
 
-TEST(Trainer, EveryOptimizerAndScheduleResumesExactly) {
+class Resume : public testing::TestWithParam<std::tuple<OptimizerKind, Schedule>> {};
+
+TEST_P(Resume, EndsAsARunThatWasNotStopped) {
   const TempFolder folder;
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
-  int number = 0;
-  for (const Schedule schedule : {Schedule::kCosine, Schedule::kStep}) {
-    TrainConfig config = TinyConfig();
-    config.optim.optimizer = OptimizerKind::kSgd;
-    config.optim.schedule = schedule;
+  TrainConfig config = TinyConfig();
+  const auto [optimizer, schedule] = GetParam();
+  config.optim.optimizer = optimizer;
+  config.optim.schedule = schedule;
+  if (optimizer == OptimizerKind::kAdam) config.optim.weight_decay = 0;
+  if (schedule == Schedule::kCosine || schedule == Schedule::kStep)
     config.optim.period_samples = 12;
-    config.run.samples = 24;
-    config.optim.warmup_samples = 4;
-    config.run.micro_batch = 1;
-    config.loss.class_weights = {0.5, 1};
-    const std::string whole = fmt::format("whole{}", number),
-                      parts = fmt::format("parts{}", number);
-    ++number;
-    TrainOn(data, config, Options(folder / whole));
-    TrainOptions options = Options(folder / parts);
-    options.stop_at_samples = 10;
-    TrainOn(data, config, options);
-    options.stop_at_samples = 0;
-    options.resume = true;
-    TrainOn(data, config, options);
-    EXPECT_TRUE(ReadFile(State(folder / whole, 24)) == ReadFile(State(folder / parts, 24)));
-  }
+  config.run.samples = 24;
+  config.optim.warmup_samples = 4;
+  config.run.micro_batch = 1;
+  config.loss.class_weights = {0.5, 1};
+  TrainOn(data, config, Options(folder / "whole"));
+  TrainOptions options = Options(folder / "parts");
+  options.stop_at_samples = 10;
+  TrainOn(data, config, options);
+  options.stop_at_samples = 0;
+  options.resume = true;
+  TrainOn(data, config, options);
+  EXPECT_TRUE(ReadFile(State(folder / "whole", 24)) == ReadFile(State(folder / "parts", 24)));
 }
+
+INSTANTIATE_TEST_SUITE_P(Trainer, Resume,
+                         testing::Combine(testing::Values(OptimizerKind::kAdam,
+                                                          OptimizerKind::kAdamW,
+                                                          OptimizerKind::kSgd),
+                                          testing::Values(Schedule::kConstant, Schedule::kOneCycle,
+                                                          Schedule::kCosine, Schedule::kStep)),
+                         [](const auto& test) {
+                           return fmt::format("{}_{}", kOptimizers[test.index / 4].first,
+                                              kSchedules[test.index % 4].first);
+                         });
 
 TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
   const TempFolder folder;
@@ -566,31 +614,116 @@ TEST(Trainer, StopsBetweenMicroBatches) {
   EXPECT_TRUE(ReadFile(folder / "run" / state) == ReadFile(folder / "whole" / state));
 }
 
-TEST(Trainer, StopsAtALossThatIsNotFinite) {
-  class Poisoned : public SampleSource {
+/// Synthetic training samples of which `change` gets each batch and its number, from 1.
+TrainingData Changed(std::function<void(std::vector<Sample>* batch, int number)> change) {
+  class Source : public SampleSource {
    public:
-    explicit Poisoned(std::unique_ptr<SampleSource> inner) : inner_(std::move(inner)) {}
+    Source(std::unique_ptr<SampleSource> inner,
+           std::function<void(std::vector<Sample>*, int)> change)
+        : inner_(std::move(inner)), change_(std::move(change)) {}
     std::vector<Sample> Next() override {
       std::vector<Sample> batch = inner_->Next();
-      if (++calls_ == 15) batch[0].depth(16, 16) = std::numeric_limits<float>::infinity();
+      change_(&batch, ++calls_);
       return batch;
     }
 
    private:
     std::unique_ptr<SampleSource> inner_;
+    std::function<void(std::vector<Sample>*, int)> change_;
     int calls_ = 0;
   };
+  TrainingData data = SyntheticData(2, 32, 1u << 20);
+  data.open_training = [change = std::move(change),
+                        open = data.open_training](std::int64_t first_sample) {
+    return std::make_unique<Source>(open(first_sample), change);
+  };
+  return data;
+}
+
+/// Samples of which the batches [first, last], from 1, have a depth that is not finite.
+TrainingData Poisoned(int first, int last) {
+  return Changed([first, last](std::vector<Sample>* batch, int number) {
+    if (number >= first && number <= last)
+      batch->front().depth(16, 16) = std::numeric_limits<float>::infinity();
+  });
+}
+
+TEST(Trainer, SkipsAStepThatIsNotFinite) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();  // with a batch normalisation, whose statistics are kept too
+  config.model.input = "depth";
+  config.run.log_every = 8;
+  const TrainResult result = TrainOn(Poisoned(15, 16), config, Options(folder / "run"));
+  EXPECT_TRUE(result.finished);
+  std::int64_t skipped = 0;
+  for (const json& row : Rows(folder / "run", "train")) {
+    skipped += row.at("skipped").get<std::int64_t>();
+    EXPECT_TRUE(row.at("loss").is_number()) << row;
+  }
+  EXPECT_EQ(skipped, 2);
+  EXPECT_EQ(Rows(folder / "run", "train").back().at("step"), 38);
+  const LoadedModel model = LoadCheckpoint(folder / "run" / "model.pt");
+  for (const at::Tensor& t : model.net->parameters())
+    EXPECT_TRUE(at::isfinite(t).all().item<bool>());
+  for (const at::Tensor& t : model.net->buffers()) EXPECT_TRUE(at::isfinite(t).all().item<bool>());
+}
+
+TEST(Trainer, StopsWhereNoStepIsFinite) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
   config.model.input = "depth";
-  TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const auto open = data.open_training;
-  data.open_training = [&](std::int64_t first_sample) {
-    return std::make_unique<Poisoned>(open(first_sample));
-  };
-  ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
+  ExpectError<Error>([&] { TrainOn(Poisoned(15, 15), config, Options(folder / "run")); },
                      {"step 15", "states/000000000026.state", "optim.lr"});
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
+}
+
+/// In place of the device's allocator: once it is armed, the next request of this thread for more
+/// than a kilobyte fails as CUDA's do.
+class Scarce : public at::Allocator {
+ public:
+  Scarce() : real_(c10::GetCPUAllocator()) { c10::SetCPUAllocator(this); }
+  ~Scarce() override { c10::SetCPUAllocator(real_); }
+  Scarce(const Scarce&) = delete;
+  Scarce& operator=(const Scarce&) = delete;
+#if TORCH_VERSION_MAJOR * 100 + TORCH_VERSION_MINOR >= 203
+  at::DataPtr allocate(std::size_t bytes) override { return Allocate(bytes); }
+  void copy_data(void* to, const void* from, std::size_t bytes) const override {
+    real_->copy_data(to, from, bytes);
+  }
+#else
+  at::DataPtr allocate(std::size_t bytes) const override { return Allocate(bytes); }
+#endif
+  at::DeleterFnPtr raw_deleter() const override { return real_->raw_deleter(); }
+
+  mutable std::atomic<bool> armed{false};
+
+ private:
+  at::DataPtr Allocate(std::size_t bytes) const {
+    TORCH_CHECK_WITH(
+        OutOfMemoryError,
+        bytes <= 1000 || std::this_thread::get_id() != trains_ || !armed.exchange(false),
+        "CUDA out of memory. Tried to allocate ", bytes, " bytes");
+    return real_->allocate(bytes);
+  }
+
+  at::Allocator* real_;
+  const std::thread::id trains_ = std::this_thread::get_id();
+};
+
+TEST(Trainer, SaysWhatToDoWhereMemoryIsShort) {
+  const TempFolder folder;
+  const Scarce memory;
+  const TrainConfig config = TinyConfig();
+  // Two batches may be drawn ahead of the one that is trained with.
+  const TrainingData data = Changed([&](auto*, int number) {
+    if (number == 20) memory.armed = true;
+  });
+  ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
+                     {"cpu is out of memory with 2 samples at once", "run.micro_batch",
+                      "states/000000000026.state"});
+  TrainOptions again = Options(folder / "run");
+  again.resume = true;
+  EXPECT_TRUE(TrainOn(SyntheticData(2, 32, 1u << 20), config, again).finished);
 }
 
 TEST(Trainer, RejectsAnUnknownDevice) {

@@ -1,13 +1,21 @@
 #include "train/distributed/flat_module.h"
 
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/empty.h>
 #include <ATen/ops/zeros.h>
 #include <c10/core/GradMode.h>
 
 #include <algorithm>
 
 namespace volalign {
+namespace {
+
+/// float32 values that a slot of so many takes.
+std::int64_t SlotValues(std::int64_t values) {
+  constexpr std::int64_t kMultiple = FlatModule::kSlotBytes / sizeof(float);
+  return (values + kMultiple - 1) / kMultiple * kMultiple;
+}
+
+}  // namespace
 
 FlatModule::FlatModule(torch::nn::Module& module) {
   c10::NoGradGuard no_grad;
@@ -18,12 +26,12 @@ FlatModule::FlatModule(torch::nn::Module& module) {
   std::int64_t total = 0;
   for (const auto& [name, p] : ordered) {
     slots_.push_back({name, total, p.sizes().vec()});
-    total += p.numel();
+    total += SlotValues(p.numel());
     if (p.dim() > 1) num_weights_ = total;
   }
   const at::TensorOptions options =
       at::TensorOptions(at::kFloat).device(ordered.at(0).second.device());
-  parameters_ = at::empty({total}, options);
+  parameters_ = at::zeros({total}, options);
   gradients_ = at::zeros({total}, options);
   for (std::size_t i = 0; i < ordered.size(); ++i) {
     at::Tensor& p = ordered[i].second;
@@ -36,14 +44,14 @@ FlatModule::FlatModule(torch::nn::Module& module) {
 
   std::vector<at::Tensor> buffers = module.buffers();
   std::int64_t values = 0;
-  for (const at::Tensor& b : buffers) values += b.numel();
-  buffers_ = at::empty({values}, options);
+  for (const at::Tensor& b : buffers) values += SlotValues(b.numel());
+  buffers_ = at::zeros({values}, options);
   std::int64_t offset = 0;
   for (at::Tensor& b : buffers) {
     const at::Tensor view = buffers_.narrow(0, offset, b.numel()).view(b.sizes());
     view.copy_(b);
     b.set_data(view);
-    offset += b.numel();
+    offset += SlotValues(b.numel());
   }
 }
 

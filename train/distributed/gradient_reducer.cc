@@ -39,9 +39,7 @@ void GradientReducer::AddBuckets(std::int64_t bucket_values) {
   const std::vector<at::Tensor>& tensors = module_->tensors();
   bucket_of_.resize(tensors.size());
   std::size_t weights = 0;
-  for (std::int64_t offset = 0; offset < module_->num_weights(); ++weights) {
-    offset += tensors[weights].numel();
-  }
+  while (weights < tensors.size() && module_->offset(weights) < module_->num_weights()) ++weights;
   std::int64_t end = module_->num_weights(), begin = end;
   int parameters = 0;
   const auto close = [&] {
@@ -51,7 +49,7 @@ void GradientReducer::AddBuckets(std::int64_t bucket_values) {
     parameters = 0;
   };
   for (std::size_t i = weights; i-- > 0;) {
-    begin -= tensors[i].numel();
+    begin = module_->offset(i);
     bucket_of_[i] = buckets_.size();
     ++parameters;
     if (end - begin >= bucket_values) close();

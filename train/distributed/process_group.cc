@@ -64,6 +64,9 @@ Store OpenStore(const World& world, milliseconds timeout) {
   options.numWorkers = static_cast<std::size_t>(world.size);
   options.waitWorkers = false;  // Gloo's own meeting waits, with a message of its own
   options.timeout = timeout;
+#if TORCH_VERSION_MAJOR * 100 + TORCH_VERSION_MINOR >= 204
+  options.useLibUV = false;  // Debian's LibTorch is built without it
+#endif
   try {
     return c10::make_intrusive<c10d::TCPStore>(world.address, options);
   } catch (const std::exception& e) {

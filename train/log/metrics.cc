@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/config/config_word.h"
@@ -10,12 +11,20 @@ namespace volalign {
 
 namespace {
 
-/// Those of which a row has the mean.
-std::array<double*, 9> Numbers(StepReport* report) {
-  StepTimes& t = report->times;
-  return {&report->loss, &report->loss_seg, &report->loss_3d, &report->gradient_norm,
-          &t.data,       &t.forward,        &t.loss,          &t.backward,
-          &t.optim};
+/// Those of which a row has the mean over the steps that were not skipped,
+std::array<double*, 4> Numbers(StepReport* report) {
+  return {&report->loss, &report->loss_seg, &report->loss_3d, &report->gradient_norm};
+}
+
+/// and over all.
+std::array<double*, 5> Numbers(StepTimes* t) {
+  return {&t->data, &t->forward, &t->loss, &t->backward, &t->optim};
+}
+
+template <class T>
+void AddNumbers(T* sum, T more) {
+  const auto sums = Numbers(sum), numbers = Numbers(&more);
+  for (std::size_t i = 0; i < sums.size(); ++i) *sums[i] += *numbers[i];
 }
 
 }  // namespace
@@ -56,22 +65,31 @@ bool LargerIsBetter(BestMetric metric) {
   return metric == BestMetric::kMiou || metric == BestMetric::kMiouAuthors;
 }
 
-void StepMeans::Add(const StepReport& step, std::int64_t step_samples) {
-  ++steps;
-  samples += step_samples;
-  sum.degenerate += step.degenerate;
-  StepReport added = step;
-  const auto sums = Numbers(&sum), numbers = Numbers(&added);
-  for (std::size_t i = 0; i < sums.size(); ++i) *sums[i] += *numbers[i];
+double Total(const StepTimes& t) { return t.data + t.forward + t.loss + t.backward + t.optim; }
+
+StepTimes ShareOut(const StepTimes& all, const StepTimes& measured) {
+  const double computing = Total(measured) - measured.data;
+  const double scale = computing > 0 ? (Total(all) - all.data) / computing : 0;
+  return {all.data, scale * measured.forward, scale * measured.loss, scale * measured.backward,
+          scale * measured.optim};
+}
+
+void StepMeans::Add(const StepReport& more, std::int64_t more_samples) {
+  samples += more_samples;
+  sum.steps += more.steps;
+  sum.skipped += more.skipped;
+  sum.degenerate += more.degenerate;
+  AddNumbers(&sum, more);
+  AddNumbers(&sum.times, more.times);
 }
 
 TrainRow StepMeans::Take(std::int64_t step, std::int64_t samples_so_far, double lr) {
   TrainRow row{step, samples_so_far, lr, 0, sum};
-  const double n = static_cast<double>(steps);
   StepTimes& t = row.mean.times;
-  row.samples_per_s =
-      static_cast<double>(samples) / (t.data + t.forward + t.loss + t.backward + t.optim);
-  for (double* value : Numbers(&row.mean)) *value /= n;
+  row.samples_per_s = static_cast<double>(samples) / Total(t);
+  const auto finite = static_cast<double>(std::max<std::int64_t>(sum.steps - sum.skipped, 1));
+  for (double* value : Numbers(&row.mean)) *value /= finite;
+  for (double* value : Numbers(&t)) *value /= static_cast<double>(sum.steps);
   *this = StepMeans();
   return row;
 }

@@ -15,11 +15,19 @@ struct StepTimes {
   double data = 0, forward = 0, loss = 0, backward = 0, optim = 0;
 };
 
-/// What a step measured.
+double Total(const StepTimes& times);
+
+/// `all` with the time that is not `data` shared out as `measured` has it: of steps whose parts a
+/// device does while the host is elsewhere, one of which was measured.
+StepTimes ShareOut(const StepTimes& all, const StepTimes& measured);
+
+/// What one step measured, or sums over several.
 struct StepReport {
-  double loss = 0, loss_seg = 0, loss_3d = 0;
-  std::int64_t degenerate = 0;  ///< samples that added nothing to loss_3d
-  double gradient_norm = 0;     ///< before clipping
+  std::int64_t steps = 1;
+  std::int64_t skipped = 0;  ///< of them, for a loss or gradient that is not finite
+  double loss = 0, loss_seg = 0, loss_3d = 0;  ///< these and the next two of the others alone
+  std::int64_t degenerate = 0;                 ///< samples that added nothing to loss_3d
+  double gradient_norm = 0;                    ///< before clipping
   StepTimes times;
 };
 
@@ -96,7 +104,7 @@ struct TrainRow {
   std::int64_t step = 0, samples = 0;  ///< so far
   double lr = 0;                       ///< of the last step
   double samples_per_s = 0;            ///< over the steps alone, validation and saving left out
-  StepReport mean;                     ///< but `degenerate`, which is a sum
+  StepReport mean;                     ///< but `steps`, `skipped` and `degenerate`, which are sums
 };
 
 struct ValidationRow {
@@ -106,10 +114,12 @@ struct ValidationRow {
 
 /// Sums over the steps since the last TrainRow.
 struct StepMeans {
-  std::int64_t steps = 0, samples = 0;
+  std::int64_t samples = 0;
   StepReport sum;
 
-  void Add(const StepReport& step, std::int64_t step_samples);
+  StepMeans() { sum.steps = 0; }
+
+  void Add(const StepReport& more, std::int64_t more_samples);
   /// The means; begins anew.
   TrainRow Take(std::int64_t step, std::int64_t samples_so_far, double lr);
 };

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <map>
 #include <optional>
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/base/text.h"
 #include "train/log/metrics.h"
 
 namespace volalign {
@@ -57,83 +56,48 @@ std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
   return {mean, std::sqrt(squares / static_cast<double>(values.size() - 1))};
 }
 
-std::string TextOf(const Cell& cell, bool exact) {
-  if (const auto* text = std::get_if<std::string>(&cell)) return *text;
-  const auto* number = std::get_if<double>(&cell);
-  if (!number) return "";
-  if (exact || (std::abs(*number) < 1e15 && *number == std::round(*number))) {
-    return fmt::format("{}", *number);
-  }
-  return fmt::format("{:.4g}", *number);
+/// Half of the 95 % interval of a mean of `n` normal values over their standard error: Student's t.
+double HalfInterval95(std::size_t n) {
+  constexpr std::array<double, 10> kFew = {12.706, 4.303, 3.182, 2.776, 2.571,
+                                           2.447,  2.365, 2.306, 2.262, 2.228};
+  if (n - 2 < kFew.size()) return kFew[n - 2];
+  // Cornish and Fisher's expansion, here within 0.1 %.
+  constexpr double kZ = 1.959964;
+  const auto freedom = static_cast<double>(n - 1);
+  return kZ + (std::pow(kZ, 3) + kZ) / (4 * freedom) +
+         (5 * std::pow(kZ, 5) + 16 * std::pow(kZ, 3) + 3 * kZ) / (96 * freedom * freedom);
 }
 
-std::string Quoted(const std::string& text) {
-  const std::string quoted = CsvQuoted(text);
-  const bool plain = text.find_first_of(",\"\r\n") == std::string::npos;
-  return plain && quoted.size() == text.size() + 2 ? text : quoted;
-}
-
-std::string AsCsv(const Table& table) {
-  std::string csv;
-  const auto line = [&](const std::vector<std::string>& cells) {
-    for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + Quoted(cells[i]);
-    csv += "\r\n";
-  };
-  line(table.columns);
-  for (const auto& row : table.rows) {
-    std::vector<std::string> cells;
-    for (const Cell& cell : row) cells.push_back(TextOf(cell, true));
-    line(cells);
-  }
-  return csv;
-}
-
-std::string AsText(const Table& table) {
-  std::vector<std::vector<std::string>> lines = {table.columns};
-  for (const auto& row : table.rows) {
-    lines.emplace_back();
-    for (const Cell& cell : row) lines.back().push_back(TextOf(cell, false));
-  }
-  std::string text;
-  std::vector<std::size_t> widths(table.columns.size());
-  for (const auto& line : lines) {
-    for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], line[i].size());
-  }
-  for (const auto& line : lines) {
-    std::string row;
-    for (std::size_t i = 0; i < line.size(); ++i)
-      row += fmt::format("{:<{}}  ", line[i], widths[i]);
-    text += row.substr(0, row.find_last_not_of(' ') + 1) + "\n";
-  }
-  return text;
-}
-
-std::string AsJson(const Table& table) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const auto& row : table.rows) {
-    nlohmann::ordered_json object = nlohmann::ordered_json::object();
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      if (const auto* text = std::get_if<std::string>(&row[i])) object[table.columns[i]] = *text;
-      if (const auto* number = std::get_if<double>(&row[i])) object[table.columns[i]] = *number;
+/// By how much `group` is better or worse in `metric` than `first` with the same seeds: the number
+/// of these seeds, the mean difference and half of its 95 % interval.
+std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
+                                   const std::string& metric) {
+  const auto by_seeds = [&](const RunGroup& runs) {
+    std::map<std::pair<double, double>, double> values;
+    const auto seed = [](const LoggedRun& run, const char* key) {
+      const auto found = run.config.find(key);
+      return found == run.config.end() ? -1 : std::stod(found->second);
+    };
+    for (const LoggedRun& run : runs.runs) {
+      const auto value = run.Last("validation/" + metric);
+      if (value) values[{seed(run, "run.seed"), seed(run, "run.weight_seed")}] = *value;
     }
-    list.push_back(object);
+    return values;
+  };
+  const auto reference = by_seeds(first), own = by_seeds(group);
+  std::vector<double> differences;
+  for (const auto& [seeds, value] : own) {
+    const auto at = reference.find(seeds);
+    if (at != reference.end()) differences.push_back(value - at->second);
   }
-  return list.dump(1) + "\n";
+  const std::size_t n = differences.size();
+  const auto [mean, deviation] = MeanAndDeviation(differences);
+  if (n < 2) return {volalign::CellOf(n), mean, Cell()};
+  return {volalign::CellOf(n), mean,
+          HalfInterval95(n) * std::get<double>(deviation) / std::sqrt(static_cast<double>(n))};
 }
 
 }  // namespace
-
-std::string FormatTable(const Table& table, TableFormat format) {
-  switch (format) {
-    case TableFormat::kText:
-      return AsText(table);
-    case TableFormat::kCsv:
-      return AsCsv(table);
-    case TableFormat::kJson:
-      return AsJson(table);
-  }
-  throw Error("invalid TableFormat");
-}
 
 Table ListRuns(const std::vector<LoggedRun>& runs) {
   Table table;
@@ -141,8 +105,8 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
   for (const char* metric : kValidationMetrics) table.columns.emplace_back(metric);
   table.columns.insert(table.columns.end(), {"best_metric", "best", "samples_per_s"});
   for (const LoggedRun& run : runs) {
-    std::vector<Cell> row = {run.name, static_cast<double>(run.samples),
-                             NumberOf(run, "run.samples"), CellOf(run.Last("train/loss"))};
+    std::vector<Cell> row = {run.name, std::int64_t{run.samples}, NumberOf(run, "run.samples"),
+                             CellOf(run.Last("train/loss"))};
     for (const char* metric : kValidationMetrics) {
       row.push_back(CellOf(run.Last(std::string("validation/") + metric)));
     }
@@ -168,14 +132,20 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
     table.columns.push_back(metric);
     table.columns.push_back(metric + " std");
   }
+  const auto best = groups.front().runs.front().config.find("run.best_metric");
+  const std::string by =
+      best == groups.front().runs.front().config.end() ? "loss_seg" : best->second;
+  if (groups.size() > 1)
+    table.columns.insert(table.columns.end(),
+                         {"shared seeds", by + " less the first's", "95 % +-"});
   for (const RunGroup& group : groups) {
     std::vector<Cell> row = {group.runs.front().name};
     for (const auto& [key, value] : group.differences) row.emplace_back(value);
-    row.emplace_back(static_cast<double>(group.runs.size()));
+    row.push_back(volalign::CellOf(group.runs.size()));
     const auto least = std::min_element(
         group.runs.begin(), group.runs.end(),
         [](const LoggedRun& a, const LoggedRun& b) { return a.samples < b.samples; });
-    row.emplace_back(static_cast<double>(least->samples));
+    row.emplace_back(std::int64_t{least->samples});
     for (const std::string& metric : metrics) {
       std::vector<double> values;
       for (const LoggedRun& run : group.runs) {
@@ -186,6 +156,11 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
       const auto [mean, deviation] = MeanAndDeviation(values);
       row.push_back(mean);
       row.push_back(deviation);
+    }
+    if (&group != &groups.front()) {
+      for (const Cell& cell : DifferenceFrom(groups.front(), group, by)) row.push_back(cell);
+    } else if (groups.size() > 1) {
+      row.resize(table.columns.size());
     }
     table.rows.push_back(row);
   }

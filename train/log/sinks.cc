@@ -17,12 +17,6 @@ namespace {
 
 using nlohmann::json;
 
-std::string Duration(double seconds) {
-  const auto s = static_cast<long>(std::max(0.0, seconds));
-  if (s >= 3600) return fmt::format("{}h{:02}m", s / 3600, s / 60 % 60);
-  return fmt::format("{}m{:02}s", s / 60, s % 60);
-}
-
 }  // namespace
 
 JsonlSink::JsonlSink(const std::filesystem::path& path, std::int64_t samples)
@@ -57,6 +51,7 @@ void JsonlSink::Train(const TrainRow& row) {
                   {"loss_3d", mean.loss_3d},
                   {"degenerate", mean.degenerate},
                   {"gradient_norm", mean.gradient_norm},
+                  {"skipped", mean.skipped},
                   {"lr", row.lr},
                   {"samples_per_s", row.samples_per_s},
                   {"step_s",
@@ -79,23 +74,27 @@ void JsonlSink::Validation(const ValidationRow& row) {
   Write(j.dump());
 }
 
-ProgressSink::ProgressSink(std::int64_t total)
-    : total_(total), terminal_(isatty(STDERR_FILENO) != 0) {}
+ProgressSink::ProgressSink(std::int64_t total, const std::string& name)
+    : total_(total), name_(name.empty() ? "" : name + ": "), line_(name.empty()) {
+  line_.Begin("training");
+}
 
 void ProgressSink::Train(const TrainRow& row) {
-  const double share = static_cast<double>(row.samples) / static_cast<double>(total_);
-  const std::string text = fmt::format(
-      "{}/{}  loss {:.4f}{}  {:.1f} samples/s  lr {:.2e}  {} left", row.samples, total_,
-      row.mean.loss, miou_, row.samples_per_s, row.lr,
-      Duration(static_cast<double>(total_ - row.samples) / std::max(row.samples_per_s, 1e-9)));
-  if (terminal_) {
-    constexpr int kWidth = 30;
-    const int full = std::min(kWidth, static_cast<int>(share * kWidth));
-    fmt::print(stderr, "\r[{:=<{}}{:<{}}] {}\033[K", "", full, "", kWidth - full, text);
+  const std::string text = fmt::format("loss {:.4f}{}  {:.1f} samples/s  lr {:.2e}", row.mean.loss,
+                                       miou_, row.samples_per_s, row.lr);
+  if (line_.shown()) {
+    line_.Count("training", row.samples, total_, text);
   } else {
-    fmt::print(stderr, "{:5.1f} %  {}\n", 100 * share, text);
+    const auto left = static_cast<double>(total_ - row.samples);
+    Line(fmt::format("{:5.1f} %  {}/{}  {}  about {} left",
+                     100 * static_cast<double>(row.samples) / static_cast<double>(total_),
+                     row.samples, total_, text,
+                     RoundDuration(left / std::max(row.samples_per_s, 1e-9))));
   }
-  std::fflush(stderr);
+  if (row.mean.skipped > 0) {
+    Line(fmt::format("warning: {} of {} steps were skipped: their loss or gradient was not finite",
+                     row.mean.skipped, row.mean.steps));
+  }
 }
 
 void ProgressSink::Validation(const ValidationRow& row) {
@@ -107,8 +106,6 @@ void ProgressSink::Validation(const ValidationRow& row) {
                   row.samples, v.loss_seg, v.miou, v.posed, v.samples, MedianPoseError(v)));
 }
 
-void ProgressSink::Line(const std::string& text) {
-  fmt::print(stderr, "{}{}\n", terminal_ ? "\r\033[K" : "", text);
-}
+void ProgressSink::Line(const std::string& text) { line_.Say(name_ + text); }
 
 }  // namespace volalign

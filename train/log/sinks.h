@@ -5,6 +5,7 @@
 #include <fstream>
 #include <string>
 
+#include "core/base/progress_line.h"
 #include "train/log/metrics.h"
 
 namespace volalign {
@@ -33,19 +34,22 @@ class JsonlSink : public MetricSink {
   std::ofstream file_;
 };
 
-/// On stderr: a bar that redraws itself on a terminal, plain lines elsewhere.
+/// On stderr: a ProgressLine on a terminal, lines elsewhere.
 class ProgressSink : public MetricSink {
  public:
-  /// Of a run of `total` samples.
-  explicit ProgressSink(std::int64_t total);
+  /// Of a run of `total` samples; with a name, lines that begin with it.
+  explicit ProgressSink(std::int64_t total, const std::string& name = "");
   void Train(const TrainRow& row) override;
   void Validation(const ValidationRow& row) override;
   void Line(const std::string& text);
+  /// Of a validation.
+  CountDone Counter() { return line_.Counter("validation"); }
 
  private:
   std::int64_t total_;
+  std::string name_;
   std::string miou_;  ///< of the last validation, ready to print
-  bool terminal_;
+  ProgressLine line_;
 };
 
 }  // namespace volalign

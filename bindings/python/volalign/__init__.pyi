@@ -152,6 +152,8 @@ class Frame:
     @property
     def serial(self) -> str: ...
     @property
+    def renderer(self) -> str: ...
+    @property
     def quarter_turns(self) -> int | None: ...
     @property
     def ground_truth(self) -> _FloatArray | None: ...
@@ -297,6 +299,10 @@ class Result:
     @property
     def model(self) -> str | None: ...
     @property
+    def note(self) -> str: ...
+    @note.setter
+    def note(self, note: str) -> None: ...
+    @property
     def options(self) -> str: ...
     @property
     def timings_s(self) -> dict[str, float]: ...
@@ -311,6 +317,7 @@ def calibrate(
     *,
     structure: Structure | _Path | None = ...,
     model: _Path | None = ...,
+    runtime: Literal["auto", "opencv", "onnxruntime"] = ...,
     options: _Options = ...,
     progress: Callable[[str], object] | None = ...,
     **keywords: Any,
@@ -361,6 +368,7 @@ def check(
     false_alarm: float = ...,
     structure: Structure | _Path | None = ...,
     model: _Path | None = ...,
+    runtime: Literal["auto", "opencv", "onnxruntime"] = ...,
     options: _Options = ...,
     progress: Callable[[str], object] | None = ...,
     **keywords: Any,
@@ -431,6 +439,9 @@ def convert(
     *,
     from_format: str = ...,
     colour_cameras: Mapping[str, _Path] = ...,
+    origin: str = ...,
+    up: str | None = ...,
+    camera: str = ...,
 ) -> list[str]: ...
 def read_poses(path: _Path, format: str = ..., *, colour_cameras: Mapping[str, _Path] = ...) -> dict[str, SensorPose]: ...
 def write_poses(

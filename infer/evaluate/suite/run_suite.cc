@@ -35,15 +35,17 @@ std::optional<CaptureScores> Known(const std::filesystem::path& file,
   return scores;
 }
 
-/// "[3/24] arc_165_90_turn_3: m05 8/8, markers 7/8; about 300 s left"
+/// "[3/24] arc_165_90_turn_3: m05 8/8, markers 7/8"
 class Progress {
  public:
-  Progress(const SuiteRun& run, std::size_t total) : run_(run), total_(total) {}
+  Progress(const SuiteRun& run, std::size_t total) : run_(run), total_(total) {
+    if (run_.count) run_.count(0, static_cast<std::int64_t>(total_));
+  }
 
   void Done(const SuiteItem& item, const std::vector<CaptureScores>& fresh) {
     const std::lock_guard<std::mutex> lock(mutex_);
     ++done_;
-    if (!fresh.empty()) ++made_;
+    if (run_.count) run_.count(static_cast<std::int64_t>(done_), static_cast<std::int64_t>(total_));
     if (!run_.progress) return;
     std::string placed;
     for (const CaptureScores& scores : fresh) {
@@ -52,19 +54,13 @@ class Progress {
                         [](const ViewScores& view) { return view.stages.front().placed; });
       placed += fmt::format(" {} {}/{}", scores.method, count, scores.views.size());
     }
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start_;
     run_.progress(fmt::format("[{}/{}] {}:{}", done_, total_, item.capture,
-                              fresh.empty()
-                                  ? " done before"
-                                  : fmt::format("{}; about {:.0f} s left", placed,
-                                                elapsed.count() / static_cast<double>(made_) *
-                                                    static_cast<double>(total_ - done_))));
+                              fresh.empty() ? " done before" : placed));
   }
 
  private:
   const SuiteRun& run_;
-  std::size_t total_, done_ = 0, made_ = 0;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::size_t total_, done_ = 0;
   std::mutex mutex_;
 };
 

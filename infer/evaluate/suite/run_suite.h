@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/progress_line.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/suite_config.h"
 #include "render/depth_renderer.h"
@@ -15,9 +16,10 @@ struct SuiteRun {
   std::filesystem::path output;  ///< results go to captures/ in it; what is there is not done again
   std::string program;           ///< identifies the program's build
   int workers = 1;               ///< captures that are worked on at the same time
-  RendererFactory make_renderer;  ///< called by each worker that renders
-  int max_captures = 0;           ///< of each dataset, evenly taken; 0: all
-  std::function<void(const std::string& line)> progress;
+  RendererFactory make_renderer;                          ///< called by each worker that renders
+  int max_captures = 0;                                   ///< of each dataset, evenly taken; 0: all
+  std::function<void(const std::string& line)> progress;  ///< one line per capture
+  CountDone count;                                        ///< of captures
 };
 
 /// Runs every method whose model exists on every capture, and returns what is known, by datasets,

@@ -13,6 +13,15 @@
 namespace volalign::poses_internal {
 
 using Poses = std::vector<SensorPose>;
+
+/// In which frame the poses of a file are, of which camera. The codecs change neither: they write
+/// poses as they are given, and say in the file what these two say.
+struct FileFrame {
+  std::string world = "y up, right-handed";
+  std::string name = "structure";  ///< of the world, in one word
+  bool colour = false;             ///< poses of the colour cameras
+};
+
 /// Throws DataError, with the place, for a word that is no finite number.
 double ParseNumber(const std::string& word, const std::string& place);
 
@@ -23,32 +32,36 @@ using Files = std::map<std::string, std::string>;
 /// DataError, with `place` in its message, for anything but a whole number from 1 on.
 int PixelCount(double value, const std::string& place);
 
-std::string WritePosesJson(const Poses& poses);
+std::string WritePosesJson(const Poses& poses, const FileFrame& frame);
 Poses ReadPosesJson(const std::string& text, const std::string& name);
 
-std::string WriteOpen3d(const Poses& poses);
+std::string WriteOpen3d(const Poses& poses, const FileFrame& frame);
 Poses ReadOpen3d(const std::string& text, const std::string& name);
 
-std::string WriteUnity(const Poses& poses);
+std::string WriteUnity(const Poses& poses, const FileFrame& frame);
 Poses ReadUnity(const std::string& text, const std::string& name);
 
-std::string WriteOpen3dLog(const Poses& poses);
+std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame);
 Poses ReadOpen3dLog(const std::string& text, const std::string& name);
 
-std::string WriteTum(const Poses& poses);
+std::string WriteTum(const Poses& poses, const FileFrame& frame);
 Poses ReadTum(const std::string& text, const std::string& name);
 
-std::string WriteCsv(const Poses& poses);
+std::string WriteCsv(const Poses& poses, const FileFrame& frame);
 Poses ReadCsv(const std::string& text, const std::string& name);
 
-std::string WriteOpencv(const Poses& poses);
+std::string WriteOpencv(const Poses& poses, const FileFrame& frame);
 Poses ReadOpencv(const std::string& text, const std::string& name);
 
-std::string WriteRos(const Poses& poses);
+std::string WriteRos(const Poses& poses, const FileFrame& frame);
 Poses ReadRos(const std::string& text, const std::string& name);
 
+/// Its world has z up, as that of ros.
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
+
+std::string WriteCwipc(const Poses& poses, const FileFrame& frame);
+Poses ReadCwipc(const std::string& text, const std::string& name);
 
 /// Where LiveScan3D's camera, whose points it transforms, is to the sensor of that name:
 /// p_camera = T p_sensor.
@@ -58,7 +71,7 @@ Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_senso
 /// Whether it is one of its files, by its name.
 bool IsLivescanFile(const std::string& file);
 
-Files WriteColmap(const Poses& poses);
+Files WriteColmap(const Poses& poses, const FileFrame& frame);
 Poses ReadColmap(const Files& files);
 
 }  // namespace volalign::poses_internal

@@ -72,13 +72,14 @@ const std::string& FileOf(const Files& files, const char* name) {
 
 }  // namespace
 
-Files WriteColmap(const Poses& poses) {
+Files WriteColmap(const Poses& poses, const FileFrame& frame) {
   std::string cameras =
       "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[] (fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6; the "
       "upper left pixel's centre is at 0.5, 0.5)\n";
   std::string images =
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world, metres; camera: x right, "
-      "y down, z forward; world: y up, right-handed), then a line of points: none\n";
+      "y down, z forward; world: " +
+      frame.world + "), then a line of points: none\n";
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (poses[i].name.find_first_of(" \t\n") != std::string::npos)
       throw ConfigError(fmt::format("COLMAP's names have no blanks: \"{}\"", poses[i].name));
@@ -114,8 +115,11 @@ Poses ReadColmap(const Files& files) {
     if (camera == cameras.end())
       throw DataError(fmt::format("{}: there is no camera {}", place, words[8]));
     poses.push_back(
-        {words[9], PoseFromQuaternion(v[0], v[1], v[2], v[3], {v[4], v[5], v[6]}, place).inverse(),
-         camera->second});
+        {words[9],
+         PoseFromQuaternion(v[0], v[1], v[2], v[3], {v[4], v[5], v[6]}, place).inverse(),
+         camera->second,
+         {},
+         {}});
   }
   return poses;
 }

@@ -14,19 +14,21 @@ namespace {
 
 using nlohmann::ordered_json;
 
+constexpr int kCwipcVersion = 3;
 constexpr char kPosesFormat[] = "volalign.poses/1";
 constexpr char kPosesConvention[] =
     "structure_from_sensor: p_structure = T p_sensor, 4x4, row-major, metres; sensor: x right, y "
-    "down, z forward; structure: y up, right-handed; pixel centres at integer coordinates";
+    "down, z forward; structure: {}; pixel centres at integer coordinates";
 constexpr char kOpen3dConvention[] =
     "extrinsic: camera_from_world, 4x4, column-major, metres; camera: x right, y down, z forward; "
-    "world: y up, right-handed; intrinsic_matrix: 3x3, column-major, pixel centres at integer "
-    "coordinates";
+    "world: {}; intrinsic_matrix: 3x3, column-major, pixel centres at integer coordinates";
 constexpr char kUnityConvention[] =
-    "position and rotation of transforms in a left-handed world, y up, metres: (x, y, z) of the "
-    "structure frame is (-x, y, z); the transform's +z looks at the scene, its +y is the top of "
-    "the "
-    "picture; rotation: quaternion x, y, z, w";
+    "position and rotation of transforms in a left-handed world, y up, metres: (x, y, z) of "
+    "volalign's ({}) is (-x, y, z); the transform's +z looks at the scene, its +y is the top of "
+    "the picture; rotation: quaternion x, y, z, w";
+constexpr char kCwipcConvention[] =
+    "trafo: world_from_camera, 4x4, row-major, metres; camera: x right, y down, z forward; world: "
+    "{}";
 
 ordered_json IntrinsicsJson(const Intrinsics& k) {
   ordered_json json = {{"width", k.width}, {"height", k.height}, {"fx", k.fx},
@@ -68,7 +70,7 @@ Intrinsics Open3dIntrinsics(const JsonObject& object) {
 
 }  // namespace
 
-std::string WritePosesJson(const Poses& poses) {
+std::string WritePosesJson(const Poses& poses, const FileFrame& frame) {
   ordered_json sensors = ordered_json::array();
   for (const SensorPose& pose : poses) {
     ordered_json sensor = {{"name", pose.name},
@@ -77,7 +79,7 @@ std::string WritePosesJson(const Poses& poses) {
     sensors.push_back(std::move(sensor));
   }
   return ordered_json{{"format", kPosesFormat},
-                      {"convention", kPosesConvention},
+                      {"convention", fmt::format(kPosesConvention, frame.world)},
                       {"sensors", std::move(sensors)}}
              .dump(2) +
          "\n";
@@ -105,7 +107,7 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
 }
 
 // Open3D looks for the keys that it knows, so that the names and the convention may stand beside.
-std::string WriteOpen3d(const Poses& poses) {
+std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
   ordered_json parameters = ordered_json::array(), names = ordered_json::array();
   for (const SensorPose& pose : poses) {
     const Intrinsics& k = *pose.intrinsics;
@@ -121,7 +123,7 @@ std::string WriteOpen3d(const Poses& poses) {
          {"version_minor", 0}});
   }
   return ordered_json{{"class_name", "PinholeCameraTrajectory"},
-                      {"convention", kOpen3dConvention},
+                      {"convention", fmt::format(kOpen3dConvention, frame.world)},
                       {"names", std::move(names)},
                       {"parameters", std::move(parameters)},
                       {"version_major", 1},
@@ -153,7 +155,7 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
   return poses;
 }
 
-std::string WriteUnity(const Poses& poses) {
+std::string WriteUnity(const Poses& poses, const FileFrame& frame) {
   ordered_json sensors = ordered_json::array();
   for (const SensorPose& pose : poses) {
     const Eigen::Vector3d p = UnityFromYUp() * pose.structure_from_sensor.translation();
@@ -166,7 +168,9 @@ std::string WriteUnity(const Poses& poses) {
     if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
     sensors.push_back(std::move(sensor));
   }
-  return ordered_json{{"convention", kUnityConvention}, {"sensors", std::move(sensors)}}.dump(2) +
+  return ordered_json{{"convention", fmt::format(kUnityConvention, frame.world)},
+                      {"sensors", std::move(sensors)}}
+             .dump(2) +
          "\n";
 }
 
@@ -186,6 +190,38 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
     // Both changes of axes are their own inverse.
     pose.structure_from_sensor.linear() = UnityFromYUp() * unity.linear() * UnityCameraFromSensor();
     if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    poses.push_back(std::move(pose));
+  }
+  return poses;
+}
+
+// cwipc (github.com/cwi-dis/cwipc): a camera has a serial number, a type and `trafo`; keys that it
+// does not know are passed over.
+std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
+  ordered_json cameras = ordered_json::array();
+  for (const SensorPose& pose : poses) {
+    cameras.push_back({{"serial", pose.serial.empty() ? pose.name : pose.serial},
+                       {"name", pose.name},
+                       {"type", ""},
+                       {"trafo", ToRows(pose.structure_from_sensor)}});
+  }
+  return ordered_json{{"version", kCwipcVersion},
+                      {"type", ""},
+                      {"convention", fmt::format(kCwipcConvention, frame.world)},
+                      {"camera", std::move(cameras)}}
+             .dump(2) +
+         "\n";
+}
+
+Poses ReadCwipc(const std::string& text, const std::string& name) {
+  const nlohmann::json document = ParseStrictJson(text, name);
+  const JsonObject root(document, name);
+  Poses poses;
+  for (const JsonObject& camera : root.Children("camera")) {
+    SensorPose pose;
+    pose.serial = camera.Text("serial");
+    pose.name = camera.Has("name") ? camera.Text("name") : pose.serial;
+    pose.structure_from_sensor = PoseFromRows(camera.Matrix("trafo"), camera.Place("trafo"));
     poses.push_back(std::move(pose));
   }
   return poses;

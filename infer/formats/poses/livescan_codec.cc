@@ -84,7 +84,10 @@ Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_senso
   Poses poses;
   for (const auto& [file, text] : files) {
     const std::string name = NameOf(file);
-    poses.push_back({name, WorldFromCamera(text, file) * camera_from_sensor(name), std::nullopt});
+    SensorPose pose;
+    pose.name = name;
+    pose.structure_from_sensor = WorldFromCamera(text, file) * camera_from_sensor(name);
+    poses.push_back(std::move(pose));
   }
   if (poses.empty()) throw DataError("the folder has no file calibration_SERIAL.txt");
   return poses;

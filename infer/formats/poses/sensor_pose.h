@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/geometry/camera.h"
+#include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {
@@ -13,6 +14,8 @@ struct SensorPose {
   std::string name;
   Pose structure_from_sensor = Pose::Identity();
   std::optional<Intrinsics> intrinsics;  ///< that the pose belongs to, where they are known
+  std::optional<ColourCamera> colour;
+  std::string serial;  ///< of the device; may be empty
 };
 
 // The frames in which other programs have poses: p_other = ... * p_ours.

@@ -123,10 +123,11 @@ int PixelCount(double value, const std::string& place) {
   return static_cast<int>(value);
 }
 
-std::string WriteOpen3dLog(const Poses& poses) {
+std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame) {
   std::string text =
       "# world_from_camera, 4x4, row-major, metres, after a line of three numbers of the frame;\n"
-      "# camera: x right, y down, z forward; world: y up, right-handed\n";
+      "# camera: x right, y down, z forward; world: " +
+      frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     text += fmt::format("{0} {0} {1}\n", i, i + 1);
@@ -152,15 +153,18 @@ Poses ReadOpen3dLog(const std::string& text, const std::string& name) {
     poses.push_back({NameOf(all, poses.size()),
                      PoseFromRotation(m.topLeftCorner<3, 3>(), m.topRightCorner<3, 1>(),
                                       fmt::format("{}: line {}", name, lines[l].number)),
-                     std::nullopt});
+                     {},
+                     {},
+                     {}});
   }
   return poses;
 }
 
-std::string WriteTum(const Poses& poses) {
+std::string WriteTum(const Poses& poses, const FileFrame& frame) {
   std::string text =
       "# timestamp tx ty tz qx qy qz qw: world_from_camera, metres; the timestamp is the sensor's\n"
-      "# number; camera: x right, y down, z forward; world: y up, right-handed\n";
+      "# number; camera: x right, y down, z forward; world: " +
+      frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Pose& pose = poses[i].structure_from_sensor;
@@ -179,15 +183,17 @@ Poses ReadTum(const std::string& text, const std::string& name) {
     poses.push_back({NameOf(all, poses.size()),
                      PoseFromQuaternion(v[7], v[4], v[5], v[6], {v[1], v[2], v[3]},
                                         fmt::format("{}: line {}", name, line.number)),
-                     std::nullopt});
+                     {},
+                     {},
+                     {}});
   }
   return poses;
 }
 
-std::string WriteCsv(const Poses& poses) {
+std::string WriteCsv(const Poses& poses, const FileFrame& frame) {
   std::string text =
-      "# x_m..qw: structure_from_sensor; sensor: x right, y down, z forward; structure: y up, "
-      "right-handed; pixel centres at integer coordinates; distortion: OpenCV's order\n" +
+      "# x_m..qw: structure_from_sensor; sensor: x right, y down, z forward; structure: " +
+      frame.world + "; pixel centres at integer coordinates; distortion: OpenCV's order\n" +
       CsvHeader() + "\n";
   for (const SensorPose& pose : poses) {
     const Eigen::Vector3d& t = pose.structure_from_sensor.translation();
@@ -224,7 +230,9 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
     const std::vector<double> v = Numbers({lines[l].number, numbers}, fields.size() - 1, name);
     SensorPose pose{CsvText(fields[0]),
                     PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, place),
-                    std::nullopt};
+                    {},
+                    {},
+                    {}};
     if (v.size() > 7) {
       if (v.size() < 13) throw DataError(place + ": intrinsics with gaps");
       pose.intrinsics = CsvIntrinsics(v, place);
@@ -237,8 +245,8 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
 Files WriteVolumetricCapture(const Poses& poses) {
   Files files;
   for (const SensorPose& pose : poses) {
-    const Eigen::Matrix3d r = ZUpFromYUp() * pose.structure_from_sensor.linear();
-    const Eigen::Vector3d t = 1000 * ZUpFromYUp() * pose.structure_from_sensor.translation();
+    const Eigen::Matrix3d r = pose.structure_from_sensor.linear();
+    const Eigen::Vector3d t = 1000 * pose.structure_from_sensor.translation();
     std::string& text = files[pose.name + kExtension];
     for (int row = 0; row < 3; ++row)
       text += fmt::format("{} {} {}\n", r(row, 0), r(row, 1), r(row, 2));
@@ -260,11 +268,11 @@ Poses ReadVolumetricCapture(const Files& files) {
       const std::vector<double> row = Numbers(lines[r], 3, file);
       m.row(static_cast<Eigen::Index>(r)) = Eigen::Map<const Eigen::RowVector3d>(row.data());
     }
-    const Eigen::Matrix3d y_up = ZUpFromYUp().transpose();
-    poses.push_back(
-        {file.substr(0, end),
-         PoseFromRotation(y_up * m.topRows<3>(), 1e-3 * y_up * m.row(3).transpose(), file),
-         std::nullopt});
+    SensorPose pose;
+    pose.name = file.substr(0, end);
+    pose.structure_from_sensor =
+        PoseFromRotation(m.topRows<3>(), 1e-3 * m.row(3).transpose(), file);
+    poses.push_back(std::move(pose));
   }
   if (poses.empty()) throw DataError("the folder has no file NAME.extrinsics");
   return poses;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
 #include "infer/formats/poses/codecs.h"
 
@@ -14,8 +15,8 @@ namespace volalign::poses_internal {
 
 namespace {
 
-constexpr char kWorldFrame[] = "structure";
-constexpr char kOpticalFrame[] = "_depth_optical_frame";
+constexpr char kDepthFrame[] = "_depth_optical_frame";
+constexpr char kColourFrame[] = "_color_optical_frame";
 
 /// A number that YAML's readers, OpenCV's among them, take for a real one.
 std::string Real(double value) {
@@ -89,26 +90,47 @@ Intrinsics OpencvIntrinsics(const YAML::Node& sensor, const std::string& place) 
   return k;
 }
 
-std::string RosTransform(const std::string& child, const Pose& pose) {
+std::string RosTransform(const std::string& parent, const std::string& child, const Pose& pose) {
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Quaterniond q = QuaternionOf(pose.linear());
   return fmt::format(
       "- header: {{frame_id: {}}}\n  child_frame_id: {}\n  transform:\n"
       "    translation: {{x: {}, y: {}, z: {}}}\n    rotation: {{x: {}, y: {}, z: {}, w: {}}}\n",
-      Quoted(kWorldFrame), Quoted(child), Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()),
+      Quoted(parent), Quoted(child), Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()),
       Real(q.y()), Real(q.z()), Real(q.w()));
+}
+
+/// A word of a command of sh.
+std::string ShellWord(const std::string& word) {
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+/// The command of ROS 2 that publishes a transform, as a comment.
+std::string RosCommand(const std::string& parent, const std::string& child, const Pose& pose) {
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Quaterniond q = QuaternionOf(pose.linear());
+  return fmt::format(
+      "# ros2 run tf2_ros static_transform_publisher --x {} --y {} --z {} --qx {} --qy {} --qz {} "
+      "--qw {} --frame-id {} --child-frame-id {}\n",
+      Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()), Real(q.y()), Real(q.z()), Real(q.w()),
+      ShellWord(parent), ShellWord(child));
 }
 
 }  // namespace
 
 // FileStorage wants its directive and three dashes first, then keys.
-std::string WriteOpencv(const Poses& poses) {
+std::string WriteOpencv(const Poses& poses, const FileFrame& frame) {
   std::string text =
       "%YAML:1.0\n---\n"
-      "convention: \"camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres; "
-      "camera: x right, y down, z forward; world: y up, right-handed; pixel centres at integer "
-      "coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6\"\n"
-      "sensors:\n";
+      "convention: " +
+      Quoted(
+          "camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres; camera: x "
+          "right, y down, z forward; world: " +
+          frame.world +
+          "; pixel centres at integer coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6") +
+      "\nsensors:\n";
   for (const SensorPose& pose : poses) {
     const Pose camera_from_world = pose.structure_from_sensor.inverse();
     text += "   -\n     name: " + Quoted(pose.name) + "\n";
@@ -153,42 +175,47 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
   });
 }
 
-std::string WriteRos(const Poses& poses) {
+std::string WriteRos(const Poses& poses, const FileFrame& frame) {
+  const char* optical = frame.colour ? kColourFrame : kDepthFrame;
   std::string text = fmt::format(
       "# geometry_msgs/TransformStamped: the pose of child_frame_id in header.frame_id, metres.\n"
-      "# {}: z up, right-handed (REP 103), (x, y, z) of volalign's structure frame is (x, -z, y);\n"
+      "# {}: {} (REP 103);\n"
       "# *{}: x right, y down, z forward. Rotations are quaternions.\n",
-      kWorldFrame, kOpticalFrame);
-  for (const SensorPose& sensor : poses) {
-    Pose z_up = Pose::Identity();
-    z_up.linear() = ZUpFromYUp();
-    text += RosTransform(sensor.name + kOpticalFrame, z_up * sensor.structure_from_sensor);
-  }
+      frame.name, frame.world, optical);
+  for (const SensorPose& sensor : poses)
+    text += RosTransform(frame.name, sensor.name + optical, sensor.structure_from_sensor);
+  text += "# Each of these lines, without its #, publishes one of them in ROS 2:\n";
+  for (const SensorPose& sensor : poses)
+    text += RosCommand(frame.name, sensor.name + optical, sensor.structure_from_sensor);
   return text;
 }
 
 Poses ReadRos(const std::string& text, const std::string& name) {
   return Reading(name, [&] {
     Poses poses;
+    std::string world;
     for (const YAML::Node& node : LoadYaml(text)) {
       std::string child = node["child_frame_id"].as<std::string>();
       const std::string parent = node["header"]["frame_id"].as<std::string>();
       const std::string place = fmt::format("{}: {}", name, child);
-      if (parent != kWorldFrame)
-        throw DataError(
-            fmt::format("{}: in frame \"{}\" instead of \"{}\"", place, parent, kWorldFrame));
+      if (world.empty()) world = parent;
+      if (parent != world)
+        throw DataError(fmt::format("{}: in frame \"{}\", and others are in \"{}\"", place,
+                                    Shortened(parent), Shortened(world)));
       const YAML::Node t = node["transform"]["translation"], q = node["transform"]["rotation"];
       const auto number = [](const YAML::Node& of, const char* key) {
         return of[key].as<double>();
       };
-      const Pose z_up =
+      SensorPose pose;
+      pose.structure_from_sensor =
           PoseFromQuaternion(number(q, "w"), number(q, "x"), number(q, "y"), number(q, "z"),
                              {number(t, "x"), number(t, "y"), number(t, "z")}, place);
-      const std::size_t end = child.rfind(kOpticalFrame);
-      if (end != std::string::npos) child.resize(end);
-      Pose y_up = Pose::Identity();
-      y_up.linear() = ZUpFromYUp().transpose();
-      poses.push_back({child, y_up * z_up, std::nullopt});
+      for (const char* optical : {kDepthFrame, kColourFrame}) {
+        const std::size_t end = child.rfind(optical);
+        if (end != std::string::npos) child.resize(end);
+      }
+      pose.name = child;
+      poses.push_back(std::move(pose));
     }
     return poses;
   });

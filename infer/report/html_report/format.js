@@ -64,6 +64,20 @@ function int16Of(base64) {
   return values;
 }
 
+// "3.2 : 1" of a natural logarithm.
+function oddsWords(logOdds) {
+  const odds = Math.exp(Math.abs(logOdds)), times = odds > 1000 ? "over 1000" : fixed(odds, odds < 10 ? 1 : 0);
+  return logOdds < 0 ? `1 : ${times}` : `${times} : 1`;
+}
+
+// A drawing that the program made, whose texts it has escaped.
+function svgNode(text, label) {
+  const svg = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
+  svg.setAttribute("role", "img");
+  svg.setAttribute("aria-label", label);
+  return el("div", { class: "drawing" }, svg);
+}
+
 // P. Tol's "vibrant" scheme and two more, which the colour-blind can tell apart; a name always stands beside them.
 const SENSOR_COLOURS = ["#0077bb", "#ee7733", "#009988", "#cc3311", "#33aadd", "#ee3377", "#997700", "#8a5cd1"];
 const sensorColour = (index) => SENSOR_COLOURS[index % SENSOR_COLOURS.length];
@@ -81,6 +95,21 @@ function positionCovariance(sensor) {
     return sum;
   }));
 }
+// The largest eigenvalue of a symmetric 3 x 3 matrix, by the trigonometric solution of its cubic (Smith 1961).
+function largestEigenvalue(c) {
+  const mean = (c[0][0] + c[1][1] + c[2][2]) / 3, d = c.map((row, i) => row.map((x, j) => x - (i === j ? mean : 0)));
+  const p = Math.sqrt(d.flat().reduce((sum, x) => sum + x * x, 0) / 6);
+  if (!(p > 0)) return mean;
+  const det = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) - d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) + d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
+  return mean + 2 * p * Math.cos(Math.acos(Math.max(-1, Math.min(1, det / (2 * p ** 3)))) / 3);
+}
+// One standard deviation, m and deg, where a pose is known least: what the limits are for.
+const leastKnown = (sensor) => {
+  const c = positionCovariance(sensor);
+  return c && Math.sqrt(largestEigenvalue(c));
+};
+const leastKnownTurn = ({ covariance: c }) => c && Math.sqrt(largestEigenvalue([3, 4, 5].map((i) => c[i].slice(3)))) * 180 / Math.PI;
+
 const positionSigma = (sensor) => {
   const c = positionCovariance(sensor);
   return c && [0, 1, 2].map((i) => Math.sqrt(Math.max(0, c[i][i])));

@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "core/base/text.h"
+#include "core/config/config.h"
 #include "core/plot/picture.h"
+#include "infer/calib/calibrate.h"
 #include "infer/report/html_report/encode.h"
 
 namespace volalign {
@@ -58,6 +60,17 @@ Json Boxes(const Structure& structure) {
   return boxes;
 }
 
+/// Beyond which a sensor is weak, of the options that the calibration had.
+Json Limits(const std::string& options) {
+  const VerdictOptions verdict =
+      ReadConfig<CalibrateOptions>(ConfigSource::FromString(options, "options")).verdict;
+  return {{"rms_m", verdict.weak_rms_m},
+          {"sigma_position_m", verdict.weak_sigma_position_m},
+          {"sigma_rotation_deg", verdict.weak_sigma_rotation_deg},
+          {"inlier_share", verdict.weak_inlier_share},
+          {"label_iou", verdict.weak_label_iou}};
+}
+
 std::vector<std::string> Lines(const std::string& text) {
   std::vector<std::string> lines = Split(text, '\n');
   lines.erase(std::remove(lines.begin(), lines.end(), ""), lines.end());
@@ -74,8 +87,15 @@ Json ReportFrameJson(const ReportFrame& frame) {
   Json& pictures = json["pictures"] = Json::object();
   pictures["depth"] = PngDataUri(panels.depth);
   pictures["labels"] = PngDataUri(panels.labels);
-  if (!panels.model.empty()) pictures["model"] = PngDataUri(panels.model);
+  if (!panels.edges.empty()) pictures["edges"] = PngDataUri(panels.edges);
   if (!panels.residual.empty()) pictures["residual"] = PngDataUri(panels.residual);
+  Json& sides = json["sides"] = Json::array();
+  for (const SideFit& side : panels.sides) {
+    sides.push_back({{"label", side.label},
+                     {"points", side.points},
+                     {"mean_m", side.mean_m},
+                     {"rms_m", side.rms_m}});
+  }
   if (!frame.cloud.empty()) {
     EncodedCloud cloud = EncodeCloud(frame.cloud);
     json["cloud"] = {{"count", cloud.count},
@@ -87,12 +107,18 @@ Json ReportFrameJson(const ReportFrame& frame) {
 }
 
 Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>& stills,
-                   const std::string& notes, const ReportRun& run) {
+                   const ReportRig& rig, const ReportRun& run) {
   Json payload;
   payload["format"] = "volalign.report/1";
   payload["command"] = run.command;
+  payload["page"] = run.page;
   payload["options"] = run.options;
-  payload["notes"] = Lines(notes);
+  payload["notes"] = Lines(rig.notes);
+  payload["advice"] = rig.advice;
+  payload["from_above"] = rig.from_above;
+  payload["twins"] = rig.twins;
+  payload["decisive_odds"] = kDecisiveOdds;
+  payload["limits"] = Limits(run.options);
   payload["extrinsics"] = ExtrinsicsJson(extrinsics, "report.html");
   payload["labels"] = stills.empty() ? Json::array() : Labels(stills[0].built);
   payload["depth_colours"] = Scale(DepthColour, 0, 1);

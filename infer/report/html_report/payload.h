@@ -27,17 +27,26 @@ struct ReportStill {
 
 /// How a calibration was made.
 struct ReportRun {
-  std::string command;  ///< as typed
-  std::string options;  ///< all of them, YAML
+  std::string command;    ///< as typed
+  std::string options;    ///< all of them, YAML
+  std::string page = "";  ///< the file docs/report.md; "" where it is not installed
 };
 
 /// A frame's part of the payload. Encodes pictures: to be called for several frames at a time.
 nlohmann::ordered_json ReportFrameJson(const ReportFrame& frame);
 
+/// What the page says and shows of the rig as a whole.
+struct ReportRig {
+  std::string notes;                          ///< sentences, a line each
+  std::vector<std::string> advice;            ///< Advise
+  std::string from_above;                     ///< PlacedFromAbove
+  std::vector<nlohmann::ordered_json> twins;  ///< TwinJson, of each of Extrinsics::twins
+};
+
 /// Everything that the page shows (docs/report.md): extrinsics.json as it is written, and beside it
-/// what that file does not have. `notes`: sentences on the calibration as a whole, a line each.
+/// what that file does not have.
 nlohmann::ordered_json ReportPayload(const Extrinsics& extrinsics,
-                                     const std::vector<ReportStill>& stills,
-                                     const std::string& notes, const ReportRun& run);
+                                     const std::vector<ReportStill>& stills, const ReportRig& rig,
+                                     const ReportRun& run);
 
 }  // namespace volalign

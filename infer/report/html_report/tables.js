@@ -3,25 +3,39 @@
 const sensorsOf = (report) => Object.entries(report.extrinsics.sensors).map(([name, sensor], index) => ({ name, index, ...sensor }));
 const placedOf = (report) => sensorsOf(report).filter((sensor) => sensor.structure_from_sensor);
 
+// "7 of 8 sensors usable; S1 failed"
+function verdictWords(all) {
+  const named = (status) => all.filter((sensor) => sensor.status === status).map((sensor) => sensor.name).join(", ");
+  const usable = all.filter((sensor) => sensor.structure_from_sensor).length, failed = named("failed"), weak = named("weak");
+  const count = usable < all.length ? `${usable} of ${plural(all.length, "sensor")} usable` : all.length === 1 ? "The sensor is usable" : `All ${all.length} sensors usable`;
+  return [count, failed && `${failed} failed`, weak && `${weak} with care (weak)`].filter(Boolean).join("; ");
+}
+
 function fillHeadline(report) {
-  const all = sensorsOf(report), placed = placedOf(report), { verdict, metrics, pairs } = report.extrinsics;
-  const weak = placed.filter((sensor) => sensor.status === "weak").length;
-  const rest = placed.length === all.length ? "" : ` of ${all.length}`;
-  $("headline").replaceChildren(`${placed.length}${rest} ${all.length === 1 ? "sensor is" : "sensors are"} placed`, weak ? `, ${weak} of them weak` : "");
+  const all = sensorsOf(report), placed = placedOf(report), { verdict, pairs, date, note } = report.extrinsics, { limits } = report;
+  $("headline").replaceChildren(verdictWords(all));
   const capture = [report.extrinsics.capture || []].flat();
-  $("subject").append(capture.length ? `Capture ${capture.map(last).join(", ")}; structure “${report.extrinsics.structure.name}”` : "");
-  document.title = `volalign: ${verdict}, ${placed.length} of ${all.length} placed`;
-  const tile = (value, text) => el("div", { class: "tile" }, el("b", {}, value), el("span", {}, text));
+  $("subject").append([date && `Calibrated ${date.replace("T", " ").replace("Z", " UTC")}`, capture.length && `capture ${capture.map(last).join(", ")}`,
+    `structure “${report.extrinsics.structure.name}”`].filter(Boolean).join("; "));
+  if (note) {
+    $("note").hidden = false;
+    $("note").append(el("b", {}, "Note: "), note);
+  }
+  document.title = `volalign: ${verdictWords(all)}`;
+  const tile = (value, text, meaning) => el("div", { class: "tile", title: meaning }, el("b", {}, value), el("span", {}, text));
   const worst = (values) => Math.max(...values.filter(known));
-  const tiles = [tile(statusNode(verdict), "verdict: the worst of the sensors’ statuses")];
+  const tiles = [tile(statusNode(verdict), "verdict: the worst of the sensors’ statuses", "ok: nothing speaks against a pose; weak: there is a pose, and something to know about it; failed: no pose")];
   if (placed.length) {
     tiles.push(
-      tile(`${mm(median(placed.map((s) => s.rms_to_structure_m)))} mm`, "RMS of labelled points to the stack, median of the sensors"),
-      tile(`${mm(worst(placed.map((s) => largest(positionSigma(s)))))} mm`, "largest standard deviation of a sensor’s position along an axis"),
-      tile(`${fixed(worst(placed.map((s) => largest(s.sigma_rotation_deg))), 2)}°`, "largest standard deviation of a sensor’s rotation about an axis"));
+      tile(`${mm(median(placed.map((s) => s.rms_to_structure_m)))} mm`, `RMS to the stack, median of the sensors; limit of each ${mm(limits.rms_m, 0)} mm`,
+        "Millimetres: root mean square distance of a sensor’s labelled points from the stack’s surface. It has the sensor’s own noise in it"),
+      tile(`${mm(worst(placed.map(leastKnown)))} mm`, `σ of the position that is known least; limit ${mm(limits.sigma_position_m, 0)} mm`,
+        "Millimetres: one standard deviation of a sensor’s position in the direction in which it is known least; two thirds of errors are smaller"),
+      tile(`${fixed(worst(placed.map(leastKnownTurn)), 2)}°`, `σ of the rotation that is known least; limit ${fixed(limits.sigma_rotation_deg, 1)}°`,
+        "Degrees: one standard deviation of a sensor’s rotation about the axis about which it is known least"));
   }
-  if (pairs.length) tiles.push(tile(`${mm(worst(pairs.map((p) => p.rms_m)))} mm`, `largest RMS distance between two sensors’ points (${plural(pairs.length, "pair")})`));
-  if (metrics && known(metrics.d1_m)) tiles.push(tile(`${mm(metrics.d1_m)} / ${mm(metrics.d2_m)} mm`, "d1 / d2 of the paper: all points against the stack’s surface"));
+  if (pairs.length) tiles.push(tile(`${mm(worst(pairs.map((p) => p.rms_m)))} mm`, `largest RMS distance between two sensors’ points (${plural(pairs.length, "pair")})`,
+    "Millimetres: where two sensors see the same surface, how far their points are apart there. It has both sensors’ own errors in it"));
   $("tiles").append(...tiles);
 }
 
@@ -41,31 +55,109 @@ function fillReasons(report) {
       el("p", {}, el("b", {}, sensors.map((s) => s.name).join(", ")), " ", statusNode(status), code ? ` (${code}): ` : ": ", sentence(reason || "")),
       hint ? el("p", {}, el("b", {}, "What to do: "), sentence(hint)) : ""));
   }
-  if (!groups.size) $("reasons").append(el("p", { class: "muted" }, "No sensor has anything against it."));
+  if (!groups.size) $("reasons").append(el("p", { class: "muted" }, "No problems found."));
+  $("reasons").append(el("div", { class: "callout" }, el("p", {}, el("b", {}, "What next: ")), el("ul", {}, report.advice.map((text) => el("li", {}, sentence(text))))));
+}
+
+// Rows of cells, each with the unit and the meaning of its column on hover. A column: {head, unit, meaning, of: row => text}, text of words alone.
+function columnsTable(label, columns, rows, nameOf, className) {
+  const head = columns.map((column) => el("th", { scope: "col", class: column.words ? "text" : undefined, title: column.meaning }, column.head, column.unit ? [el("br"), el("small", {}, column.unit)] : ""));
+  const body = rows.map((row) => el("tr", {}, columns.map((column, i) => {
+    if (i === 0) return rowHead(column.of(row));
+    const value = column.of(row), over = column.over && column.over(row);
+    return el("td", { class: [column.words && "text", over && "over"].filter(Boolean).join(" ") || undefined, title: `${nameOf(row)}, ${column.head}${column.unit ? `, ${column.unit.split(";")[0]}` : ""}: ${column.meaning}` }, value);
+  })));
+  return table(label, head, body, className);
 }
 
 function fillSensorTable(report) {
-  const all = sensorsOf(report), truth = all.some((sensor) => sensor.error);
-  const head = [th("Sensor", "", "text"), th("Status", "", "text"), th("RMS to stack", "mm"), th("σ position", "mm"), th("σ rotation", "deg"),
-    th("Inliers", "within 3 cm"), th("Sides", "found"), th("Points", "labelled"), th("Initial pose", "from", "text"), th("Refined", "", "text")];
-  if (truth) head.push(th("Error", "mm"), th("Error", "deg"));
-  const rows = all.map((sensor) => {
-    const cells = [rowHead(swatch(sensorColour(sensor.index)), " ", sensor.name),
-      el("td", { class: "text" }, statusNode(sensor.status), sensor.code ? el("small", {}, ` ${sensor.code}`) : "")];
-    const numbers = sensor.structure_from_sensor
-      ? [mm(sensor.rms_to_structure_m), mm(largest(positionSigma(sensor))), fixed(largest(sensor.sigma_rotation_deg), 3), percent(sensor.inlier_share),
-        String((sensor.sides || []).length), String(sensor.points)]
-      : Array(6).fill(NONE);
-    cells.push(...numbers.map((text) => el("td", {}, text)));
-    const words = sensor.structure_from_sensor ? [sensor.initial_source, sensor.refinement === "accepted" ? "yes" : "no"] : [NONE, NONE];
-    cells.push(...words.map((text) => el("td", { class: "text" }, text)));
-    if (truth) cells.push(el("td", {}, mm(sensor.error && sensor.error.translation_m)), el("td", {}, fixed(sensor.error && sensor.error.rotation_deg, 3)));
-    return el("tr", {}, cells);
-  });
-  $("sensor-table").append(table("Sensors", head, rows), el("p", { class: "note" },
-    "RMS: distance of labelled points within 10 cm of the stack to its surface. σ: standard deviation, the largest along or about one of the frame’s axes, "
-    + "of the sensor’s own position. Inliers: labelled points within 3 cm of the stack. Refined: no where the initial pose was kept.",
-    truth ? " Error: against the capture’s ground truth." : ""));
+  const all = sensorsOf(report), { limits } = report;
+  const placed = (text) => (sensor) => (sensor.structure_from_sensor ? text(sensor) : NONE);
+  const columns = [
+    { head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => [swatch(sensorColour(s.index)), " ", s.name] },
+    { head: "Status", words: true, meaning: "ok, weak (a pose to be used with care) or failed (no pose)", of: (s) => [statusNode(s.status), s.code ? el("small", {}, ` ${s.code}`) : ""] },
+    { head: "RMS to stack", unit: `mm; ≤ ${mm(limits.rms_m, 0)}`, meaning: "root mean square distance of labelled points within 10 cm of the stack to its surface", of: placed((s) => mm(s.rms_to_structure_m)), over: (s) => s.rms_to_structure_m > limits.rms_m },
+    { head: "σ position", unit: `mm; ≤ ${mm(limits.sigma_position_m, 0)}`, meaning: "one standard deviation of the sensor’s position in the direction in which it is known least", of: placed((s) => mm(leastKnown(s))), over: (s) => leastKnown(s) > limits.sigma_position_m },
+    { head: "σ rotation", unit: `deg; ≤ ${fixed(limits.sigma_rotation_deg, 1)}`, meaning: "one standard deviation of its rotation about the axis about which it is known least", of: placed((s) => fixed(leastKnownTurn(s), 3)), over: (s) => leastKnownTurn(s) > limits.sigma_rotation_deg },
+    { head: "Inliers", unit: `%; ≥ ${fixed(100 * limits.inlier_share, 0)}`, meaning: "share of labelled points on the stack, to within three standard deviations of the depth’s error and 1.5 cm", of: placed((s) => fixed(100 * s.inlier_share, 0)), over: (s) => s.inlier_share < limits.inlier_share },
+    { head: "Sides", unit: "found", meaning: "number of the stack’s sides that were found and agree with the pose", of: placed((s) => String((s.sides || []).length)) },
+    { head: "Points", unit: "labelled", meaning: "number of pixels that are labelled as a side of the stack", of: placed((s) => String(s.points)) },
+    { head: "Initial pose", unit: "from", words: true, meaning: "what the first guess came from: the network, the stack’s geometry, or the neighbours", of: placed((s) => s.initial_source) },
+    { head: "Refined", words: true, meaning: "no where the refined pose explained held-out points clearly worse, and the initial one was kept", of: placed((s) => (s.refinement === "accepted" ? "yes" : "no")) }];
+  if (all.some((sensor) => sensor.error)) {
+    columns.push({ head: "Error", unit: "mm", meaning: "distance of the position from the capture’s ground truth", of: (s) => mm(s.error && s.error.translation_m) },
+      { head: "Error", unit: "deg", meaning: "angle between the rotation and the capture’s ground truth", of: (s) => fixed(s.error && s.error.rotation_deg, 3) });
+  }
+  $("sensor-table").append(columnsTable("Sensors", columns, all, (s) => s.name), el("p", { class: "note" },
+    "Below the heads: units, and the limits beyond which a sensor is weak. Rest on a number to read what it means. σ covers errors that all sensors share only as far as the statistical model knows of them."));
+}
+
+// Distances and heights, for a tape measure.
+function fillAbove(report) {
+  const placed = placedOf(report);
+  if (!placed.length) return $("above-picture").append(el("p", { class: "muted" }, "No sensor is placed."));
+  $("above-picture").append(svgNode(report.from_above, "The rig from above"));
+  const floor = report.extrinsics.structure.floor_m, at = (s, k) => s.structure_from_sensor[k][3];
+  const columns = [
+    { head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => [swatch(sensorColour(s.index)), " ", s.name] },
+    { head: "Distance", unit: "m", meaning: "horizontal distance of the sensor from the structure’s origin", of: (s) => fixed(Math.hypot(at(s, 0), at(s, 2)), 3) },
+    { head: "Height", unit: "m", meaning: "height of the sensor above the floor, which is the structure’s lowest level", of: (s) => fixed(at(s, 1) - floor, 3) },
+    { head: "Azimuth", unit: "deg", meaning: "direction of the sensor as seen from the origin, from +x (front) towards +z (right)", of: (s) => fixed((Math.atan2(at(s, 2), at(s, 0)) * 180 / Math.PI + 360) % 360, 1) },
+    { head: "Looks down", unit: "deg", meaning: "angle of the optical axis below the horizon", of: (s) => fixed(Math.asin(Math.max(-1, Math.min(1, -s.structure_from_sensor[1][2]))) * 180 / Math.PI, 1) }];
+  $("above-table").append(columnsTable("Where the sensors stand", columns, placed, (s) => s.name, "plain"));
+  return undefined;
+}
+
+// The sets of poses that the rig may have instead: both from above, and the pictures.
+function fillTwins(report) {
+  const twins = (report.extrinsics.twins || []).map((twin, i) => ({ ...twin, ...report.twins[i] }));
+  const open = twins.filter((twin) => twin.log_odds < Math.log(report.decisive_odds));
+  $("twins").hidden = !twins.length;
+  for (const twin of open) {
+    const names = Object.keys(twin.sensors), telling = [...twin.frames].sort((a, b) => b.outlines_differ - a.outlines_differ)[0];
+    const chosen = names.filter((name) => twin.sensors[name].twin);
+    const odds = el("b", { title: `Odds, a ratio without unit: how much more probable the reported poses are than these; from ${report.decisive_odds} : 1 on they count as decided` }, oddsWords(twin.log_odds));
+    $("twin-list").append(el("article", { class: "twin" },
+      el("h3", {}, `${names.join(", ")} may stand elsewhere`),
+      el("p", {}, "Odds of the reported poses against the others: ", odds, `${twin.placement ? `, in ${twin.placement}` : ""}. `,
+        chosen.length ? ["If the second is right, calibrate again with ", el("code", {}, `--twin ${chosen[0]}=${twin.sensors[chosen[0]].twin}`), names.length > 1 ? `: ${names.slice(names.indexOf(chosen[0]) === 0 ? 1 : 0).filter((n) => n !== chosen[0]).join(", ")} will follow.` : "."] : ""),
+      el("div", { class: "side-by-side" },
+        el("figure", {}, svgNode(report.from_above, "As reported"), el("figcaption", {}, "1: as reported")),
+        el("figure", {}, svgNode(twin.from_above, "The other poses"), el("figcaption", {}, `2: ${names.join(", ")} elsewhere`))),
+      telling ? el("p", {}, "Go by where the sensors stand in the room. Of the pictures, look at that of ", el("b", {}, telling.sensor), " first: the stack’s outlines at both poses differ by ",
+        el("b", { title: "Percent of the pixels that show the stack at one pose or the other, but not at both" }, percent(telling.outlines_differ)),
+        telling.outlines_differ < 0.05 ? " only, so that a picture hardly tells." : ".") : "",
+      twin.frames.map((other) => {
+        const still = report.stills.find((part) => !twin.placement || part.name === twin.placement);
+        const frame = still.frames.find((part) => part.sensor === other.sensor);
+        return el("div", { class: "side-by-side" }, [[frame.pictures.edges, "1: edges at the reported pose"], [other.picture, "2: edges at the other pose"]].map(([src, caption]) =>
+          el("figure", {}, el("img", { src, alt: `${other.sensor}, ${caption}`, width: other.width, height: other.height, loading: "lazy" }), el("figcaption", {}, `${other.sensor}, ${caption}`))));
+      })));
+  }
+  const decided = twins.filter((twin) => !open.includes(twin));
+  if (decided.length) {
+    $("twin-list").append(el("p", { class: "muted" }, `${plural(decided.length, "set")} of poses that fit less well ${decided.length === 1 ? "is" : "are"} decided against, with odds from `,
+      el("span", { title: "Odds, a ratio without unit, of the reported poses against the most probable of these sets" }, oddsWords(decided[0].log_odds)), " on; extrinsics.json has them."));
+  }
+}
+
+// How far each side lies from the points that sensors have of it.
+function fillSides(report) {
+  for (const still of report.stills) {
+    const frames = still.frames.filter((frame) => (frame.sides || []).length);
+    if (!frames.length) continue;
+    if (report.stills.length > 1) $("side-table").append(el("p", { class: "muted" }, `In ${still.name}:`));
+    const shown = report.labels.filter((label) => frames.some((frame) => frame.sides.some((side) => side.label === label.id)));
+    const limit = report.residual_scale_m;
+    const rows = shown.map((label) => el("tr", {}, rowHead(swatch(label.colour), " ", label.name), frames.map((frame) => {
+      const side = frame.sides.find((part) => part.label === label.id);
+      if (!side) return el("td", {}, "");
+      const share = Math.min(1, Math.abs(side.mean_m) / limit), kind = side.mean_m < 0 ? "overlap" : "rms";
+      return el("td", { style: `background: rgba(var(--${kind}), ${(0.5 * share).toFixed(2)})`,
+        title: `${frame.sensor}, ${label.name}: mean ${mm(side.mean_m)} mm (plus: outside the box, measured too near; minus: inside), RMS ${mm(side.rms_m)} mm, of ${side.points} points` }, mm(side.mean_m));
+    })));
+    $("side-table").append(table("Mean residual of each side, mm", [th("Side", "mean, mm", "text")].concat(frames.map((frame) => th(frame.sensor))), rows, "matrix plain"));
+  }
 }
 
 function fillPairs(report) {
@@ -81,8 +173,8 @@ function fillPairs(report) {
     const pair = of(a, b);
     if (i === j || !pair) return el("td", {}, i === j ? "" : NONE);
     return i < j
-      ? el("td", { style: shade("overlap", pair.overlap) }, known(pair.overlap) ? fixed(100 * pair.overlap, 0) : NONE)
-      : el("td", { style: shade("rms", pair.rms_m / worst) }, mm(pair.rms_m));
+      ? el("td", { style: shade("overlap", pair.overlap), title: `${a} and ${b}, percent: how much of what they see is the same surface` }, known(pair.overlap) ? fixed(100 * pair.overlap, 0) : NONE)
+      : el("td", { style: shade("rms", pair.rms_m / worst), title: `${a} and ${b}, mm: root mean square distance between their points where they see the same surface` }, mm(pair.rms_m));
   })));
   $("pair-table").append(
     el("p", { class: "muted" }, "Above the diagonal: how much of what two sensors see is the same surface, percent (blue). Below it: RMS distance between their "
@@ -91,26 +183,23 @@ function fillPairs(report) {
 }
 
 function fillUncertainty(report) {
-  const placed = placedOf(report), tops = placed.map((s) => largest(positionSigma(s))), top = Math.max(...tops.filter(known));
+  const placed = placedOf(report), top = Math.max(...placed.map((s) => largest(positionSigma(s))).filter(known));
   if (!placed.length) {
     $("uncertainty-table").append(el("p", { class: "muted" }, "No sensor is placed."));
     return;
   }
-  const head = [th("Sensor", "", "text"), th("σ x", "mm"), th("σ y", "mm"), th("σ z", "mm"), th("largest", "", "text"), th("σ about x", "deg"),
-    th("σ about y", "deg"), th("σ about z", "deg"), th("Depth offset", "mm"), th("Depth gain", "")];
   const pm = (value, sigma, digits) => (known(value) ? `${fixed(value, digits)} ± ${fixed(sigma, digits)}` : NONE);
-  const rows = placed.map((sensor, i) => {
-    const sigma = positionSigma(sensor) || [], turn = sensor.sigma_rotation_deg || [];
-    return el("tr", {}, rowHead(sensor.name), [0, 1, 2].map((k) => el("td", {}, mm(sigma[k]))),
-      el("td", { class: "text" }, el("span", { class: "bar", style: `width: ${known(tops[i]) ? (5 * tops[i] / top).toFixed(2) : 0}rem` })),
-      [0, 1, 2].map((k) => el("td", {}, fixed(turn[k], 3))),
-      el("td", {}, pm(1000 * sensor.depth_offset_m, 1000 * sensor.sigma_depth_offset_m, 1)), el("td", {}, pm(sensor.depth_gain, sensor.sigma_depth_gain, 4)));
-  });
+  const columns = [{ head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => s.name },
+    ...["x", "y", "z"].map((axis, k) => ({ head: `σ ${axis}`, unit: "mm", meaning: `one standard deviation of the sensor’s position along the structure’s ${axis}`, of: (s) => mm((positionSigma(s) || [])[k]) })),
+    { head: "largest", words: true, meaning: "the largest of the three, as a bar", of: (s) => el("span", { class: "bar", style: `width: ${known(largest(positionSigma(s))) ? (5 * largest(positionSigma(s)) / top).toFixed(2) : 0}rem` }) },
+    ...["x", "y", "z"].map((axis, k) => ({ head: `σ about ${axis}`, unit: "deg", meaning: `one standard deviation of its rotation about the structure’s ${axis}`, of: (s) => fixed((s.sigma_rotation_deg || [])[k], 3) })),
+    { head: "Depth offset", unit: "mm", meaning: "added to measured depths, ± standard deviation; 0 where the capture does not tell", of: (s) => pm(1000 * s.depth_offset_m, 1000 * s.sigma_depth_offset_m, 1) },
+    { head: "Depth gain", meaning: "factor of measured depths, without unit, ± standard deviation; 1 where the capture does not tell", of: (s) => pm(s.depth_gain, s.sigma_depth_gain, 4) }];
   $("uncertainty-table").append(
     el("p", { class: "muted" }, "Standard deviations (σ) of each sensor’s position and rotation in the structure’s frame: y is up. About two thirds of the errors are below one σ, "
       + "most below two. They follow from the measurements’ noise and from what the other estimates leave open; errors that all sensors share are in them "
       + "only as far as the statistical model knows of them."),
-    table("Standard deviations", head, rows),
+    columnsTable("Standard deviations", columns, placed, (s) => s.name),
     el("p", { class: "note" }, "Depth offset and gain: true depth = measured depth × gain + offset, ± standard deviation; 0 and 1 where the capture does not tell. The position’s are sigma_position_m of "
       + "extrinsics.json; covariance there is that of a movement about the structure’s origin."));
   for (const sensor of placed) {
@@ -126,14 +215,23 @@ function fillFound(report) {
   const stacks = placements.length > 1 ? placements : [{ boxes }];
   for (const { name, boxes: found } of stacks) {
     const estimated = found.filter((box) => box.estimated);
-    const rows = estimated.map((box) => el("tr", {}, rowHead(box.name), [box.translation_m[0], box.sigma_x_m, box.translation_m[2], box.sigma_z_m].map((x) => el("td", {}, mm(x))),
-      [box.yaw_deg, box.sigma_yaw_deg].map((x) => el("td", {}, fixed(x, 2)))));
+    const columns = [{ head: "Box", words: true, meaning: "Name in the structure’s file", of: (box) => box.name },
+      ...[["x", "translation_m", 0, "sigma_x_m"], ["z", "translation_m", 2, "sigma_z_m"]].flatMap(([axis, key, k, sigma]) => [
+        { head: axis, unit: "mm", meaning: `how far the box stands along ${axis} from where the structure’s file has it`, of: (box) => mm(box[key][k]) },
+        { head: "σ", unit: "mm", meaning: "one standard deviation of that", of: (box) => mm(box[sigma]) }]),
+      { head: "turn", unit: "deg", meaning: "how far the box is turned about the vertical, from z towards x", of: (box) => fixed(box.yaw_deg, 2) },
+      { head: "σ", unit: "deg", meaning: "one standard deviation of that", of: (box) => fixed(box.sigma_yaw_deg, 2) }];
     const where = name ? ` in ${name}` : "";
-    if (!estimated.length) target.append(el("p", { class: "muted" }, `The boxes stand${where} as the structure’s file has them: the capture does not call for others.`));
+    if (!estimated.length) target.append(el("p", { class: "muted" }, `Boxes are${where} where the structure’s file says; no correction was needed.`));
     else {
       target.append(el("p", {}, `How far each box stands${where} from where the structure’s file has it, with the turn about the vertical:`),
-        table("Boxes as found", [th("Box", "", "text"), th("x", "mm"), th("σ", "mm"), th("z", "mm"), th("σ", "mm"), th("turn", "deg"), th("σ", "deg")], rows, "plain"));
+        columnsTable("Boxes as found", columns, estimated, (box) => box.name, "plain"));
     }
+  }
+  const { metrics } = report.extrinsics;
+  if (metrics && known(metrics.d1_m)) {
+    target.append(el("p", {}, "The paper’s d1 and d2: ", el("span", { title: "Millimetres: distances of all labelled points from the stack’s surface, as section 5 of the paper defines them. They compare methods, and have the sensors’ noise and mislabelled points in them: no errors of poses" },
+      `${mm(metrics.d1_m)} mm and ${mm(metrics.d2_m)} mm`), ", of all labelled points against the stack’s surface; they compare methods, and are no errors of poses."));
   }
   if (size && size.estimated) target.append(el("p", {}, `The boxes are ${fixed(100 * size.scale, 2)} % of their nominal size (σ ${fixed(100 * size.sigma, 2)} %).`));
 }
@@ -151,5 +249,6 @@ function fillRun(report) {
     ["Seconds", Object.entries(extrinsics.timings_s).map(([stage, seconds]) => `${stage.replace("_", " ")} ${fixed(seconds, 2)}`).join(", ")]];
   target.append(el("dl", {}, items.map(([key, value]) => [el("dt", {}, key), el("dd", {}, value || NONE)])));
   if (report.options) target.append(el("details", {}, el("summary", {}, "All options, as options.yaml has them"), el("pre", { tabindex: 0 }, report.options)));
-  $("tool").append(`${extrinsics.tool}${extrinsics.date ? `, ${extrinsics.date}` : ""}. Everything here is from extrinsics.json, labels/ and clouds/ beside this file; docs/report.md explains how to read it.`);
+  $("tool").append(`${extrinsics.tool}${extrinsics.date ? `, ${extrinsics.date}` : ""}. The numbers are those of extrinsics.json; `,
+    report.page ? el("a", { href: `file://${encodeURI(report.page)}` }, "docs/report.md") : "docs/report.md of the program", " explains the page.");
 }

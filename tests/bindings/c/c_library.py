@@ -1,21 +1,24 @@
 #!/usr/bin/env python3
 """libvolalign_c as its callers have it: Python's ctypes, the C99 example and, where mono is installed, the C# example.
 
-    tests/bindings/c/c_library.py LIBRARY C_COMPILER PROGRAM SOURCE_FOLDER
+    tests/bindings/c/c_library.py LIBRARY C_COMPILER PROGRAM SOURCE_FOLDER library|onnx_runtime
 
-The quick start's capture is rendered and calibrated by the program, and every caller has to find the program's poses.
+library: the quick start's capture is rendered and calibrated by the program, and every caller has to find the program's poses. onnx_runtime: those of
+OpenCV, by ONNX Runtime of PyPI or of the system; exit status 77 where neither is there.
 """
 
 import ctypes
+import glob
+import importlib.util
 import json
 import os
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
 import unittest
-import zlib
+
+from example_frames import poses_of, write_list
 
 LIBRARY, COMPILER, PROGRAM, SOURCE = sys.argv[1:5] if len(sys.argv) > 4 else ("", "", "", "")
 del sys.argv[1:5]
@@ -44,46 +47,50 @@ class Sensor(ctypes.Structure):
 PROGRESS = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
 
 
-def read_png(path):
-    """(width, height, 16-bit values) of a grey PNG without interlacing."""
-    with open(path, "rb") as file:
-        data = file.read()
-    at, packed = 8, b""
-    while at < len(data):
-        (length,) = struct.unpack(">I", data[at : at + 4])
-        kind, chunk = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, bits, colour, _, _, interlace = struct.unpack(">IIBBBBB", chunk)
-            assert (bits, colour, interlace) == (16, 0, 0), path
-        elif kind == b"IDAT":
-            packed += chunk
-        at += 12 + length
-    raw, stride, above, values = zlib.decompress(packed), 2 * width, bytearray(2 * width), []
-    for v in range(height):
-        kind, row = raw[v * (stride + 1)], bytearray(raw[v * (stride + 1) + 1 : (v + 1) * (stride + 1)])
-        for i in range(stride):
-            left, up, corner = row[i - 2] if i > 1 else 0, above[i], above[i - 2] if i > 1 else 0
-            if kind == 1:
-                guess = left
-            elif kind == 2:
-                guess = up
-            elif kind == 3:
-                guess = (left + up) // 2
-            elif kind == 4:
-                guess = min((left, up, corner), key=lambda x: abs(left + up - corner - x))
-            else:
-                guess = 0
-            row[i] = (row[i] + guess) & 255
-        above = row
-        values += struct.unpack(f">{width}H", row)
-    return width, height, values
+# A library with ONNX Runtime's interface that refuses whatever is asked of it.
+REFUSING = r"""
+#include <stdint.h>
+static const char* message(void* status) { return status; }
+static void* refuse(int level, const char* name, void** env) { (void)level, (void)name, (void)env; return "too old for this"; }
+static void release(void* status) { (void)status; }
+static void* table[101] = {[2] = (void*)message, [3] = (void*)refuse, [93] = (void*)release};
+static const void* api(uint32_t version) { return version == 1 ? table : 0; }
+static const char* version(void) { return "0.1"; }
+static const struct { const void* (*api)(uint32_t); const char* (*version)(void); } base = {api, version};
+const void* OrtGetApiBase(void) { return &base; }
+"""
+
+
+def is_installed():
+    """Whether the system's loader finds ONNX Runtime."""
+    try:
+        return bool(ctypes.CDLL("libonnxruntime.so.1"))
+    except OSError:
+        return False
+
+
+# Before any other library of that name is loaded.
+INSTALLED = is_installed()
+
+
+def onnx_runtime():
+    """The library in PyPI's package, or the system's, or None."""
+    package = importlib.util.find_spec("onnxruntime")
+    found = glob.glob(os.path.join(os.path.dirname(package.origin), "capi", "libonnxruntime.so.*")) if package else []
+    return found[0] if found else "onnxruntime" if INSTALLED else None
+
+
+def compile_c(*arguments):
+    subprocess.run([COMPILER, "-x", "c", *arguments], check=True)
 
 
 def volalign(*arguments):
     subprocess.run([PROGRAM, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=SOURCE, check=True)
 
 
-class CLibrary(unittest.TestCase):
+class Calls(unittest.TestCase):
+    """The capture, and the library by ctypes."""
+
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.mkdtemp(prefix="volalign_c_")
@@ -91,46 +98,32 @@ class CLibrary(unittest.TestCase):
         capture = os.path.join(cls.folder, "capture", "capture.json")
         volalign("render", "--rig", "configs/rig_ring8.yaml", "-o", os.path.dirname(capture))
         cls.capture = capture
-        cls.expected = {}
-        for name, model in (("geometry", []), ("model", ["--model", MODEL])):
-            out = os.path.join(cls.folder, name)
-            volalign("calibrate", "--capture", capture, "-o", out, "--structure", STRUCTURE, "--no-report", *model)
-            with open(os.path.join(out, "extrinsics.json"), encoding="utf-8") as file:
-                cls.expected[name] = json.load(file)["sensors"]
-        # The frames as sensors.txt of the examples, and in memory. What the capture knows of mountings, they do not.
-        with open(capture, encoding="utf-8") as file:
-            sensors = json.load(file)["sensors"]
-        cls.frames, cls.list = [], os.path.join(cls.folder, "sensors.txt")
-        with open(cls.list, "w", encoding="utf-8") as lines:
-            for sensor in sensors:
-                width, height, depth = read_png(os.path.join(os.path.dirname(capture), sensor["depth"]))
-                pgm = os.path.join(cls.folder, sensor["name"] + ".pgm")
-                with open(pgm, "wb") as file:
-                    file.write(b"P5 %d %d 65535\n" % (width, height) + struct.pack(f">{len(depth)}H", *depth))
-                k = sensor["intrinsics"]
-                cls.frames.append((sensor, width, height, depth))
-                numbers = [k["fx"], k["fy"], k["cx"], k["cy"]]
-                distortion = k.get("distortion", [])
-                print(sensor["name"], sensor.get("sensor", "-"), *map(repr, numbers), pgm, *map(repr, distortion), file=lines)
+        # What the capture knows of mountings, the frames do not.
+        cls.list, cls.frames = write_list(capture, cls.folder)
         cls.library = ctypes.CDLL(LIBRARY)
         for function in ("tool", "last_error", "result_json"):
             getattr(cls.library, "volalign_" + function).restype = ctypes.c_char_p
         for function in ("capture", "options", "model", "result"):
             getattr(cls.library, f"volalign_{function}_free").argtypes = [ctypes.c_void_p]
 
-    def assert_poses(self, found, which):
-        """found: name -> 16 numbers or None."""
-        expected = self.expected[which]
-        self.assertEqual(set(found), set(expected))
-        self.assertTrue(any(sensor["status"] == "ok" for sensor in expected.values()))
-        for name, sensor in expected.items():
-            pose = sensor.get("structure_from_sensor")
-            self.assertEqual(found[name] is None, pose is None, name)
-            if pose:
-                for a, b in zip(found[name], [x for row in pose for x in row]):
-                    self.assertAlmostEqual(a, b, delta=SAME_POSE, msg=name)
+        # Nor does what is installed decide which runtime is found.
+        source = os.path.join(cls.folder, "refusing.c")
+        with open(source, "w", encoding="utf-8") as file:
+            file.write(REFUSING)
+        cls.refusing = os.path.join(cls.folder, "libonnxruntime.so.1")
+        compile_c("-shared", "-fPIC", source, "-o", cls.refusing)
+        header = os.path.join(SOURCE, "bindings", "c")
+        source = os.path.join(SOURCE, "examples", "calibrate_c", "main.c")
+        cls.example = os.path.join(cls.folder, "calibrate_c")
+        compile_c("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", header, source, "-x", "none", LIBRARY, "-o", cls.example)
 
-    # ctypes
+    def assert_same(self, found, expected, tolerance):
+        """Both: name -> 16 numbers or None."""
+        self.assertEqual(set(found), set(expected))
+        for name, pose in expected.items():
+            self.assertEqual(found[name] is None, pose is None, name)
+            for a, b in zip(found[name] or [], pose or []):
+                self.assertAlmostEqual(a, b, delta=tolerance, msg=name)
 
     def call(self, function, *arguments, code=0):
         found = getattr(self.library, "volalign_" + function)(*arguments)
@@ -185,8 +178,47 @@ class CLibrary(unittest.TestCase):
     def poses(self, result):
         return {s.name.decode(): list(s.structure_from_sensor) if s.has_pose else None for s in self.sensors(result)}
 
+    def with_model(self, runtime, threads=2):
+        """What `runtime` finds, and its name."""
+        model = self.handle("model", "model_load_with", MODEL.encode(), runtime.encode())
+        options = self.handle("options", "options_create", None)
+        self.call("options_set", options, b"threads", b"%d" % threads)
+        result = self.calibrate(self.memory(), model, options)
+        return self.poses(result), json.loads(self.library.volalign_result_json(result))["model"]["runtime"]
+
+    def run_example(self, command, model, runtimes=None):
+        """The poses; `runtimes`: a folder with libonnxruntime.so.1."""
+        path = [os.path.dirname(LIBRARY), runtimes or os.path.dirname(self.refusing)]
+        out = [os.path.join(self.folder, "example")] if command == [self.example] else []
+        done = subprocess.run([*command, STRUCTURE, model, self.list, *out], stdout=subprocess.PIPE, text=True,
+                              env=dict(os.environ, LD_LIBRARY_PATH=":".join(path)), check=False)  # fmt: skip
+        self.assertIn(done.returncode, (0, 3))
+        return poses_of(done.stdout)
+
+    def runtime_of_example(self):
+        with open(os.path.join(self.folder, "example", "extrinsics.json"), encoding="utf-8") as file:
+            return json.load(file)["model"]["runtime"]
+
+
+class CLibrary(Calls):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.expected = {}
+        for name, model in (("geometry", ["--model", "none"]), ("model", ["--model", MODEL])):
+            out = os.path.join(cls.folder, name)
+            volalign("calibrate", "--capture", cls.capture, "-o", out, "--structure", STRUCTURE, "--no-report", *model)
+            with open(os.path.join(out, "extrinsics.json"), encoding="utf-8") as file:
+                cls.expected[name] = json.load(file)["sensors"]
+
+    def assert_poses(self, found, which):
+        sensors = self.expected[which]
+        self.assertTrue(any(sensor["status"] == "ok" for sensor in sensors.values()))
+        poses = {name: sensor.get("structure_from_sensor") for name, sensor in sensors.items()}
+        self.assert_same(found, {name: pose and [x for row in pose for x in row] for name, pose in poses.items()}, SAME_POSE)
+
     def test_frames_in_memory_with_a_model(self):
-        model = self.handle("model", "model_load", MODEL.encode())
+        model = self.handle("model", "model_load_with", MODEL.encode(), b"opencv")
         stages = []
         result = self.calibrate(self.memory(), model, progress=lambda stage, _: stages.append(stage) or 0)
         self.assert_poses(self.poses(result), "model")
@@ -280,26 +312,24 @@ class CLibrary(unittest.TestCase):
         self.assertNotIn("torch", libraries)
         self.assertNotIn("not found", libraries)
 
+    def test_a_runtime_that_cannot_be_had_is_an_error(self):
+        nothing = ctypes.c_void_p()
+        for runtime, reason in ((LIBRARY, "is not ONNX Runtime"), (self.refusing, "ONNX Runtime 0.1: too old for this"), ("tensorrt", "is none of auto")):
+            self.call("model_load_with", MODEL.encode(), runtime.encode(), ctypes.byref(nothing), code=CONFIG_ERROR)
+            self.assertIn(reason, self.error())
+        self.call("model_load_with", MODEL.encode(), None, ctypes.byref(nothing), code=INVALID_ARGUMENT)
+        if INSTALLED:
+            self.assertIn("ONNX Runtime", self.with_model("onnxruntime")[1])
+        else:
+            self.call("model_load_with", MODEL.encode(), b"onnxruntime", ctypes.byref(nothing), code=CONFIG_ERROR)
+            self.assertIn("install a release of ONNX Runtime", self.error())
+
     # The examples
 
-    def run_example(self, command, model):
-        environment = dict(os.environ, LD_LIBRARY_PATH=os.path.dirname(LIBRARY))
-        done = subprocess.run([*command, STRUCTURE, model, self.list], stdout=subprocess.PIPE, text=True, env=environment, check=False)
-        self.assertIn(done.returncode, (0, 3))
-        found = {}
-        for line in done.stdout.splitlines():
-            name, _, *pose = line.split(" # ")[0].split()
-            found[name] = list(map(float, pose)) or None
-        return found
-
     def test_c99(self):
-        program = os.path.join(self.folder, "calibrate_c")
-        header = os.path.join(SOURCE, "bindings", "c")
-        source = os.path.join(SOURCE, "examples", "calibrate_c", "main.c")
-        flags = ["-x", "c", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", header, source, "-x", "none", LIBRARY, "-o", program]
-        subprocess.run([COMPILER, *flags], check=True)
-        self.assert_poses(self.run_example([program], MODEL), "model")
-        self.assert_poses(self.run_example([program], "-"), "geometry")
+        self.assert_poses(self.run_example([self.example], MODEL), "model")
+        self.assertIn("OpenCV", self.runtime_of_example())
+        self.assert_poses(self.run_example([self.example], "-"), "geometry")
 
     @unittest.skipUnless(shutil.which("mcs") and shutil.which("mono"), "mono-mcs and mono-runtime are not installed")
     def test_csharp(self):
@@ -309,5 +339,29 @@ class CLibrary(unittest.TestCase):
         self.assert_poses(self.run_example(["mono", program], MODEL), "model")
 
 
+class OnnxRuntime(Calls):
+    @unittest.skipUnless(onnx_runtime(), "needs PyPI's onnxruntime, of 1.20 or later, or a release of ONNX Runtime")
+    def test_gives_the_poses_of_opencv(self):
+        expected, name = self.with_model("opencv")
+        self.assertIn("OpenCV", name)
+        self.assertGreater(sum(pose is not None for pose in expected.values()), 6)
+        found, name = self.with_model(onnx_runtime())
+        self.assertIn("ONNX Runtime", name)
+        self.assert_same(found, expected, 1e-6)
+        # Its threads, of which the caller is one, are as many as the options say.
+        before = len(os.listdir("/proc/self/task"))
+        self.with_model(onnx_runtime(), threads=4)
+        self.assertEqual(len(os.listdir("/proc/self/task")) - before, 3)
+        # By default where the loader finds it.
+        runtimes = os.path.join(self.folder, "runtimes")
+        os.makedirs(runtimes)
+        if not INSTALLED:
+            os.symlink(onnx_runtime(), os.path.join(runtimes, "libonnxruntime.so.1"))
+        self.assert_same(self.run_example([self.example], MODEL, runtimes), expected, 1e-6)
+        self.assertIn("ONNX Runtime", self.runtime_of_example())
+
+
 if __name__ == "__main__":
-    unittest.main()
+    asked = {"library": "CLibrary", "onnx_runtime": "OnnxRuntime"}[sys.argv[1]]
+    result = unittest.main(argv=[sys.argv[0], asked], exit=False).result
+    sys.exit(1 if not result.wasSuccessful() else 77 if asked == "OnnxRuntime" and result.skipped else 0)

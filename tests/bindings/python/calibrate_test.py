@@ -194,7 +194,7 @@ def test_the_same_poses_as_the_program(tmp_path):
     capture = tmp_path / "capture" / "capture.json"
     for command in (
         ["render", "--rig", "configs/rig_ring8.yaml", "-o", capture.parent],
-        ["calibrate", "--capture", capture, "--structure", "configs/structure.yaml", "--no-report", "-o", tmp_path / "out"],
+        ["calibrate", "--capture", capture, "--structure", "configs/structure.yaml", "--model", "none", "--no-report", "-o", tmp_path / "out"],
     ):
         subprocess.run([program, *command], stdout=subprocess.DEVNULL, check=True, env={**os.environ, "LP_NUM_THREADS": "0"})
     expected = json.loads((tmp_path / "out" / "extrinsics.json").read_text())
@@ -214,7 +214,15 @@ def test_the_installed_model():
     result = volalign.calibrate(given)
     assert result.model.endswith("models/m05-lite.onnx")
     assert result.to_dict()["model"]["file"] == result.model
+    result.note = "on the new tripod"
+    assert result.to_dict()["note"] == "on the new tripod"
     assert result.placed == 3
+    # It knows these boxes, not others with their names.
+    middles = [box.structure_from_box[:3, 3] for box in paper.boxes]
+    boxes = [volalign.Box(box.name, at - box.size / 2, at + box.size / 2 + (0.007, 0, 0)) for box, at in zip(paper.boxes, middles)]
+    wider = volalign.Structure("wider", boxes, paper.side_names)
+    assert wider.side_names == paper.side_names
+    assert volalign.calibrate(volalign.Capture(frames, structure=wider)).model is None
     # Without a structure, the model's own.
     bare = volalign.Capture(frames)
     assert volalign.calibrate(bare).structure == paper

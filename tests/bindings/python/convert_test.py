@@ -37,3 +37,26 @@ def test_writes_poses_of_ones_own(tmp_path):
         volalign.write_poses(tmp_path / "x", "livescan3d_azure", {"A": pose})
     with pytest.raises(volalign.DataError, match="B"):
         volalign.write_poses(tmp_path / "x.csv", "csv", {"B": np.ones((4, 4))})
+
+
+def test_the_world_and_the_camera_that_poses_are_of(result, tmp_path):
+    def positions(**choice):
+        volalign.convert(result, "csv", tmp_path / "a.csv", **choice)
+        found = volalign.read_poses(tmp_path / "a.csv", "csv")
+        return {name: pose.structure_from_sensor[:3, 3] for name, pose in found.items()}
+
+    plain, floor = positions(), positions(origin="floor")
+    up = -result.structure.floor_height
+    for name, position in plain.items():
+        np.testing.assert_allclose(floor[name], position + [0, up, 0], atol=1e-6)
+        np.testing.assert_allclose(positions(up="z")[name], position[[0, 2, 1]] * [1, -1, 1], atol=1e-6)
+    np.testing.assert_allclose(positions(origin="S1")["S1"], 0, atol=1e-9)
+    # Of a file it is the same.
+    result.save(tmp_path / "out", report=False)
+    volalign.convert(tmp_path / "out" / "extrinsics.json", "csv", tmp_path / "b.csv", origin="floor")
+    found = volalign.read_poses(tmp_path / "b.csv", "csv")
+    for name, position in floor.items():
+        np.testing.assert_allclose(found[name].structure_from_sensor[:3, 3], position, atol=1e-6)
+    for bad, words in (({"origin": "S9"}, "S9"), ({"up": "x"}, "up = 'x'"), ({"camera": "left"}, "camera = 'left'"), ({"camera": "colour"}, "colour")):
+        with pytest.raises(volalign.ConfigError, match=words):
+            positions(**bad)

@@ -74,7 +74,7 @@ def open_files():
 
 
 def test_nothing_leaks(tmp_path):
-    calls = 1000 if LONG else 50
+    calls = 2000 if LONG else 50
     camera = CAMERA.resized(80, 72)
     capture = volalign.Capture([frame for frame in capture_of(camera).frames if frame.name == "S2"], structure=low_stack())
 
@@ -96,19 +96,24 @@ def test_nothing_leaks(tmp_path):
     samples = volalign.samples(renderer="cpu", threads=1, **{"data.image_sizes": ["40x36"], "data.sensors": ["azure_kinect_nfov_binned"]})
     for number in range(calls // 5 if LONG else calls // 2):
         call(number)
-    memory, files = resident_kib(), open_files()
-    for number in range(calls):
-        call(number)
-    print(f"{calls} calls: {resident_kib() - memory:+d} KiB of {memory}, {open_files() - files:+d} files")
-    assert open_files() == files
-    # A frame's images, leaked once a call, are 100 KiB.
-    assert resident_kib() - memory < max(4096, 20 * calls)
+    # A frame's images, leaked once a call, are 100 KiB. What leaks does so in every round; what an allocator or a runtime keeps for later calls, once.
+    limit = max(4096, 20 * calls)
+    for _ in range(1 if LONG else 5):
+        memory, files = resident_kib(), open_files()
+        for number in range(calls):
+            call(number)
+        print(f"{calls} calls: {resident_kib() - memory:+d} KiB of {memory}, {open_files() - files:+d} files")
+        assert open_files() == files
+        if resident_kib() - memory < limit:
+            return
+    pytest.fail(f"each round keeps more than {limit} KiB")
 
 
 def test_does_without_libtorch():
-    linked = subprocess.run(["ldd", volalign._volalign.__file__], stdout=subprocess.PIPE, text=True, check=True).stdout
-    assert "libyaml-cpp" in linked
-    assert "torch" not in linked and "c10" not in linked
+    listed = subprocess.run(["ldd", volalign._volalign.__file__], stdout=subprocess.PIPE, text=True, check=True).stdout
+    linked = [os.path.basename(line.split()[0]) for line in listed.splitlines()]
+    assert any(name.startswith("libyaml-cpp") for name in linked)
+    assert not [name for name in linked if name.startswith(("libtorch", "libc10"))]
 
 
 def test_finds_its_data_in_any_folder(tmp_path):
@@ -120,6 +125,28 @@ def test_finds_its_data_in_any_folder(tmp_path):
         cwd=tmp_path,
     )
     assert done.stdout == "21 True\n"
+
+
+@pytest.mark.parametrize("names, package", [(("libEGL.so.1",), "libegl1"), (("libOpenGL.so.0", "libGL.so.1"), "libopengl0")])
+def test_without_opengl(names, package):
+    listed = subprocess.run(["/sbin/ldconfig", "-p"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    paths = {line.split()[0]: os.path.realpath(line.split(" => ")[1]) for line in listed.splitlines() if " => " in line}
+    mounts = "".join(f"mount --bind /dev/null {paths[name]} && " for name in names if name in paths)
+    hide = ["unshare", "--map-root-user", "--mount", "sh", "-c", mounts + 'exec "$0" "$@"']
+    if subprocess.run([*hide, "true"], stderr=subprocess.DEVNULL, check=False).returncode != 0:
+        pytest.skip("no mount namespace here")
+    code = """
+        import volalign
+        tiny = {"data.image_sizes": ["40x36"], "data.sensors": ["azure_kinect_nfov_binned"]}
+        print(next(volalign.samples(renderer="auto", threads=1, **tiny)).depth.shape)
+        try:
+            next(volalign.samples(renderer="egl", threads=1, **tiny))
+        except volalign.IoError as error:
+            print(error)
+        """
+    done = subprocess.run([*hide, sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    assert "(40, 36)" in done.stdout or "(36, 40)" in done.stdout, done.stdout
+    assert f"install the Debian package {package}" in done.stdout, done.stdout
 
 
 def test_beside_libtorch():

@@ -1,13 +1,18 @@
 #include "core/base/file_util.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <csignal>
+#include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -177,6 +182,27 @@ TEST(FileUtil, WritersOfOneFileDoNotShareATemporary) {
   EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.txt"});
 }
 
+TEST(FileUtil, WhatKilledWritersLeftOfAFileGoesWithTheNextWrite) {
+  const TempFolder folder;
+  const pid_t gone = ::fork();
+  if (gone == 0) ::_exit(0);
+  ::waitpid(gone, nullptr, 0);
+  const std::string dead = ".tmp-" + std::to_string(gone);
+  const std::string own = "a.txt.tmp-" + std::to_string(::getpid()) + "-999999";
+  for (const std::string& name : {"a.txt" + dead + "-0", "a.txt" + dead, "a.txt" + dead + "-7",
+                                  "b.txt" + dead + "-0", own, std::string("a.txt.tmp-x")}) {
+    folder.Write(name, "x");
+  }
+  const int locked = ::open((folder / ("a.txt" + dead + "-7")).c_str(), O_RDONLY);
+  ASSERT_EQ(::flock(locked, LOCK_EX | LOCK_NB), 0);
+  WriteFileAtomically(folder / "a.txt", "y");
+  EXPECT_EQ(Listing(folder.path()),
+            (std::set<std::string>{"a.txt", "a.txt" + dead + "-7", "b.txt" + dead + "-0", own,
+                                   "a.txt.tmp-x"}))
+      << "not a writer's that lives, here or elsewhere, nor another file's";
+  ::close(locked);
+}
+
 // A limit on the size of files does what a full disk does: the write fails half-way.
 TEST(FileUtil, AFullDiskIsAnError) {
   const TempFolder folder;
@@ -211,6 +237,57 @@ TEST(Base64, FollowsTheStandard) {
   EXPECT_EQ(Base64("foo"), "Zm9v");
   EXPECT_EQ(Base64("foobar"), "Zm9vYmFy");
   EXPECT_EQ(Base64(std::string("\xff\xfe\x00\x80", 4)), "//4AgA==");
+}
+
+// A file that another program cuts meanwhile is whole, an error, or what the cut left.
+TEST(FileUtil, AFileThatShrinksWhileItIsRead) {
+  const TempFolder folder;
+  std::string whole(std::size_t{4} << 20, '\0');
+  for (std::size_t i = 0; i < whole.size(); ++i) whole[i] = static_cast<char>(i * 7 + i / 4096);
+  const std::string left = whole.substr(0, whole.size() / 3);
+  int refused = 0;
+  for (int i = 0; i < 40; ++i) {
+    WriteFileAtomically(folder / "file", whole, /*sync=*/false);
+    std::thread other([&] { std::filesystem::resize_file(folder / "file", left.size()); });
+    try {
+      const std::string read = ReadFile(folder / "file", std::uint64_t{1} << 30);
+      EXPECT_TRUE(read == whole || read == left) << read.size();
+    } catch (const IoError& error) {
+      EXPECT_NE(std::string(error.what()).find("became shorter"), std::string::npos)
+          << error.what();
+      ++refused;
+    }
+    other.join();
+  }
+  std::printf("%d of 40 were cut while they were read\n", refused);
+}
+
+// As another user, where this one may write everywhere.
+TEST(FileUtil, AFolderThatMayNotBeWrittenInto) {
+  const TempFolder folder;
+  namespace fs = std::filesystem;
+  fs::permissions(folder.path(), fs::perms::owner_read | fs::perms::owner_exec |
+                                     fs::perms::others_read | fs::perms::others_exec);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::geteuid() == 0 && ::setuid(65534) != 0) ::_exit(1);
+    try {
+      WriteFileAtomically(folder / "file", "text");
+    } catch (const IoError& error) {
+      const std::string message = error.what();
+      ::_exit(message.find("Permission denied") != std::string::npos &&
+                      message.find(folder.path().string()) != std::string::npos
+                  ? 0
+                  : 2);
+    }
+    ::_exit(3);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status)) << status;
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  fs::permissions(folder.path(), fs::perms::owner_all);
+  EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
 }  // namespace

@@ -33,8 +33,18 @@ TEST(Text, Quotes) {
   }
   for (const char* plain : {"-30", "+1e-3", "Left", "'tis", ""})
     EXPECT_EQ(CsvQuoted(plain), "\"" + std::string(plain) + "\"");
-  EXPECT_EQ(MarkdownCell("a|b|"), "a\\|b\\|");
   EXPECT_EQ(Lower("KA03_Depth"), "ka03_depth");
+}
+
+TEST(Text, WritesMarkdownInShortLines) {
+  EXPECT_EQ(MarkdownParagraph("a  b\nc"), "a b c\n");
+  const std::string word(52, 'x'), longer(161, 'y');
+  EXPECT_EQ(MarkdownParagraph(word + " " + word + " " + word + " z", "- "),
+            "- " + word + " " + word + " " + word.substr(0, 52) + "\n  z\n");
+  EXPECT_EQ(MarkdownParagraph("a " + longer + " b"), "a\n" + longer + "\nb\n");
+  // These would begin an item, a heading, a quotation or a table at the beginning of a line.
+  for (const char* mark : {"-", "#", ">", "2.", "|", "+", "*", "=="})
+    EXPECT_EQ(MarkdownParagraph(longer + " " + mark), longer + " " + mark + "\n");
 }
 
 TEST(Text, TellsControlCharacters) {

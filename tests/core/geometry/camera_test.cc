@@ -119,19 +119,25 @@ TEST(Intrinsics, ValidateNamesWhatIsWrong) {
 // Numbers copied by hand from the list of measured intrinsics.
 TEST(IntrinsicsPool, ReadsTheShippedPool) {
   const auto pool = ReadIntrinsicsPool("configs/intrinsics.yaml");
-  ASSERT_EQ(pool.size(), 5u);
   std::map<std::string, std::size_t> counts;
-  std::map<std::string, std::size_t> lens_of = {{"kinect_v2", 5}, {"azure_kinect_nfov_binned", 8}};
+  std::map<std::string, std::size_t> lens_of = {{"kinect_v2", 5}};
   for (const auto& entry : pool) {
     counts[entry.sensor] += entry.intrinsics.size();
     for (const auto& k : entry.intrinsics) {
       EXPECT_EQ(k.width, entry.intrinsics[0].width);
       EXPECT_EQ(k.height, entry.intrinsics[0].height);
-      EXPECT_EQ(k.distortion.size(), lens_of[entry.sensor]);
+      const bool wide = entry.sensor.rfind("azure", 0) == 0 || entry.sensor.rfind("orbbec", 0) == 0;
+      EXPECT_EQ(k.distortion.size(), wide ? 8 : lens_of[entry.sensor]);
     }
   }
-  const std::map<std::string, std::size_t> expected = {
-      {"realsense_d415", 4}, {"kinect_v1", 7}, {"kinect_v2", 4}, {"azure_kinect_nfov_binned", 6}};
+  std::map<std::string, std::size_t> expected = {{"realsense_d415", 4}, {"realsense_d435", 2},
+                                                 {"realsense_d455", 1}, {"kinect_v1", 7},
+                                                 {"kinect_v2", 4},      {"oak_d", 1}};
+  for (const std::string mode : {"nfov_binned", "nfov_unbinned", "wfov_binned", "wfov_unbinned"}) {
+    expected["azure_kinect_" + mode] = 6;
+    for (const std::string device : {"bolt_", "mega_"})
+      expected["orbbec_femto_" + device + mode] = 2;
+  }
   EXPECT_EQ(counts, expected);
   EXPECT_TRUE(pool[0].intrinsics[1] == (Intrinsics{1280,
                                                    720,

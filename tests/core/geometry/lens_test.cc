@@ -106,6 +106,37 @@ TEST(Lens, PixelsBeyondTheFoldHaveNoRay) {
 TEST(Lens, CoefficientsThatCannotBeInvertedAreAnError) {
   ExpectError<DataError>([] { ComputeRays(Camera({-9.0, 0, 0, 0})); }, {"distortion", "k1 k2 p1"});
   ExpectError<DataError>([] { ComputeRays(Camera({0.1, 0.1})); }, {"2 distortion coefficients"});
+  // Orbbec's order, k1 ... k6 p1 p2, of a Femto Bolt: OpenCV's is another one.
+  const std::vector<double> orbbec = {16.1704, 8.44953, 0.324469,    16.4805,
+                                      13.9441, 1.99604, 5.92792e-05, -1.46558e-05};
+  ExpectError<DataError>([&] { RequireRays(Camera(orbbec), "S1.json"); },
+                         {"S1.json: ", "% of the picture", "k1 k2 p1"});
+  RequireRays(
+      Camera({16.1704, 8.44953, 5.92792e-05, -1.46558e-05, 0.324469, 16.4805, 13.9441, 1.99604}),
+      "S1.json");
+}
+
+// The axis is at the top of the picture, so that the share of pixels beyond the fold, which the
+// message gives, depends on where each row is taken to be.
+TEST(Lens, TheShareWithoutRaysIsThePictures) {
+  Intrinsics k = Camera({-0.5, 0, 0, 0});
+  k.cy = -0.5;
+  const double reach = std::sqrt(2.0 / 3) * 2 / 3;  // where r (1 - 0.5 r^2) is largest
+  double beyond = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      beyond += std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy) > reach;
+    }
+  }
+  std::string message;
+  try {
+    RequireRays(k, "S1");
+  } catch (const DataError& error) {
+    message = error.what();
+  }
+  const std::size_t at = message.find("inverted at ");
+  ASSERT_NE(at, std::string::npos) << message;
+  EXPECT_NEAR(std::stod(message.substr(at + 12)), 100 * beyond / (k.width * k.height), 1);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "core/base/random.h"
 #include "core/geometry/procrustes.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::structure_test {
@@ -212,7 +213,7 @@ TEST(Structure, YawedBoxesKeepTheirCentreAndTurn) {
 
 // Boxes at random yaws that stand on each other, hang over and stick into each other.
 TEST(Structure, RandomStacksAgreeWithAGrid) {
-  for (std::uint64_t index = 0; index < 6; ++index) {
+  for (std::uint64_t index = 0; index < Rounds(2, 6); ++index) {
     RandomStream random(1, index, "stack");
     std::vector<Box> boxes;
     for (int b = 0; b < 4; ++b) {
@@ -426,6 +427,13 @@ TEST(Structure, DisplacedMovesBoxesAndKeepsLabels) {
   }
   ExpectExposureAsBruteForce(moved, 300, 2e-3);
   EXPECT_EQ(structure.Displaced(std::vector<Pose>(4, Pose::Identity())).Hash(), structure.Hash());
+  const Structure drawn = structure.DisplacedToDraw(offsets, 1.01);
+  EXPECT_EQ(drawn.Hash(), moved.Hash());
+  for (int label = 1; label < 21; ++label) {
+    EXPECT_EQ(drawn.SideOfLabel(label).centre, moved.SideOfLabel(label).centre);
+    EXPECT_TRUE(std::isnan(drawn.SideOfLabel(label).exposed_area));
+    EXPECT_TRUE(std::isnan(drawn.Keypoint(label, KeypointKind::kExposed).x()));
+  }
   ExpectError<Error>([&] { structure.Displaced({Pose::Identity()}); }, {"1 offsets", "4 boxes"});
 }
 

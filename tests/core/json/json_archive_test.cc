@@ -163,6 +163,13 @@ TEST(JsonArchive, ReadsBackWhatItWrote) {
   EXPECT_EQ(read.gain, 1);
 }
 
+TEST(JsonArchive, WritesTextThatIsNoUtf8) {
+  Thing thing;
+  thing.title = "caf\xe9.png";
+  const std::string text = WriteDescribed(thing, "thing", 1);
+  EXPECT_NE(text.find("\"caf\xef\xbf\xbd.png\""), std::string::npos) << text;
+}
+
 TEST(JsonArchive, ReadingNamesThePlace) {
   const nlohmann::json good = nlohmann::json::parse(WriteDescribed(Full(), "t.json", 1));
   const auto expect = [&](const std::string& pointer, const nlohmann::json& value,

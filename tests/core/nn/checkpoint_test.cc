@@ -198,7 +198,7 @@ TEST_F(CheckpointTest, ComparesTheMetadataBeforeItBuildsTheNetwork) {
   EXPECT_NE(error_with(2, 2000000).find("residual_blocks in [0, 64]"), std::string::npos);
   EXPECT_NE(error_with(1024, 64).find("instead of ["), std::string::npos);
   EXPECT_NE(error_with(2, 2).find("'residual2_1.norm_bias' is missing"), std::string::npos);
-  EXPECT_EQ(error_with(2, 0).find("not a whole file"), std::string::npos);
+  EXPECT_EQ(error_with(2, 0).find("not a whole one"), std::string::npos);
 }
 
 // A structure of two boxes of 200 km, and metadata of lists in lists.

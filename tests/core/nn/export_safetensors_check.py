@@ -35,7 +35,7 @@ def read(path):
     return texts, tensors
 
 
-checkpoint = torch.load(folder + "/model.pt", map_location="cpu")
+checkpoint = torch.load(folder + "/model.pt", map_location="cpu", weights_only=False)
 meta = json.loads(checkpoint["meta"])
 for precision in ("fp32", "fp16"):
     path = f"{folder}/model.{precision}.safetensors"

@@ -11,7 +11,7 @@ except ImportError:
 folder = sys.argv[1]
 torch.set_num_threads(2)
 
-checkpoint = torch.load(folder + "/model.pt", map_location="cpu")
+checkpoint = torch.load(folder + "/model.pt", map_location="cpu", weights_only=False)
 assert checkpoint["format"] == "volalign.checkpoint/1", checkpoint["format"]
 labels = json.loads(checkpoint["meta"])["structure"]["labels"]
 assert len(labels) == 20 and checkpoint["tensors"]["classifier.weight"].shape[0] == 21
@@ -20,7 +20,7 @@ extra = {"volalign.json": ""}
 script = torch.jit.load(folder + "/model.ts", map_location="cpu", _extra_files=extra)
 assert json.loads(extra["volalign.json"])["structure"]["labels"] == labels
 
-cases = torch.load(folder + "/cases.pt", map_location="cpu")["tensors"]
+cases = torch.load(folder + "/cases.pt", map_location="cpu", weights_only=False)["tensors"]
 for i in range(2):
     expected = cases["expected%d" % i]
     with torch.no_grad():

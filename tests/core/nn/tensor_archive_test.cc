@@ -116,6 +116,15 @@ TEST(ReadTensorArchive, RefusesTensorsThatAreNotTheirRecord) {
         Tensor("0", 6, {-2, -3}, {3, 1}), Tensor("0", -6, {6}, {1}), Tensor("0", 6, {6}, {1, 1}),
         Tensor("0", 6, {1 << 30, 1 << 30, 1 << 30, 6}, {6, 6, 6, 1})})
     ExpectBad(Pickle({tensor}), "record 0 is damaged");
+  // No values, and a number of them that overflows on the way.
+  ExpectError<DataError>(
+      [&] {
+        ReadTensorArchive(
+            Zip({{"archive/data/2", ""},
+                 {"archive/data.pkl",
+                  Pickle({Tensor("2", 0, {1 << 30, 1 << 30, 1 << 30, 0}, {0, 0, 0, 1})})}}));
+      },
+      {"record 2 is damaged"});
   ExpectBad(Pickle({Tensor("../0", 6, {6}, {1})}), "no record ../0");
   ExpectBad(Pickle({Tensor("0", 6, {6}, {1}, 0, "QInt8Storage")}), "torch QInt8Storage");
   ExpectBad(Pickle({Tensor("0", 6, {6}, {1}), Tensor("0", 6, {6}, {1})}), "shares memory");

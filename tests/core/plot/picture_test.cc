@@ -123,5 +123,21 @@ TEST(Montage, PlacesPicturesInRows) {
   EXPECT_TRUE(Montage({}, 4).empty());
 }
 
+TEST(Shelves, FillsRowsWithPicturesOfDifferentSizes) {
+  const std::vector<RgbImage> pictures = {
+      RgbImage(3, 4, Rgb{10, 0, 0}), RgbImage(10, 4, Rgb{20, 0, 0}), RgbImage(3, 4, Rgb{30, 0, 0}),
+      RgbImage(10, 6, Rgb{40, 0, 0}), RgbImage(10, 4, Rgb{50, 0, 0})};
+  const RgbImage sheet = Shelves(pictures, 2);
+  // Twice the widest is 22: three pictures, then two.
+  ASSERT_EQ(sheet.width(), 10 + 2 + 10);
+  ASSERT_EQ(sheet.height(), 4 + 2 + 6);
+  EXPECT_EQ(sheet(3 + 2 + 10 + 2, 0), pictures[2](0, 0));
+  EXPECT_EQ(sheet(0, 4 + 2), pictures[3](0, 0));
+  EXPECT_EQ(sheet(9, 11), pictures[3](0, 0));
+  EXPECT_EQ(sheet(10 + 2, 4 + 2), pictures[4](0, 0));
+  EXPECT_EQ(Shelves({pictures[0]}, 2), pictures[0]);
+  EXPECT_TRUE(Shelves({}, 2).empty());
+}
+
 }  // namespace
 }  // namespace volalign::picture_test

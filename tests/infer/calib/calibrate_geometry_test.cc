@@ -114,7 +114,7 @@ Rig OnATable() {
     frame.quarter_turns = kAutoTurns;
     rig.labels[static_cast<std::size_t>(i)] =
         LabelsFromPose(MakeSensorView(frame.depth, frame.intrinsics), stack, *frame.ground_truth,
-                       0.03)
+                       SurfaceTolerance::AtPose(ErrorsOf("")))
             .labels;
   }
   rig.structure = stack;

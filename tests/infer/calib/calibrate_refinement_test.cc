@@ -96,9 +96,9 @@ TEST_F(KeptInitial, LeavesTheOthersAsIfItWasNotThere) {
     ASSERT_TRUE(alone.structure_from_sensor.has_value()) << alone.reason;
     const PoseError gap = ComparePoses(*sensor.structure_from_sensor, *alone.structure_from_sensor);
     // Its neighbours' depth offsets, the boxes and what is estimated at all had been chosen with
-    // it.
-    EXPECT_LT(gap.translation_m, 10e-3) << sensor.name;
-    EXPECT_LT(gap.rotation_deg, 0.3) << sensor.name;
+    // it: up to 1.8 mm and 0.05 deg.
+    EXPECT_LT(gap.translation_m, 5e-3) << sensor.name;
+    EXPECT_LT(gap.rotation_deg, 0.15) << sensor.name;
   }
 }
 
@@ -120,17 +120,18 @@ TEST_F(KeptInitial, FiguresAreOfTheReportedPose) {
         const double distance =
             DistanceToSurface(result_.built, pose * Eigen::Vector3d(z * ray.homogeneous()))
                 .distance;
+        const double tolerance = std::hypot(0.015, 3 * ErrorsOf("").Sigma(z));
         const int label = rig_.labels[i](u, v), shown = expected.labels(u, v);
         // An overhang's lower face is none of the sides that distances are measured to.
         const bool on = expected.depth(u, v) > 0 &&
-                        (distance <= 0.03 || std::abs(z - expected.depth(u, v)) <= 0.03);
+                        (distance <= tolerance || std::abs(z - expected.depth(u, v)) <= tolerance);
         visible += expected.depth(u, v) > 0;
         explained += on;
         either += label > 0 || shown > 0;
         same += on && label > 0 && label == shown;
         if (label == 0) continue;
         ++points;
-        inliers += distance <= 0.03;
+        inliers += distance <= tolerance;
         if (distance >= 0.1) continue;
         squares += distance * distance;
         ++near;

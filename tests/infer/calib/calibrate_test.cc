@@ -133,8 +133,8 @@ TEST(LabelsFromPose, AreTheRenderedOnesWhereDepthAgrees) {
     }
   }
   ASSERT_GT(hidden, 100);
-  const SegmentationResult seen =
-      LabelsFromPose(MakeSensorView(frame.depth, Kinect()), structure, pose, 0.04);
+  const SegmentationResult seen = LabelsFromPose(MakeSensorView(frame.depth, Kinect()), structure,
+                                                 pose, SurfaceTolerance::AtPose(ErrorsOf("")));
   int missing = 0;
   for (int v = 0; v < frame.depth.height(); ++v) {
     for (int u = 0; u < frame.depth.width(); ++u) {
@@ -462,9 +462,9 @@ TEST(Calibrate, RejectsBadInput) {
   ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
                            {"without_structure", "\"B\""});
   options = {};
-  options.verdict.min_on_side_share = 2;
+  options.verdict.weak_inlier_share = 2;
   ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
-                           {"min_on_side_share", "2"});
+                           {"weak_inlier_share", "2"});
   rig.frames.push_back(rig.frames[0]);
   ExpectError<DataError>([&] { Calibrate(rig.frames, rig.structure, segmenter); },
                          {"two sensors", "\"A\""});

@@ -23,10 +23,13 @@ struct Stages {
   CalibrateOptions options;
   Joint joint;
 
-  static Rig ThreeSensors() {
-    Rig rig{testing_infer::PaperStructure(), {}, {}};
-    for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
-    return rig;
+  static const Rig& ThreeSensors() {
+    static const Rig drawn = [] {
+      Rig rig{testing_infer::PaperStructure(), {}, {}};
+      for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
+      return rig;
+    }();
+    return drawn;
   }
   Stages() : rig(ThreeSensors()), capture({{"", rig.frames}}, rig.structure) {
     joint.seen = testing_infer::SeenWithLabels(capture, rig.labels);

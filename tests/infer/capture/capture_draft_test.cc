@@ -67,6 +67,35 @@ TEST_F(CaptureDraftTest, AFolderASensor) {
   EXPECT_EQ(draft_.unknown.size(), 1u);
   EXPECT_TRUE(Mentions(draft_.unknown, "right", "intrinsics"));
   EXPECT_TRUE(Mentions(draft_.found, "left out", "ir_9.png"));
+  EXPECT_TRUE(Mentions(draft_.found, "left: ", "the typical one of kinect_v2"));
+}
+
+TEST_F(CaptureDraftTest, SaysWhichLensIsAssumedAndWhy) {
+  const auto write = [&](const std::string& name, const std::string& distortion) {
+    WriteDepth(name + "_depth.png");
+    WriteText(name + "_intrinsics.json",
+              R"({"width": 4, "height": 3, "fx": 5, "fy": 5, "cx": 1.5, "cy": 1, "distortion": )" +
+                  distortion + "}");
+  };
+  write("A", "[]");
+  write("B", "[0, 0, 0, 0]");
+  write("C", "[0.1, 0, 0, 0]");
+  write("D", "[]");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is taken as unknown", "no kind of sensor"));
+  EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
+  EXPECT_TRUE(Mentions(draft_.found, "C: the lens is that of the distortion", ""));
+  options.sensor = "azure_kinect_wfov_binned";
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: ", "the typical one of azure_kinect_wfov_binned"));
+  EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
+  options.sensor = "oak_d";
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: taken as rectified", "oak_d delivers rectified"));
+  options.sensor = "femto_bolt";
+  ExpectError<ConfigError>([&] { Draft(options); }, {"femto_bolt", "orbbec_femto", "oak_d"});
 }
 
 TEST_F(CaptureDraftTest, AFlatFolder) {
@@ -120,9 +149,9 @@ TEST_F(CaptureDraftTest, RecordingsStateAll) {
 
 TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
   ExpectError<IoError>([&] { DraftCapture(folder_ / "none", folder_.path(), {}); }, {"none"});
-  ExpectError<DataError>([&] { Draft(); }, {"no depth file"});
+  ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read"});
   WritePng(folder_ / "picture.png", LabelImage(4, 3, 1));
-  ExpectError<DataError>([&] { Draft(); }, {"no depth file", "8 bits"});
+  ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read", "8 bits"});
   // Intrinsics of another resolution.
   WriteDepth("A_depth.png");
   WriteText("A.json", R"({"width": 8, "height": 6, "fx": 5, "fy": 5, "cx": 3, "cy": 2})");

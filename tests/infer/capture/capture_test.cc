@@ -46,7 +46,7 @@ TEST_F(CaptureTest, ReadsEveryField) {
   const Capture capture = ReadCapture(Write(std::string(R"({
     "format": "volalign.capture/1", "depth_scale": 0.001, "structure": "s.glb",
     "sensors": [
-      {"name": "A", "depth": "a.pgm", "quarter_turns": 3, "serial": "0001", "sensor": "a kind of its own", )") +
+      {"name": "A", "depth": "a.pgm", "quarter_turns": 3, "serial": "0001", "renderer": "tiles", "sensor": "a kind of its own", )") +
                                             kIntrinsics + R"(},
       {"name": "B", "depth": "b.png", "depth_scale": 0.0001, "quarter_turns": "auto", )" +
                                             kIntrinsics + R"(}],
@@ -56,6 +56,7 @@ TEST_F(CaptureTest, ReadsEveryField) {
   const SensorFrame &a = capture.sensors[0], &b = capture.sensors[1];
   EXPECT_EQ(a.name, "A");
   EXPECT_EQ(a.serial, "0001");
+  EXPECT_EQ(a.renderer, "tiles");
   EXPECT_EQ(a.sensor, "a kind of its own");
   EXPECT_EQ(b.sensor, "");
   EXPECT_EQ(a.quarter_turns, 3);
@@ -117,6 +118,14 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
   ExpectBad(
       Write(std::string(R"({"sensors": [{"name": "A", "depth": "a.pgm", )") + kIntrinsics + "}]}"),
       {"sensor \"A\"", "no depth_scale"});
+  // What is misspelled is missing, too, but not what one looks for.
+  ExpectBad(WriteSensor(R"("depth": "a.pgm", "intrinsic": {"width": 4})"),
+            {"sensor \"A\"", "\"intrinsic\"", "did you mean \"intrinsics\"?"});
+  ExpectBad(Write(R"({"sensor": []})"), {"\"sensor\"", "did you mean \"sensors\"?"});
+  ExpectBad(
+      WriteSensor(R"("depth": "a.pgm", "intrinsics": {"width": 4, "height": 3, "fx": 5, "fy": 5,
+      "cx": 1.5, "cy": 1, "distortion": [-9, 0, 0, 0]})"),
+      {"capture.json", "sensor \"A\"", "distortion", "k1 k2 p1"});
   const std::string sensor = std::string(R"({"name": "A", "depth": "a.pgm", )") + kIntrinsics + "}";
   ExpectBad(Write("{\"depth_scale\": 0.001, \"sensors\": [" + sensor + ", " + sensor + "]}"),
             {"two sensors are named \"A\""});
@@ -129,7 +138,7 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
 }
 
 TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
-  for (const std::string name :
+  for (const std::string& name :
        {std::string(), std::string("a/b"), std::string(".."), std::string("overview"),
         std::string("merged"), std::string("A\\u001b[31mRED"), std::string("A\\n0 9 9 9 0 0 0 1"),
         std::string("A\\u009b"), std::string(101, 'a')}) {

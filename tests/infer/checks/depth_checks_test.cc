@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
+
 namespace volalign::depth_checks_test {
 namespace {
 
@@ -64,6 +67,27 @@ TEST(DepthChecks, NamesTheFactorOfAWrongUnit) {
     ASSERT_TRUE(finding.failure.has_value()) << c.factor;
     EXPECT_EQ(finding.failure->code, SensorCode::kWrongUnits);
     EXPECT_NE(finding.failure->reason.find(c.words), std::string::npos) << finding.failure->reason;
+  }
+}
+
+TEST(RequireUnits, IsAnErrorWhereAllSensorsAgree) {
+  // Millimetres, read as metres.
+  std::vector<SensorFrame> frames = {Ramp("A", 1000, 4000), Ramp("B", 1500, 3000)};
+  for (SensorFrame& frame : frames) frame.depth_scale = 1;
+  ExpectError<DataError>([&] { RequireUnits(frames, Check(frames)); },
+                         {"sensor \"A\"", "beyond 2492 m", "set depth_scale to 0.001"});
+  // An empty frame says nothing about units.
+  frames.push_back(Ramp("C", 0, 0));
+  ExpectError<DataError>([&] { RequireUnits(frames, Check(frames)); }, {"0.001"});
+  // One that is right, or wrong in another way, is a matter of single sensors.
+  frames.push_back(Ramp("D", 1, 4));
+  RequireUnits(frames, Check(frames));
+  frames.back() = Ramp("D", 1000, 4000);
+  RequireUnits(frames, Check(frames));
+  // A single one may have looked at a wall before it.
+  for (const std::vector<SensorFrame>& one :
+       {std::vector<SensorFrame>{Ramp("C", 0, 0)}, {Ramp("A", 0.4f, 0.5f), Ramp("C", 0, 0)}}) {
+    RequireUnits(one, Check(one));
   }
 }
 

@@ -29,8 +29,8 @@ std::optional<BetterIntrinsics> Find(const Intrinsics& truth, const Intrinsics& 
                                      const IntrinsicsCheckOptions& options = {}) {
   const Structure structure = PaperStructure();
   const auto rendered = Render(structure, truth, RingPose(35, 2.3), {true, 3.5});
-  return FindBetterIntrinsics(rendered.depth, given, Certain(rendered.labels), structure, {},
-                              options);
+  return FindBetterIntrinsics(MakeSensorView(rendered.depth, given), given,
+                              Certain(rendered.labels), structure, {}, options);
 }
 
 TEST(FindBetterIntrinsics, NothingBeatsTheTrueOnes) {

@@ -112,14 +112,19 @@ TEST(CheckLenses, ALensThatMayBeSoIsNotSuspect) {
   EXPECT_FALSE(Check(bent, Assumed(LensChange::Zero(), 0.1)).has_value());
 }
 
-TEST(CheckLenses, AFocalLengthFarFromTheOneGiven) {
+TEST(CheckLenses, AFocalLengthBeyondWhatItsKindVaries) {
+  // Its prior has 1 %.
   const SensorPlanes flat = Walls(Kinect(), Kinect());
   const std::optional<Finding> finding = Check(flat, Assumed({-0.05, 0, 0}, 0.1));
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
   EXPECT_NE(finding->reason.find("-4.9 %"), std::string::npos) << finding->reason;
   EXPECT_NE(finding->reason.find("fx = 239.9"), std::string::npos) << finding->reason;
-  EXPECT_FALSE(Check(flat, Assumed({0.039, 0, 0}, 0.1)).has_value());
+  EXPECT_NE(finding->reason.find("1.0 % are usual"), std::string::npos) << finding->reason;
+  for (const double sign : {1, -1}) {
+    EXPECT_TRUE(Check(flat, Assumed({sign * 0.0255, 0, 0}, 0.1)).has_value());
+    EXPECT_FALSE(Check(flat, Assumed({sign * 0.0245, 0, 0}, 0.1)).has_value());
+  }
 }
 
 }  // namespace

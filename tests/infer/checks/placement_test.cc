@@ -69,6 +69,30 @@ TEST(LocateAlone, WhatAViewFixesDoesNotDependOnTheOrigin) {
   }
 }
 
+// A board 80 cm before the sensor leaves a third of the stack's pixels free: what it hides neither
+// confirms nor refutes the pose.
+TEST(LocateAlone, WhatHidesTheStackDoesNotRefuteThePose) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  rig.Add("S0", RingPose(40));
+  DepthImage& depth = rig.frames[0].depth;
+  LabelImage& labels = rig.labels[0];
+  const auto count = [&] {
+    return std::count_if(labels.begin(), labels.end(),
+                         [](std::uint8_t label) { return label > 0; });
+  };
+  const auto all = count();
+  for (int v = 0; v < depth.height() && 3 * count() > all; ++v) {
+    for (int u = 0; u < depth.width(); ++u) {
+      depth(u, v) = 0.8f;
+      labels(u, v) = 0;
+    }
+  }
+  const LocateResult result = Located(rig).Alone()[0];
+  const auto* placed = std::get_if<LocatedFrame>(&result);
+  ASSERT_NE(placed, nullptr) << std::get<Finding>(result).reason;
+  EXPECT_LT(ComparePoses(placed->own_pose, *rig.frames[0].ground_truth).translation_m, 3e-3);
+}
+
 TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   const Rig rig = NarrowRig();
   Located frames(rig);

@@ -221,6 +221,19 @@ TEST_F(DepthFileTest, OpenExr) {
   ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.exr", "differ"});
 }
 
+// OpenEXR takes the memory of an attribute before it reads it.
+TEST_F(DepthFileTest, ExrWithAnAttributeLargerThanTheFile) {
+  using namespace std::string_literals;
+  const std::string begin = "\x76\x2f\x31\x01\x02\0\0\0note\0text\0"s;
+  for (const std::string& size : {"\x65\x72\x6f\x65"s, "\xff\xff\xff\xff"s}) {
+    WriteFileAtomically(folder_ / "a.exr", begin + size + "abcd");
+    ExpectError<DataError>([&] { ReadStoredDepth(folder_ / "a.exr"); },
+                           {"a.exr", "truncated", "attribute"});
+  }
+  WriteFileAtomically(folder_ / "a.exr", begin + "\x01"s);
+  ExpectError<DataError>([&] { ReadStoredDepth(folder_ / "a.exr"); }, {"a.exr", "truncated"});
+}
+
 TEST_F(DepthFileTest, Npy) {
   std::string rows, columns, big, halves;
   for (int v = 0; v < kHeight; ++v) {

@@ -174,7 +174,7 @@ TEST(IntrinsicsFileTest, AzureKinect) {
       {"file", "Rational6KT"});
 }
 
-// `capture init` looks into every text of a folder.
+// `init` looks into every text of a folder.
 TEST(LooksLikeIntrinsics, KnowsTheKeysAndEndsWithAnyText) {
   for (const char* text : {"fx: 1", "{\"ppx\" : 3}", "K:", "a\n  camera_matrix \t: 1",
                            "x[1 2]  f[3 4]", "Intrinsic of \"Depth\" /"})
@@ -204,6 +204,23 @@ TEST(IntrinsicsFileTest, SaysWhatItExpected) {
   ExpectBad("just text", {"file"});
   ExpectBad("", {"file"});
   ExpectBad("K: {a: b}\nwidth: 1\n", {"file"});
+}
+
+// DepthAI's calibration has every camera by its socket; depth is the rectified right one's.
+TEST(ParseIntrinsicsText, DepthAi) {
+  const std::string json = R"({"boardName": "OAK-D", "cameraData": [
+      [0, {"width": 1920, "height": 1080, "intrinsicMatrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}],
+      [2, {"width": 1280, "height": 800, "distortionCoeff": [1, 2, 3],
+           "intrinsicMatrix": [[800, 0, 640], [0, 801, 400], [0, 0, 1]]}]]})";
+  EXPECT_TRUE(LooksLikeIntrinsics(json));
+  const Intrinsics k = ParseIntrinsicsText(json, "a.json", {640, 400});
+  EXPECT_EQ(k.fx, 400);
+  EXPECT_EQ(k.fy, 400.5);
+  EXPECT_EQ(k.cx, 640.5 / 2 - 0.5);
+  EXPECT_EQ(k.distortion, std::vector<double>(5, 0.0));
+  EXPECT_THROW(ParseIntrinsicsText(json, "a.json", {640, 480}), DataError);
+  EXPECT_THROW(ParseIntrinsicsText(R"({"cameraData": [[1, {}]]})", "a.json", {640, 400}),
+               DataError);
 }
 
 }  // namespace

@@ -66,5 +66,21 @@ TEST(FromRsEnumerate, TakesTheDepthStreamOfTheFramesSize) {
       {"file", "Fx"});
 }
 
+TEST(FromPyorbbec, ReordersTheLens) {
+  const std::string print =
+      "<OBCameraParam depth_intrinsic < fx=504.507 fy=504.528 cx=326.349 cy=343.595 width=640 "
+      "height=576 > \n depth_distortion < k1=16.1704 k2=8.44953 k3=0.324469 k4=16.4805 k5=13.9441 "
+      "k6=1.99604 p1=5.93e-05 p2=-1.47e-05 > \n rgb_intrinsic < fx=1 fy=1 cx=1 cy=1 width=2 "
+      "height=2 > >";
+  const auto k = FromPyorbbec(print, "a.txt");
+  ASSERT_TRUE(k);
+  EXPECT_EQ(k->width, 640);
+  EXPECT_EQ(k->cy, 343.595);
+  EXPECT_EQ(k->distortion, (std::vector<double>{16.1704, 8.44953, 5.93e-05, -1.47e-05, 0.324469,
+                                                16.4805, 13.9441, 1.99604}));
+  EXPECT_FALSE(FromPyorbbec("fx: 3", "a.txt"));
+  EXPECT_THROW(FromPyorbbec("<OBCameraParam depth_intrinsic < fx=1 >", "a.txt"), DataError);
+}
+
 }  // namespace
 }  // namespace volalign::formats_internal::printed_intrinsics_test

@@ -23,6 +23,17 @@ constexpr char kBag[] = "tests/infer/formats/recordings/realsense.bag";
 constexpr char kDb3[] = "tests/infer/formats/recordings/realsense.db3";
 constexpr char kMkv[] = "tests/infer/formats/recordings/kinect.mkv";
 
+TEST(KindOfDevice, IsOfTheNameThatADeviceHas) {
+  using formats_internal::KindOfDevice;
+  EXPECT_EQ(KindOfDevice("Intel RealSense D435I"), "realsense_d435");
+  EXPECT_EQ(KindOfDevice("Intel RealSense D455"), "realsense_d455");
+  EXPECT_EQ(KindOfDevice("Orbbec Femto Bolt"), "orbbec_femto_bolt");
+  EXPECT_EQ(KindOfDevice("Orbbec Femto Mega I"), "orbbec_femto_mega");
+  EXPECT_EQ(KindOfDevice("Orbbec Gemini 335"), "orbbec_gemini_335");
+  EXPECT_EQ(KindOfDevice("Orbbec Gemini 335L"), "") << "its baseline is another one";
+  EXPECT_EQ(KindOfDevice("Intel RealSense L515"), "");
+}
+
 /// What is in kBag and in kDb3.
 void ExpectRealSense(const std::string& file) {
   ASSERT_TRUE(IsRecording(file));
@@ -130,7 +141,7 @@ TEST(RecordingTest, Db3HasLimits) {
   const auto read = [&](std::int64_t steps) {
     return formats_internal::ReadRos2Recording(many, 3, steps);
   };
-  EXPECT_TRUE(read(1000000).empty());
+  EXPECT_TRUE(read(1000000).streams.empty());
   ExpectError<DataError>([&] { read(2000); }, {"made.db3", "interrupted"});
   sql = std::string(kTopics) + kMessages + "BEGIN;";
   for (int i = 0; i < 1000; ++i) sql += "INSERT INTO topics VALUES(1, '/a', 'b', 'cdr');";
@@ -295,29 +306,47 @@ TEST(RecordingTest, MkvWithATrackTwice) {
 TEST(RecordingTest, DamagedRecordings) {
   const TempFolder folder;
   for (const char* name : {kBag, kMkv, kDb3}) {
+    SCOPED_TRACE(name);
     const std::string whole = ReadFile(name);
+    const std::vector<RecordedDepth> all = ReadRecording(name, 10);
     const std::filesystem::path path = folder / "damaged";
     int errors = 0, reads = 0;
-    const auto try_reading = [&](const std::string& bytes) {
+    const auto read = [&](const std::string& bytes) {
       WriteFileAtomically(path, bytes, false);
+      std::vector<RecordedDepth> left;
       try {
-        reads += ReadRecording(path, 10).empty() ? 0 : 1;
+        left = ReadRecording(path, 10);
+        reads += !left.empty();
       } catch (const Error& error) {
         EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
         ++errors;
       }
+      return left;
     };
-    for (std::size_t i = 0; i < 25; ++i) try_reading(whole.substr(0, whole.size() * i / 25));
+    // What is left of one that ends too early is what it began with.
+    for (std::size_t i = 0; i < 25; ++i) {
+      SCOPED_TRACE(i);
+      const std::vector<RecordedDepth> left = read(whole.substr(0, whole.size() * i / 25));
+      ASSERT_LE(left.size(), all.size());
+      for (std::size_t k = 0; k < left.size(); ++k) {
+        EXPECT_EQ(left[k].stream, all[k].stream);
+        ASSERT_LE(left[k].frames.size(), all[k].frames.size());
+        for (std::size_t n = 0; n < left[k].frames.size(); ++n)
+          EXPECT_TRUE(left[k].frames[n].values == all[k].frames[n].values) << n;
+      }
+    }
+    EXPECT_GT(errors, 0);
+    errors = reads = 0;
     for (std::size_t i = 0; i < 75; ++i) {
       std::string bytes = whole;
       bytes[(i * i * 7 + 13 * i) % std::min<std::size_t>(bytes.size(), 6000)] =
           static_cast<char>(i % 3 == 0   ? 0xff
                             : i % 3 == 1 ? 0
                                          : i * 37);
-      try_reading(bytes);
+      for (const RecordedDepth& depth : read(bytes)) EXPECT_LE(depth.frames.size(), 10u) << i;
     }
-    EXPECT_GT(errors, 15) << name;
-    EXPECT_GT(reads, 10) << name;
+    EXPECT_GT(errors, 0);
+    EXPECT_GT(reads, 10);
   }
   WriteFileAtomically(folder / "no.bag", "#ROSBAG V1.2\n");
   ExpectError<DataError>([&] { ReadRecording(folder / "no.bag", 1); }, {"no.bag", "2.0"});

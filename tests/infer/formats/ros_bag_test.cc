@@ -5,62 +5,18 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <initializer_list>
-#include <utility>
+#include <string>
 #include <vector>
 
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/infer/formats/bag_writer.h"
 
 namespace volalign::formats_internal::ros_bag_test {
 namespace {
 
-template <class T>
-std::string Bytes(T value) {
-  return std::string(reinterpret_cast<const char*>(&value), sizeof(value));
-}
-
-std::string Block(const std::string& bytes) {
-  return Bytes(static_cast<std::uint32_t>(bytes.size())) + bytes;
-}
-
-using Fields = std::initializer_list<std::pair<std::string, std::string>>;
-
-std::string Header(const Fields& fields) {
-  std::string bytes;
-  for (const auto& [name, value] : fields) bytes += Block(name + "=" + value);
-  return bytes;
-}
-
-std::string Record(const Fields& fields, const std::string& data) {
-  return Block(Header(fields)) + Block(data);
-}
-
-std::string Connection(std::uint32_t number, const std::string& topic, const std::string& type) {
-  return Record({{"op", "\x07"}, {"conn", Bytes(number)}, {"topic", topic}},
-                Header({{"type", type}}));
-}
-
-std::string Message(std::uint32_t connection, const std::string& data) {
-  return Record({{"op", "\x02"}, {"conn", Bytes(connection)}}, data);
-}
-
-std::string Chunk(const std::string& content, const std::string& compression = "none") {
-  return Record({{"op", "\x05"},
-                 {"compression", compression},
-                 {"size", Bytes(static_cast<std::uint32_t>(content.size()))}},
-                content);
-}
-
-std::string Bag(const std::string& records, const std::string& index = "") {
-  const std::string magic = "#ROSBAG V2.0\n";
-  const auto begin = [&](std::uint64_t index_pos) {
-    return magic + Record({{"op", "\x03"}, {"index_pos", Bytes(index_pos)}}, "");
-  };
-  const std::uint64_t at = begin(0).size() + records.size();
-  return begin(index.empty() ? 0 : at) + records + index;
-}
+using namespace bag_writer;
 
 /// "topic type message" of each.
 std::vector<std::string> MessagesOf(RosBag& bag, std::size_t most = 100) {

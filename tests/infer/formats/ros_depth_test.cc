@@ -63,7 +63,8 @@ TEST(DecodeImage, FloatsThatAreNoMeasurementAreZero) {
 CameraInfo Info(double fx, const std::vector<double>& lens) {
   return {{640, 480, fx, fx + 1, 319, 239, lens},
           {640, 480, fx / 2, fx / 2 + 1, 318, 238, std::vector<double>(5, 0.0)},
-          "plumb_bob"};
+          "plumb_bob",
+          ""};
 }
 
 TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
@@ -75,7 +76,7 @@ TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
   content.infos["/device_0/sensor_1/Color_0/info/camera_info"] = Info(900, {0, 0, 0, 0, 0});
   content.units["/device_0/sensor_0/option/Depth Units/value"] = 0.0010000000474974513;
   content.devices["/device_0/info"] = {{"Name", "Intel RealSense D415"}, {"Serial Number", "123"}};
-  const std::vector<RecordedDepth> streams = DescribeStreams(content, "file");
+  const std::vector<RecordedDepth> streams = DescribeStreams(content, "file").streams;
   ASSERT_EQ(streams.size(), 2u);
   ASSERT_TRUE(streams[0].intrinsics);
   EXPECT_EQ(streams[0].intrinsics->fx, 500);
@@ -100,7 +101,7 @@ TEST(DescribeStreams, AUnitThatIsNoneIsNotTaken) {
     content.streams["/a/depth"].stream = "/a/depth";
     content.streams["/a/depth"].depth_scale = 1;
     content.units["/a/option/Depth Units/value"] = unit;
-    const std::optional<double> scale = DescribeStreams(content, "file")[0].depth_scale;
+    const std::optional<double> scale = DescribeStreams(content, "file").streams[0].depth_scale;
     EXPECT_EQ(scale.has_value(), unit == 1e-320) << unit;
   }
 }
@@ -111,7 +112,7 @@ TEST(DescribeStreams, ARectifiedImageHasTheCameraWithoutTheLens) {
     const std::string topic = std::string("/camera/depth/") + name;
     content.streams[topic].stream = topic;
     content.infos["/camera/depth/camera_info"] = Info(500, {0.1, 0, 0, 0, 0});
-    const Intrinsics found = DescribeStreams(content, "file")[0].intrinsics.value();
+    const Intrinsics found = DescribeStreams(content, "file").streams[0].intrinsics.value();
     const bool rectified = std::string(name) == "image_rect";
     EXPECT_EQ(found.fx, rectified ? 250 : 500);
     EXPECT_EQ(found.fy, rectified ? 251 : 501);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/core/base/long_tests.h"
 #include "tests/infer/initial/geometry_frames.h"
 
 namespace volalign::geometry_search_test {
@@ -60,7 +61,7 @@ TEST(FindPosesByGeometry, TheFloorDecidesBetweenThePapersStackAndItUpsideDown) {
 }
 
 TEST(FindPosesByGeometry, AnyStackOfBoxes) {
-  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+  for (std::uint64_t seed = 0; seed < Rounds(3, 6); ++seed) {
     const Structure structure = RandomStack(seed);
     const Eigen::Vector3d middle(0, structure.Height() / 2, 0);
     for (int i = 0; i < 3; ++i) {
@@ -96,15 +97,18 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
 // structure contradicts a pose, unless it may stand on a table.
 TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
   const Structure structure = PaperStructure();
-  for (int i = 0; i < 4; ++i) {
+  // The front and a side, else all four.
+  for (std::uint64_t i = 0; i < Rounds(2, 4); ++i) {
     for (const double wall : {0.0, 3.5}) {
       SCOPED_TRACE(std::to_string(i) + (wall > 0 ? " in a room" : ""));
-      const Pose truth = RingPose(90.0 * i, 2.2, 0.2);
+      const Pose truth = RingPose(90.0 * static_cast<double>(i), 2.2, 0.2);
       const SensorView view = See(structure, truth, {false, wall});
       const double table_height_m = wall > 0 ? -1 : 0;
       EXPECT_TRUE(Contains(Find(view, structure, table_height_m), truth));
       EXPECT_TRUE(Choose(view, structure, table_height_m).ambiguous);
-      if (wall > 0) EXPECT_FALSE(Contains(Find(view, structure), truth));
+      if (wall > 0) {
+        EXPECT_FALSE(Contains(Find(view, structure), truth));
+      }
     }
   }
 }

@@ -8,6 +8,7 @@
 
 #include "core/base/random.h"
 #include "core/geometry/visibility.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -39,7 +40,9 @@ Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage
 TEST(InitialPose, PerfectLabelsGiveThePoseAllRound) {
   const Structure structure = PaperStructure();
   for (int phi = 0; phi < 360; phi += 30) {
-    for (const double roll : {0.0, 90.0, 180.0}) {
+    for (std::uint64_t i = 0; i < Rounds(1, 3); ++i) {
+      const double roll =
+          90.0 * static_cast<double>((static_cast<std::uint64_t>(phi) / 30 + i) % 3);
       const Pose truth = RingPose(phi, 1.9, 0.4, roll, Eigen::Vector3d(-0.1, 0.05, 0));
       const auto rendered = Render(structure, Kinect(), truth);
       const Outcome outcome = Estimate(structure, truth, rendered.depth, rendered.labels);

@@ -38,7 +38,7 @@ TEST(MarkRoom, LargePartsOfLargePlanes) {
                                        Standing("box", {0.4, 0.4, 0.2}, {0.2, 0.1, 0})});
     const Pose pose = RingPose(90, 2.6, 0.4, 0, {-0.3, 0.3, 0});
     SensorSurface surface = MakeSensorSurface(See(scene, pose, {false, 0}), 10000);
-    MarkRoom(FindRoomPlanes(PointsOf(surface), 10), 0.5, &surface);
+    MarkRoom(FindRoomPlanes(PointsOf(surface), 10, surface.view.errors), 0.5, &surface);
     const auto [wall, marked_wall] = CountMarked(surface, scene, 0, pose);
     const auto [box, marked_box] = CountMarked(surface, scene, 1, pose);
     ASSERT_GT(wall, 500);

@@ -56,7 +56,8 @@ class Proposals : public testing::Test {
   const Pose half_turn_ = Moved(truth_, 0, M_PI);
   const Pose elsewhere_ = Moved(truth_, 0.3, 0);
   const SensorView view_ = testing_infer::See(box_, truth_);
-  const LabelImage labels_ = LabelsFromPose(view_, box_, truth_, 0.05).labels;
+  const LabelImage labels_ =
+      LabelsFromPose(view_, box_, truth_, SurfaceTolerance::AtRoughPose(view_.errors)).labels;
 };
 
 TEST_F(Proposals, OfBothThatAgreeAreTheNetworks) {
@@ -73,7 +74,8 @@ TEST_F(Proposals, OfGeometryStandInForAPoseWithoutTheShape) {
 }
 
 TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
-  LabelImage few = LabelsFromPose(view_, box_, elsewhere_, 0.05).labels;
+  LabelImage few =
+      LabelsFromPose(view_, box_, elsewhere_, SurfaceTolerance::AtRoughPose(view_.errors)).labels;
   for (int v = 0; v < few.height(); ++v) {
     for (int u = 0; u < few.width(); ++u) {
       if (u % 12 > 0) few(u, v) = 0;
@@ -84,7 +86,10 @@ TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
 
 // As of a mirrored frame: many labels, which contradict what geometry has found.
 TEST_F(Proposals, OfTheNetworkStandWhereLabelsContradictGeometry) {
-  const LabelImage labels = LabelsFromPose(view_, box_, elsewhere_, 0.3).labels;
+  DepthErrorModel rough;
+  rough.offset_m = 0.1;
+  const LabelImage labels =
+      LabelsFromPose(view_, box_, elsewhere_, SurfaceTolerance::AtRoughPose(rough)).labels;
   EXPECT_TRUE(IsChosen(Combined({elsewhere_}, {truth_}, labels), elsewhere_));
 }
 

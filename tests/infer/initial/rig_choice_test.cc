@@ -50,10 +50,11 @@ struct Candidates {
       poses.push_back({a, b});
     }
   }
-  /// `turns`: of the right pose and of the other, where they are known.
-  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}) const {
+  /// `turns`: of the right pose and of the other, where they are known. `twin`: of the last sensor.
+  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}, int twin = 0) const {
     std::vector<SensorCandidates> sensors;
-    for (std::size_t i = 0; i < views.size(); ++i) sensors.push_back({&views[i], poses[i], turns});
+    for (std::size_t i = 0; i < views.size(); ++i)
+      sensors.push_back({&views[i], poses[i], turns, i + 1 == views.size() ? twin : 0});
     return ChooseTogether(sensors, structure, {});
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
@@ -77,6 +78,28 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
     EXPECT_FALSE(wrong.IsRight(all[i], i)) << i;
     EXPECT_TRUE(all[i].ambiguous) << i;
   }
+}
+
+// Sensors that are mounted alike are upside down together or not at all: one other set of poses.
+TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
+  const Candidates rig(std::vector<Evidence>(4, {0, 0.8, 0, 0.3}));
+  const std::vector<PoseChoice> choices = rig.Choose(), turned = rig.Choose({}, 2),
+                                confirmed = rig.Choose({}, 1);
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    ASSERT_FALSE(choices[i].twins.empty()) << i;
+    const PoseTwin& twin = choices[i].twins.front();
+    EXPECT_EQ(twin.rig, choices[0].twins.front().rig) << "one choice of all";
+    EXPECT_EQ(twin.number, 2);
+    EXPECT_TRUE(SamePose(rig.structure, twin.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_NEAR(twin.log_odds, 0, 1e-9) << "labels do not count";
+    // The sensor that was asked about takes the others with it, and nothing is open any more.
+    EXPECT_TRUE(SamePose(rig.structure, turned[i].best.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_EQ(turned[i].given, i == 3) << i;
+    EXPECT_FALSE(turned[i].ambiguous) << i;
+    EXPECT_TRUE(rig.IsRight(confirmed[i], i)) << i;
+    EXPECT_FALSE(confirmed[i].ambiguous) << i;
+  }
+  EXPECT_FALSE(rig.Choose({}, 7)[3].given) << "it has no such pose";
 }
 
 // Half of the pictures stand upright and half lie on their side: none of either contradicts the

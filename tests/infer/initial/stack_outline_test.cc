@@ -66,7 +66,9 @@ TEST(MakeStackOutline, PiecesMakeUpTheSurface) {
   const StackOutline outline = MakeStackOutline(Crate(), 16);
   for (const StackPiece& piece : outline.pieces) {
     // The top is at the third slab's end, and is measured a little below it or above.
-    if (piece.kind == StackPiece::kTop) EXPECT_EQ(piece.slab, 2);
+    if (piece.kind == StackPiece::kTop) {
+      EXPECT_EQ(piece.slab, 2);
+    }
   }
   const Areas areas = AreasOf(outline);
   EXPECT_NEAR(areas.up, 0.4 * 0.32, 0.05 * 0.4 * 0.32);

@@ -104,7 +104,9 @@ TEST(SearchStack, AnswersEveryGuess) {
   ASSERT_FALSE(found[2].empty());
   EXPECT_LT(ComparePoses(found[2][0].structure_from_sensor, truth).rotation_deg, 4);
   // Upside down fewer cells are right.
-  if (!found[0].empty()) EXPECT_LT(found[0][0].votes, 0.8 * found[2][0].votes);
+  if (!found[0].empty()) {
+    EXPECT_LT(found[0][0].votes, 0.8 * found[2][0].votes);
+  }
   EXPECT_TRUE(SearchStack({}, outline, {}, 3).empty());
 }
 

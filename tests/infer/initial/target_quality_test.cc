@@ -45,7 +45,9 @@ TEST(TargetQuality, AStackWithTurnsThatLookAlikeIsPoor) {
                   [](const TargetAlias& alias) { return alias.all && !alias.floor_tells; }));
   const std::string text = FormatTarget(structure, quality);
   EXPECT_NE(text.find("poor: from 100 %"), std::string::npos) << text;
-  EXPECT_NE(text.find("turned by 90 deg, all of stack's boxes"), std::string::npos) << text;
+  EXPECT_NE(text.find("Turned by 90 deg, the stack looks the same from every direction."),
+            std::string::npos)
+      << text;
   EXPECT_NE(TargetPicture(structure, quality).find(">?</text>"), std::string::npos);
 }
 
@@ -114,6 +116,18 @@ TEST(TargetQuality, FartherIsWeaker) {
   const TargetQuality far = MeasureTarget(Uneven(), options);
   for (std::size_t i = 0; i < near.views.size(); ++i)
     EXPECT_GT(far.views[i].weakest_m, 1.5 * near.views[i].weakest_m);
+}
+
+// Of a single facing side its four borders tell the place along it, in both directions: 5 mm and a
+// pixel at 2 m are millimetres.
+TEST(TargetQuality, BordersFixThePlaceAlongASide) {
+  TargetViewOptions options;
+  options.directions = 4;  // along the axes
+  options.heights_m = {0.4};
+  const TargetQuality quality =
+      MeasureTarget(Stack({Box::FromMinMax("a", {-0.2, -0.8, -0.2}, {0.2, 0, 0.2})}), options);
+  ASSERT_EQ(quality.views.size(), 4u);
+  for (const TargetView& view : quality.views) EXPECT_LT(view.weakest_m, 0.03) << view.phi_deg;
 }
 
 }  // namespace

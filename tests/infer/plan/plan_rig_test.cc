@@ -85,6 +85,7 @@ TEST(PlannedFrame, ErrorsHaveTheStatedSize) {
   frame.sensor = "realsense_d415";
   frame.intrinsics = testing_infer::Kinect();
   frame.ground_truth = testing_infer::RingPose(40);
+  const DepthErrorModel& errors = ErrorsOf(frame.sensor);
   const Structure structure = testing_infer::PaperStructure();
   const testing_infer::SyntheticView view =
       testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
@@ -96,12 +97,13 @@ TEST(PlannedFrame, ErrorsHaveTheStatedSize) {
       if (!(planned.labels[i] > 0)) continue;
       EXPECT_EQ(planned.labels[i], view.labels[i]);
       const double z = view.depth[i];
-      square += std::pow((planned.frame.depth[i] - z) / (z * z), 2);
+      square +=
+          std::pow((planned.frame.depth[i] - z) / std::hypot(errors.White(z), errors.Smooth(z)), 2);
       ++count;
     }
   }
   ASSERT_GT(count, 10000);
-  EXPECT_NEAR(std::sqrt(square / count), std::hypot(0.055, 0.14) / 51.9, 0.0007);
+  EXPECT_NEAR(std::sqrt(square / count), 1, 0.25);
 }
 
 // What lies behind an edge is lost beside it, not the stack; and nothing is measured of the sky.
@@ -136,6 +138,69 @@ TEST(PlannedFrame, GapsAreBehindTheStack) {
   }
   EXPECT_GT(sky, 1000);
   EXPECT_GT(lost, 300);
+}
+
+/// Mean square of how much the errors of pixels differ that lie an angle of so many pixels of a
+/// picture of 320 apart.
+double MeanSquareStep(int width, int lag_of_320) {
+  SensorFrame frame;
+  frame.sensor = "azure_kinect_nfov_binned";
+  frame.intrinsics = testing_infer::Kinect().Resized(width, width * 9 / 10);
+  frame.ground_truth = testing_infer::RingPose(40);
+  const Structure structure = testing_infer::PaperStructure();
+  const DepthImage truth =
+      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth).depth;
+  const int lag = lag_of_320 * width / 320;
+  double square = 0;
+  int count = 0;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const PlannedFrame planned = MeasurePlanned(frame, structure, seed, 0);
+    for (int v = 0; v < truth.height(); ++v) {
+      for (int u = 0; u + lag < truth.width(); ++u) {
+        if (!(planned.labels(u, v) > 0 && planned.labels(u + lag, v) > 0)) continue;
+        const auto error = [&](int at) { return planned.frame.depth(at, v) - truth(at, v); };
+        square += std::pow(error(u + lag) - error(u), 2);
+        ++count;
+      }
+    }
+  }
+  EXPECT_GT(count, 10000);
+  return square / count;
+}
+
+// Of a picture with twice the pixels, errors are alike over twice as many.
+TEST(PlannedFrame, ErrorsAreAlikeOverTheSameAngle) {
+  const double ratio = MeanSquareStep(640, 12) / MeanSquareStep(320, 12);
+  EXPECT_GT(ratio, 0.7);
+  EXPECT_LT(ratio, 1.4);
+}
+
+// A picture ends half a pixel beyond the middle of its last one, on each side.
+TEST(PlanRig, CountsToThePicturesBorders) {
+  const RigPlan plan = PlanRig(Parse(R"(
+sensors:
+  - {name: S1, sensor: realsense_d415, rho_cm: 70, phi_deg: 10, height_cm: 110}
+  - {name: S2, sensor: realsense_d415, rho_cm: 75, phi_deg: 100, height_cm: 100, roll_deg: 0}
+  - {name: S3, sensor: realsense_d415, rho_cm: 80, phi_deg: 190, height_cm: 90}
+  - {name: S4, sensor: realsense_d415, rho_cm: 85, phi_deg: 280, height_cm: 80, roll_deg: 0}
+)"),
+                               1);
+  for (const PlannedSensor& sensor : plan.sensors) {
+    const Intrinsics& k = sensor.intrinsics;
+    ASSERT_TRUE(k.distortion.empty());
+    const Eigen::Vector3d eye = sensor.structure_from_sensor.translation();
+    int seen = 0, inside = 0;
+    for (const Eigen::Vector3d& point : SampleExposedSurface(plan.structure, 0.04)) {
+      if (CastRay(plan.structure, eye, point - eye).t < 1 - 1e-6) continue;
+      ++seen;
+      const Eigen::Vector3d p = sensor.structure_from_sensor.inverse() * point;
+      const double u = k.fx * p.x() / p.z() + k.cx, v = k.fy * p.y() / p.z() + k.cy;
+      inside += p.z() > 0 && std::lround(u) >= 0 && std::lround(u) < k.width &&
+                std::lround(v) >= 0 && std::lround(v) < k.height;
+    }
+    EXPECT_LT(inside, seen);
+    EXPECT_DOUBLE_EQ(sensor.in_view, static_cast<double>(inside) / seen) << sensor.name;
+  }
 }
 
 }  // namespace

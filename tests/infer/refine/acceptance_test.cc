@@ -121,7 +121,7 @@ TEST(AcceptImproved, KeepsAndSendsBack) {
                     NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start}),
                     std::vector<FrameObservations>(2),
                     {0, 0}};
-  for (FrameObservations& observed : solution.observed) observed.noise.warp = 0.001;
+  for (FrameObservations& observed : solution.observed) observed.noise.depth.smooth_m = 0.001;
   const Acceptance accepted = AcceptImproved(problem, solution);
   EXPECT_EQ(accepted.solution.held, (std::vector<char>{1, 0}));
   const Pose& truth = *two.rig.frames[0].ground_truth;
@@ -182,7 +182,7 @@ TEST(HeldOutObservations, AreWeighedByTheNoiseThatWasFound) {
   const State state = NominalState(two.rig.structure, {two.frames[0].start, two.frames[1].start});
   const auto covariance = [&](double warp) {
     std::vector<FrameObservations> observed(2);
-    for (FrameObservations& of : observed) of.noise.warp = warp;
+    for (FrameObservations& of : observed) of.noise.depth.smooth_m = warp;
     const Eigen::MatrixXd root =
         GatherHeldOut(problem, {free, state, observed, {0, 0}})[0].face_root;
     return Eigen::MatrixXd(root * root.transpose());

@@ -219,7 +219,8 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     ASSERT_TRUE(cost.Evaluate(parameters.data(), &residual, nullptr));
     const Eigen::Vector3d p = poses[0] * TruePoint(a, 0.004, 0.006, lens_a),
                           q = poses[1] * TruePoint(b, -0.003, -0.002, lens_b);
-    EXPECT_NEAR(residual, 1.7 * (poses[1].linear() * normal).dot(p - q), 1e-12);
+    // The mean of the gains is 1.002.
+    EXPECT_NEAR(residual, 1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 1e-12);
     ExpectDerivatives(cost, poses, others, 1);
   }
 }

@@ -60,7 +60,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGain) {
   const FrameObservations& observed = scene.solution.observed[0];
   const ParameterLayout& layout = scene.problem.layout;
   const Eigen::VectorXd sigmas =
-      layout.PriorSigmas(scene.problem.priors, {observed.noise.multipath});
+      layout.PriorSigmas(scene.problem.priors, {observed.noise.depth.seam_m});
   // Residuals and priors in standard deviations, of steps in the pose's tangent space and in the
   // other parameters, but for the lens.
   const auto errors = [&](const Eigen::VectorXd& step) {
@@ -218,11 +218,12 @@ TEST(MeasureContradiction, IsWhatOneStackCostsMoreThanTwo) {
 
 TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
   OddOne scene(0.04);
-  scene.solution.observed[0].noise.warp = 0.004;
+  scene.solution.observed[0].noise.depth.smooth_m = 0.004;
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   ASSERT_TRUE(agreed.of[0].has_value());
-  EXPECT_EQ(agreed.solution.observed[0].noise.warp, 0.004) << "what is known of its noise stands";
+  EXPECT_EQ(agreed.solution.observed[0].noise.depth.smooth_m, 0.004)
+      << "what is known of its noise stands";
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
   ASSERT_FALSE(agreed.of[0]->contradicts.empty());
   EXPECT_EQ(agreed.of[0]->contradicts.front(), 1) << "the other side of the stack tells less";

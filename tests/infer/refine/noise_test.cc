@@ -62,9 +62,9 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
         face.p *= 1 + sigma / 2 * field[i];
       }
       const ParameterPoint at(model, pose);
-      FitNoise(model, at.Parameters(), priors, &seen);
-      size += std::log(seen.noise.warp / sigma) / kDraws;
-      length += std::log(seen.noise.warp_length / kLength) / kDraws;
+      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      size += std::log(seen.noise.depth.smooth_m / sigma) / kDraws;
+      length += std::log(seen.noise.depth.smooth_rad / kLength) / kDraws;
       EXPECT_EQ(seen.face_root.rows(), n) << "the factor is that of the fitted covariance";
     }
     EXPECT_LT(std::abs(size), std::log(1.3)) << sigma << ": off by " << std::exp(size);
@@ -81,10 +81,72 @@ TEST(FitNoise, KeepsWhatIsUsualWhereFacesAreTooFew) {
     seen.faces.resize(12);
     seen.noise = UsualNoise(kind);
     const ParameterPoint at(model, pose);
-    FitNoise(model, at.Parameters(), testing_infer::SomePriors(), &seen);
-    const bool stereo = seen.noise.warp > 0.008 && seen.noise.warp < 0.020;
-    const bool time_of_flight = seen.noise.warp > 0.003 && seen.noise.warp < 0.006;
-    EXPECT_TRUE(kind[0] == 'r' || kind[0] == 'k' ? stereo : time_of_flight) << kind;
+    FitNoise(model, UsualNoise(kind).depth, at.Parameters(), testing_infer::SomePriors(), &seen);
+    EXPECT_EQ(seen.noise.depth.smooth_m, ErrorsOf("").smooth_m) << kind;
+    EXPECT_EQ(seen.noise.depth.seam_m, ErrorsOf(kind).seam_m) << kind;
+  }
+}
+
+/// Points along the borders of the sides that the sensor faces, as they are.
+FrameObservations BordersOf(const Structure& structure, const Pose& pose) {
+  FrameObservations seen;
+  const Pose sensor_from_structure = pose.inverse();
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    const Side& side = structure.SideOfLabel(label);
+    if (side.normal.dot(side.centre - pose.translation()) > -0.5) continue;
+    for (int edge = 0; edge < 4; ++edge) {
+      const Eigen::Vector3d across =
+                                (edge < 2 ? side.half_u * side.axis_u : side.half_v * side.axis_v),
+                            along =
+                                (edge < 2 ? side.half_v * side.axis_v : side.half_u * side.axis_u);
+      for (const double t : {-0.6, 0.0, 0.6}) {
+        EdgeObservation point;
+        point.p =
+            sensor_from_structure * (side.centre + (edge % 2 == 0 ? across : -across) + t * along);
+        point.label = label;
+        point.edge = edge;
+        point.pixel = point.p.z() / 252.2;
+        point.variance = 0.1;
+        seen.edges.push_back(point);
+      }
+    }
+  }
+  return seen;
+}
+
+TEST(FitNoise, FindsTheScaleOfEdges) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  FrameObservations clean = BordersOf(structure, pose);
+  clean.noise.edge = 1;
+  SetCovariance(model, pose, &clean);
+  const auto n = static_cast<Eigen::Index>(clean.edges.size());
+  ASSERT_GT(n, 60);
+  ASSERT_LE(n, 110);  // of more, some would be taken
+  Priors priors;
+  priors.edge_shift = 0.7;
+  for (const double scale : {0.5, 2.0, 4.0}) {
+    double fitted = 0;
+    constexpr int kDraws = 8;
+    for (int draw = 0; draw < kDraws; ++draw) {
+      RandomStream random(4, static_cast<std::uint64_t>(draw), "edges");
+      Eigen::VectorXd white(n);
+      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
+      const Eigen::VectorXd moved = scale * (clean.edge_root * white);
+      FrameObservations seen = clean;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];
+        const Side& side = structure.SideOfLabel(edge.label);
+        const Eigen::Vector3d outwards =
+            (edge.edge < 2 ? side.axis_u : side.axis_v) * (edge.edge % 2 == 0 ? 1 : -1);
+        edge.p += pose.linear().transpose() * outwards * moved[i];
+      }
+      const ParameterPoint at(model, pose);
+      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      fitted += std::log(seen.noise.edge / scale) / kDraws;
+    }
+    EXPECT_LT(std::abs(fitted), std::log(1.25)) << scale << ": off by " << std::exp(fitted);
   }
 }
 
@@ -101,8 +163,8 @@ TEST(SetCovariance, IsThatOfItsParts) {
   observed.edges = {edge, edge, edge};
   observed.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
   observed.edges[2].edge = 2;  // another line: nothing in common
-  observed.noise.warp = 0.004;
-  observed.noise.warp_length = 0.1;
+  observed.noise.depth.smooth_m = 0.004;
+  observed.noise.depth.smooth_rad = 0.1;
   observed.noise.edge = 1.5;
   observed.noise.line = 0.003;
   SetCovariance(model, pose, &observed);

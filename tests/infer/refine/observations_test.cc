@@ -23,13 +23,14 @@ TEST(SeamShare, SeamsAreWhereSurfacesMeetAtAnInwardCorner) {
   // The bottom box's front stands on the floor (y = -0.81): the share
   // falls linearly to none at 0.3 m above it.
   const Side& front = side("bottom/front");
-  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.81, 0}), 1, 1e-9);
-  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.66, 0}), 0.5, 1e-9);
-  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.45, 0}), 0, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.81, 0}, 0.3), 1, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.66, 0}, 0.3), 0.5, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.45, 0}, 0.3), 0, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, front, {0.275, -0.66, 0}, 0.2), 0.25, 1e-9);
   // On its top, beside the next box, which ends at x = 0.05.
-  EXPECT_NEAR(SeamShare(structure, side("bottom/up"), {0.11, -0.405, 0}), 0.8, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, side("bottom/up"), {0.11, -0.405, 0}, 0.3), 0.8, 1e-9);
   // The top box's front: nothing rises before it.
-  EXPECT_NEAR(SeamShare(structure, side("top/front"), {0.05, 0.6, 0}), 0, 1e-9);
+  EXPECT_NEAR(SeamShare(structure, side("top/front"), {0.05, 0.6, 0}, 0.3), 0, 1e-9);
 }
 
 /// Points of one image block on the top box's front, seen head on from 1.5 m: `off` in front of it.

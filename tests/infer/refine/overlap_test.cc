@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <vector>
 
@@ -119,6 +121,22 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints mostly_far({}, {}, cloud);
   EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100).size(), 100u);
+}
+
+// Rounds of the refinement begin at poses that differ by millimetres; with other points in each,
+// they would not settle.
+TEST(ChooseOverlapPoints, ChangesLittleWithThePose) {
+  const testing_infer::Rig rig = testing_infer::RingOfEight();
+  const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
+  Pose pose = *rig.frames[0].ground_truth;
+  std::vector<int> before = ChooseOverlapPoints(rig.structure, points[0], pose, 700);
+  pose.translation() += Eigen::Vector3d(0.004, -0.003, 0.005);
+  std::vector<int> after = ChooseOverlapPoints(rig.structure, points[0], pose, 700), both;
+  std::sort(before.begin(), before.end());
+  std::sort(after.begin(), after.end());
+  std::set_intersection(before.begin(), before.end(), after.begin(), after.end(),
+                        std::back_inserter(both));
+  EXPECT_GT(both.size(), 680u);
 }
 
 }  // namespace

@@ -19,12 +19,9 @@ using testing_infer::PaperStructure;
 using testing_infer::ParameterPoint;
 using testing_infer::RingPose;
 
-TEST(Residuals, DerivativesAreThoseOfDifferences) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(35);
+/// Faces and edges, seen through another lens than the one assumed.
+FrameObservations ObserveAll(const Structure& structure, const Pose& pose) {
   FrameObservations observed = Observe(structure, pose, 40);
-  ASSERT_GT(observed.faces.size(), 8u);
   for (std::size_t i = 0; i < 8; ++i) {
     EdgeObservation edge;
     edge.p = observed.faces[i].p + Eigen::Vector3d(0.01, -0.02, 0.03);
@@ -38,9 +35,60 @@ TEST(Residuals, DerivativesAreThoseOfDifferences) {
   for (FaceObservation& face : observed.faces)
     face.by_lens = RayByLens(KinectWithLens(), face.p.head<2>() / face.p.z());
   observed.lens = LensChange(0.001, -0.002, 0.003);
-  ParameterPoint at(model, pose);
-  RandomStream random(1, 0, "refine model");
-  for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
+  return observed;
+}
+
+/// All that a pose shows, and every parameter but the pose drawn about its nominal value.
+struct DrawnPoint {
+  DrawnPoint(std::uint64_t seed, const char* name) {
+    RandomStream random(seed, 0, name);
+    for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
+  }
+
+  Structure structure = PaperStructure();
+  BuildModel model{structure};
+  FrameObservations observed = ObserveAll(structure, RingPose(35));
+  ParameterPoint at{model, RingPose(35)};
+};
+
+TEST(Residuals, DoNotShrinkWithTheWorld) {
+  // Where the stack, its distance and all depths are smaller by one factor, nothing that a sensor
+  // measures is different, and so no residual: only priors tell how large the world is.
+  const DrawnPoint drawn(3, "scale");
+  const Structure& structure = drawn.structure;
+  const BuildModel& model = drawn.model;
+  const FrameObservations& observed = drawn.observed;
+  const ParameterPoint& at = drawn.at;
+  ASSERT_GT(observed.faces.size(), 8u);
+  constexpr double kFactor = 0.97;
+  ParameterPoint smaller = at;
+  smaller.x.segment<3>(4) *= kFactor;
+  smaller.x[5] += (1 - kFactor) * model.floor();  // it shrinks about a point of the floor
+  for (const Eigen::Index gain : {FrameColumns::kGain, FrameColumns::kSize})
+    smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
+  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath})
+    smaller.x[length] *= kFactor;
+  for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
+    const Eigen::Vector3d centre =
+        structure.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
+    double& x = smaller.x[FrameColumns::kBoxes + BuildModel::X(b)];
+    double& z = smaller.x[FrameColumns::kBoxes + BuildModel::Z(b)];
+    x = (centre.x() + x) * kFactor - centre.x();
+    z = (centre.z() + z) * kFactor - centre.z();
+  }
+  Eigen::VectorXd residuals, of_smaller;
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  Residuals(model, observed, smaller.Parameters(), &of_smaller, nullptr);
+  ASSERT_GT(residuals.norm(), 0.01);
+  EXPECT_LT((of_smaller - residuals).norm(), 1e-9 * residuals.norm());
+}
+
+TEST(Residuals, DerivativesAreThoseOfDifferences) {
+  const DrawnPoint drawn(1, "refine model");
+  const BuildModel& model = drawn.model;
+  const FrameObservations& observed = drawn.observed;
+  const ParameterPoint& at = drawn.at;
+  ASSERT_GT(observed.faces.size(), 8u);
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;
   Residuals(model, observed, at.Parameters(), &residuals, &jacobian);

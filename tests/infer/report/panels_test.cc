@@ -61,8 +61,24 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
   const FramePanels panels = MakePanels(sensor, structure, 1);
   EXPECT_EQ(panels.depth.width(), 288);
   EXPECT_EQ(panels.depth.height(), 320);
-  // The pose is exact: what is found is what the structure shows.
-  EXPECT_EQ(panels.labels, panels.model);
+  // The pose is exact: the edges lie on measured pixels of the stack, beside another label.
+  int edges = 0;
+  for (int v = 0; v < 288; ++v) {
+    for (int u = 0; u < 320; ++u) {
+      const int x = 288 - 1 - v, y = u;
+      if (panels.edges(x, y) == panels.depth(x, y)) continue;
+      ++edges;
+      const LabelImage& labels = sensor.segmentation.labels;
+      const int label = labels(u, v);
+      EXPECT_GT(label, 0) << u << ", " << v;
+      EXPECT_TRUE((u > 0 && labels(u - 1, v) != label) || (u < 319 && labels(u + 1, v) != label) ||
+                  (v > 0 && labels(u, v - 1) != label) || (v < 287 && labels(u, v + 1) != label))
+          << u << ", " << v;
+    }
+  }
+  EXPECT_GT(edges, 300);
+  ASSERT_FALSE(panels.sides.empty());
+  EXPECT_LT(panels.sides.front().rms_m, 1e-5);
   EXPECT_FALSE(panels.shown_labels.empty());
   EXPECT_GT(panels.shown_labels.front(), 0);
   for (int v = 0; v < 288; ++v) {
@@ -74,7 +90,8 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
   }
   sensor.structure_from_sensor.reset();
   const FramePanels without = MakePanels(sensor, structure, 0);
-  EXPECT_TRUE(without.model.empty());
+  EXPECT_TRUE(without.edges.empty());
+  EXPECT_TRUE(without.sides.empty());
   EXPECT_TRUE(without.residual.empty());
 
   Intrinsics wide = Kinect();

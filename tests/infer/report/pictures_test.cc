@@ -45,7 +45,7 @@ TEST_F(Pictures, ASensorsPanelsStandSideBySide) {
   const RgbImage two = SensorPicture(sensor_, panels_, structure_, false);
   EXPECT_EQ(Count(two, kDepth), 80 * 30);
   EXPECT_EQ(Count(two, kLabels), 80 * 30);
-  panels_.model = RgbImage(80, 30, kModel);
+  panels_.edges = RgbImage(80, 30, kModel);
   panels_.residual = RgbImage(80, 30, kResidual);
   const RgbImage four = SensorPicture(sensor_, panels_, structure_, false);
   EXPECT_EQ(four.height(), two.height());
@@ -74,11 +74,11 @@ TEST_F(Pictures, LegendsHaveTheLabelsThatAreShown) {
     const int more = Count(with, LabelColour(label)) - Count(bare, LabelColour(label));
     EXPECT_EQ(more, label == 2 || label == 20 ? kSwatchPixels : 0) << label;
   }
-  const RgbImage overview = OverviewPicture({bare, bare, bare}, 2, structure_);
+  const RgbImage overview = OverviewPicture({bare, bare, bare, bare}, structure_);
   for (int label = 1; label <= 20; ++label)
-    EXPECT_EQ(Count(overview, LabelColour(label)) - 3 * Count(bare, LabelColour(label)),
+    EXPECT_EQ(Count(overview, LabelColour(label)) - 4 * Count(bare, LabelColour(label)),
               kSwatchPixels);
-  EXPECT_EQ(Count(overview, kDepth), 3 * 80 * 30);
+  EXPECT_EQ(Count(overview, kDepth), 4 * 80 * 30);
   EXPECT_GT(overview.height(), 2 * bare.height());  // two rows
 }
 

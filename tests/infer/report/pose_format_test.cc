@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <sstream>
@@ -45,8 +46,9 @@ class PosesTest : public ::testing::Test {
           testing_infer::RingPose(random.Uniform(0, 360), random.Uniform(1.5, 3),
                                   random.Uniform(-0.5, 1), random.Uniform(-180, 180));
       pose.intrinsics = Intrinsics{320, 288, 252.5, 251.25, 163.1, 170.2, lenses[i]};
+      pose.colour = ColourCamera{ColourFromDepth(), Intrinsics{1280, 720, 605, 604, 637, 366, {}}};
       poses_.push_back(pose);
-      options_.colour_from_depth[pose.name] = ColourFromDepth();
+      colour_[pose.name] = {ColourFromDepth(), std::nullopt};
     }
   }
 
@@ -74,16 +76,16 @@ class PosesTest : public ::testing::Test {
   std::filesystem::path Path(const std::string& name) const { return folder_ / name; }
 
   /// The poses, written by the format; returns the file.
-  std::filesystem::path Written(PoseFormat format) {
+  std::filesystem::path Written(PoseFormat format, const WorldChoice& world = {}) {
     const std::filesystem::path path = Path("poses");
     std::filesystem::remove_all(path);
-    WritePoses(path, format, poses_, options_);
+    WritePoses(path, format, poses_, world);
     return path;
   }
 
   std::filesystem::path folder_;
   std::vector<SensorPose> poses_;
-  PoseFormatOptions options_;
+  ColourCameras colour_;
 };
 
 void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
@@ -93,12 +95,13 @@ void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
   for (const auto& [word, format] : kPoseFormatWords) {
     if (format == PoseFormat::kVolalign) continue;
-    const std::vector<SensorPose> back = ReadPoses(Written(format), format, options_);
+    const std::vector<SensorPose> back = ReadPoses(Written(format), format, colour_);
     ASSERT_EQ(back.size(), poses_.size()) << word;
     const bool with_intrinsics = format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
                                  format != PoseFormat::kVolumetricCapture &&
                                  format != PoseFormat::kLivescanKinectV2 &&
-                                 format != PoseFormat::kLivescanAzure && format != PoseFormat::kTum;
+                                 format != PoseFormat::kLivescanAzure &&
+                                 format != PoseFormat::kTum && format != PoseFormat::kCwipc;
     for (std::size_t i = 0; i < back.size(); ++i) {
       EXPECT_EQ(back[i].name, poses_[i].name) << word;
       ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, word);
@@ -117,19 +120,165 @@ TEST_F(PosesTest, ComeBackFromEveryFormat) {
   }
 }
 
+Eigen::Vector3d ZUp(const Eigen::Vector3d& p) { return {p.x(), -p.z(), p.y()}; }
+
+/// Formats whose poses are of whatever camera and world they are given.
+std::vector<PoseFormat> FreeFormats() {
+  std::vector<PoseFormat> formats;
+  for (const auto& [word, format] : kPoseFormatWords) {
+    if (format != PoseFormat::kVolalign && format != PoseFormat::kRos &&
+        format != PoseFormat::kUnity && format != PoseFormat::kVolumetricCapture)
+      formats.push_back(format);
+  }
+  return formats;
+}
+
+// A point that every sensor sees at the same place of the new world, in every format: the origin on
+// the floor, the origin at a sensor, either axis up.
+TEST_F(PosesTest, TheWorldIsChosen) {
+  constexpr double kFloor = -0.81;
+  const Eigen::Vector3d p(0.3, 0.5, -0.2);  // of the structure frame
+  const Eigen::Vector3d eye = poses_[1].structure_from_sensor.translation();
+  struct Case {
+    std::string origin, up;
+    Eigen::Vector3d expected;
+  };
+  const Case cases[] = {{"structure", "y", p},
+                        {"structure", "z", ZUp(p)},
+                        {"floor", "", p - Eigen::Vector3d(0, kFloor, 0)},
+                        {"floor", "z", ZUp(p - Eigen::Vector3d(0, kFloor, 0))},
+                        {"S2", "y", p - eye},
+                        {"S2", "z", ZUp(p - eye)},
+                        {"S2", "", poses_[1].structure_from_sensor.inverse() * p}};
+  for (const PoseFormat format : FreeFormats()) {
+    for (const Case& c : cases) {
+      WorldChoice world;
+      world.origin = c.origin;
+      world.up = c.up;
+      world.floor_m = kFloor;
+      const std::vector<SensorPose> back = ReadPoses(Written(format, world), format, colour_);
+      ASSERT_EQ(back.size(), poses_.size());
+      for (std::size_t i = 0; i < back.size(); ++i) {
+        const Eigen::Vector3d seen = poses_[i].structure_from_sensor.inverse() * p;
+        EXPECT_LT((back[i].structure_from_sensor * seen - c.expected).norm(), 1e-9)
+            << WordOf(kPoseFormatWords, format) << " " << c.origin << " " << c.up;
+      }
+      if (c.origin == "S2" && c.up.empty())
+        ExpectSamePose(back[1].structure_from_sensor, Pose::Identity(), "the origin");
+    }
+  }
+}
+
+// What is read of a format with a fixed axis up is y up again.
+TEST_F(PosesTest, FormatsWithAFixedUpKeepIt) {
+  const Eigen::Vector3d p(0.3, 0.5, -0.2), eye = poses_[0].structure_from_sensor.translation();
+  for (const PoseFormat format :
+       {PoseFormat::kRos, PoseFormat::kUnity, PoseFormat::kVolumetricCapture}) {
+    WorldChoice world;
+    world.origin = "S1";
+    const auto back = ReadPoses(Written(format, world), format);
+    EXPECT_LT((back[2].structure_from_sensor * (poses_[2].structure_from_sensor.inverse() * p) -
+               (p - eye))
+                  .norm(),
+              1e-9);
+    world.up = format == PoseFormat::kUnity ? "z" : "y";
+    EXPECT_THROW(Written(format, world), ConfigError);
+  }
+  WorldChoice floor;
+  floor.origin = "floor";
+  floor.floor_m = -0.5;
+  const std::string text = ReadFile(Written(PoseFormat::kRos, floor));
+  EXPECT_NE(text.find("frame_id: \"floor\""), std::string::npos) << text;
+  EXPECT_NE(text.find("S1_depth_optical_frame"), std::string::npos) << text;
+}
+
+TEST_F(PosesTest, SaysInTheFileWhichWorldItIs) {
+  WorldChoice world;
+  world.origin = "S2";
+  for (const PoseFormat format :
+       {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kOpen3dLog, PoseFormat::kOpencv,
+        PoseFormat::kTum, PoseFormat::kCsv, PoseFormat::kCwipc}) {
+    EXPECT_NE(ReadFile(Written(format, world)).find("the camera of S2, x right, y down, z forward"),
+              std::string::npos)
+        << WordOf(kPoseFormatWords, format);
+  }
+  world.up = "z";
+  EXPECT_NE(ReadFile(Written(PoseFormat::kPoses, world))
+                .find("z up, right-handed, (x, y, z) of volalign's structure frame is (x, -z, y), "
+                      "origin at the camera of S2"),
+            std::string::npos);
+}
+
+TEST_F(PosesTest, OriginsThatAreNotKnown) {
+  WorldChoice world;
+  world.origin = "floor";
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, world); }, {"--origin floor"});
+  world.origin = "S9";
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, world); },
+                           {"--origin S9", "S1, S2, S3, S4"});
+}
+
+// The colour camera's pose takes its own points to where the depth camera's are.
+TEST_F(PosesTest, OfTheColourCameras) {
+  WorldChoice world;
+  world.colour = true;
+  const Eigen::Vector3d p(0.3, 0.5, -0.2);
+  for (const PoseFormat format : FreeFormats()) {
+    if (format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure) {
+      EXPECT_THROW(Written(format, world), ConfigError);
+      continue;
+    }
+    const std::vector<SensorPose> back = ReadPoses(Written(format, world), format);
+    for (std::size_t i = 0; i < back.size(); ++i) {
+      const Eigen::Vector3d seen =
+          ColourFromDepth() * (poses_[i].structure_from_sensor.inverse() * p);
+      EXPECT_LT((back[i].structure_from_sensor * seen - p).norm(), 1e-9)
+          << WordOf(kPoseFormatWords, format);
+      if (back[i].intrinsics) {
+        EXPECT_EQ(back[i].intrinsics->width, 1280);
+      }
+    }
+  }
+  world.origin = "S1";
+  ExpectSamePose(
+      ReadPoses(Written(PoseFormat::kPoses, world), PoseFormat::kPoses)[0].structure_from_sensor,
+      Pose::Identity(), "the origin is that camera");
+  EXPECT_NE(ReadFile(Written(PoseFormat::kRos, world)).find("S2_color_optical_frame"),
+            std::string::npos);
+  poses_[2].colour.reset();
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, world); }, {"--camera colour", "S3"});
+}
+
+// As cwipc has it: cameras by their serial numbers, with `trafo` row by row.
+TEST_F(PosesTest, CwipcsCameraConfig) {
+  poses_[0].serial = "000123";
+  const auto json = nlohmann::json::parse(ReadFile(Written(PoseFormat::kCwipc)));
+  EXPECT_EQ(json["camera"][0]["serial"], "000123");
+  EXPECT_EQ(json["camera"][1]["serial"], "S2");
+  const Pose& pose = poses_[0].structure_from_sensor;
+  EXPECT_EQ(json["camera"][0]["trafo"][0][3], pose.translation().x());
+  EXPECT_EQ(json["camera"][0]["trafo"][3], (std::vector<double>{0, 0, 0, 1}));
+  std::ofstream(Path("cameraconfig.json"))
+      << R"({"version": 3, "type": "realsense", "system": {}, "camera": [{"type": "realsense",
+           "serial": "77", "trafo": [[1, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]}]})";
+  const auto read = ReadPoses(Path("cameraconfig.json"), PoseFormat::kCwipc);
+  EXPECT_EQ(read.at(0).name, "77");
+  EXPECT_EQ(read[0].structure_from_sensor.translation(), Eigen::Vector3d(0.5, 0, 2));
+}
+
 // A name of several lines would be read as a pose, and one with an escape sequence changes a
 // terminal.
 TEST_F(PosesTest, RefuseNamesThatForge) {
   for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED"}) {
     poses_[0].name = name;
     for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
-      EXPECT_THROW(ReadPoses(Written(format), format, options_), DataError) << name;
+      EXPECT_THROW(ReadPoses(Written(format), format, colour_), DataError) << name;
   }
   poses_[0].name = "A\x1b[31mRED";
   for (const PoseFormat format :
        {PoseFormat::kTum, PoseFormat::kOpen3dLog, PoseFormat::kCsv, PoseFormat::kColmap,
         PoseFormat::kVolumetricCapture, PoseFormat::kOpencv, PoseFormat::kRos})
-    EXPECT_THROW(ReadPoses(Written(format), format, options_), DataError)
+    EXPECT_THROW(ReadPoses(Written(format), format, colour_), DataError)
         << WordOf(kPoseFormatWords, format);
 }
 
@@ -242,6 +391,7 @@ TEST_F(PosesTest, LivescansOwnFile) {
 // Where the colour camera is comes from the raw calibration, whose Rt map one frame of the device
 // into each camera.
 TEST_F(PosesTest, LivescanNeedsTheColourCamera) {
+  poses_[0].colour.reset();
   try {
     WritePoses(Path("x"), PoseFormat::kLivescanAzure, poses_);
     ADD_FAILURE();
@@ -250,16 +400,16 @@ TEST_F(PosesTest, LivescanNeedsTheColourCamera) {
   }
   std::ofstream(Path("raw.json")) << RawCalibration(
       R"({"Rotation": [1, 0, 0, 0, 0.8, 0.6, 0, -0.6, 0.8], "Translation": [-0.03, 0, 0.004]})");
-  const Pose colour_from_depth = ReadColourFromDepth(Path("raw.json"));
+  const Pose colour_from_depth = ReadKinectColour(Path("raw.json")).colour_from_depth;
   // A point of the device's frame, seen by both cameras.
   const Eigen::Vector3d device(0.1, 0.2, 1.0);
   const Eigen::Vector3d depth(-0.2 + 0.01, 0.1 + 0.02, 1.03);
   const Eigen::Vector3d colour(0.1 - 0.03, 0.8 * 0.2 + 0.6, -0.6 * 0.2 + 0.8 + 0.004);
   EXPECT_LT((colour_from_depth * depth - colour).norm(), 1e-9);
   std::ofstream(Path("raw.json")) << RawCalibration("{}");
-  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
+  EXPECT_THROW(ReadKinectColour(Path("raw.json")), DataError);
   std::ofstream(Path("raw.json")) << "{}";
-  EXPECT_THROW(ReadColourFromDepth(Path("raw.json")), DataError);
+  EXPECT_THROW(ReadKinectColour(Path("raw.json")), DataError);
 }
 
 // Read by OpenCV itself; a point is projected as its documentation says.
@@ -353,6 +503,30 @@ TEST_F(PosesTest, RosHasZUp) {
   const std::size_t z = text.find("z: ", text.find("translation"));
   EXPECT_NEAR(std::stod(text.substr(z + 3)), y, 1e-12);
   EXPECT_NE(text.find("\"S1_depth_optical_frame\""), std::string::npos);
+}
+
+TEST_F(PosesTest, RosCommandsPublishTheTransforms) {
+  const std::string text = ReadFile(Written(PoseFormat::kRos));
+  const std::string begin = "# ros2 run tf2_ros static_transform_publisher ";
+  std::size_t at = 0;
+  for (const SensorPose& sensor : ReadPoses(Path("poses"), PoseFormat::kRos)) {
+    at = text.find(begin, at);
+    ASSERT_NE(at, std::string::npos);
+    at += begin.size();
+    std::istringstream line(text.substr(at, text.find('\n', at) - at));
+    std::map<std::string, std::string> of;
+    for (std::string key, value; line >> key >> value;) of[key] = value;
+    const auto number = [&](const char* key) { return std::stod(of[key]); };
+    EXPECT_EQ(of["--frame-id"], "'structure'");
+    EXPECT_EQ(of["--child-frame-id"], "'" + sensor.name + "_depth_optical_frame'");
+    const Eigen::Quaterniond q(number("--qw"), number("--qx"), number("--qy"), number("--qz"));
+    const Eigen::Vector3d t(number("--x"), number("--y"), number("--z"));
+    // The file has z up: our (x, y, z) is its (x, -z, y).
+    Eigen::Matrix3d ours_from_file;
+    ours_from_file << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+    const Eigen::Vector3d p(0.1, 0.2, 2);
+    EXPECT_LT((ours_from_file * (q * p + t) - sensor.structure_from_sensor * p).norm(), 1e-9);
+  }
 }
 
 TEST_F(PosesTest, PicturesHaveAWholeNumberOfPixels) {

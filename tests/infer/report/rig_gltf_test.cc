@@ -183,15 +183,21 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
   EXPECT_NEAR(sensor["extras"]["structure_from_sensor"][7].get<double>(), 0.4, 1e-12);
   EXPECT_NEAR(sensor["extras"]["intrinsics"]["cy"].get<double>(), 168.2, 1e-12);
 
-  // The pyramid's corner is where the pixel's is.
+  // The pyramid's corners are where the picture's are.
   const json& pyramid = glb.document["accessors"].at(
       glb.Primitive("left")["attributes"]["POSITION"].get<std::size_t>());
   const std::vector<float> corners = glb.Floats(pyramid);
-  const Eigen::Vector3d corner =
-      PoseOf(sensor) * Eigen::Vector3d(corners[9], corners[10], corners[11]);
-  const Eigen::Vector3d expected =
-      RingPose(30) * (0.3 * Eigen::Vector3d((319.5 - 163.9) / 252.2, (287.5 - 168.2) / 252.2, 1));
-  EXPECT_LT((corner - expected).norm(), 1e-6);
+  ASSERT_EQ(corners.size(), 15u);
+  const double places[4][2] = {{-0.5, -0.5}, {319.5, -0.5}, {319.5, 287.5}, {-0.5, 287.5}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const float* corner = &corners[3 + 3 * i];
+    const Eigen::Vector3d expected =
+        RingPose(30) *
+        (0.3 * Eigen::Vector3d((places[i][0] - 163.9) / 252.2, (places[i][1] - 168.2) / 252.2, 1));
+    EXPECT_LT((PoseOf(sensor) * Eigen::Vector3d(corner[0], corner[1], corner[2]) - expected).norm(),
+              1e-6)
+        << i;
+  }
 
   const json& points = glb.Primitive("left points in here");
   EXPECT_EQ(points["mode"], 0);

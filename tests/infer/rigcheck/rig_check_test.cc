@@ -32,7 +32,7 @@ Pose Moved(double x_m, double yaw_rad) {
 Extrinsics Rig(const Pose& from) {
   Extrinsics rig;
   rig.tool = "volalign test";
-  rig.structure = {"stack", "abc"};
+  rig.structure = {"stack", "abc", std::nullopt};
   rig.captures = {"capture.json"};
   for (int i = 0; i < 5; ++i) {
     Extrinsics::Sensor sensor;
@@ -72,7 +72,7 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   EXPECT_NE(text.find("S1 moved 50.0 mm, 0.00 deg; the other 3 agree within 0.0 mm, 0.00 deg"),
             std::string::npos)
       << text;
-  EXPECT_NE(text.find("S4 is not compared: it is failed last time (no_depth): it has no depth"),
+  EXPECT_NE(text.find("S4 is not compared: it failed last time (no_depth): it has no depth"),
             std::string::npos)
       << text;
   EXPECT_NE(text.find("the stack stands 539 mm and 40.1 deg from where it stood"),

@@ -112,11 +112,11 @@ std::vector<at::Tensor> Batches(const std::vector<DepthImage>& frames) {
   return batches;
 }
 
-/// Share of pixels with depth that OpenCV labels as LibTorch does.
-double AgreementOfOpenCv(const fs::path& checkpoint, const fs::path& onnx,
-                         const std::vector<DepthImage>& frames) {
+/// Share of pixels with depth that a runtime of LoadOnnxSegmenter labels as LibTorch does.
+double AgreementOf(const std::string& runtime, const fs::path& checkpoint, const fs::path& onnx,
+                   const std::vector<DepthImage>& frames) {
   const auto theirs = LoadNetworkSegmenter(checkpoint);
-  const auto ours = LoadOnnxSegmenter(onnx);
+  const auto ours = LoadOnnxSegmenter(onnx, nullptr, runtime, 2);
   std::vector<Intrinsics> intrinsics(frames.size());
   std::vector<SegmentationRequest> requests;
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -135,7 +135,11 @@ double AgreementOfOpenCv(const fs::path& checkpoint, const fs::path& onnx,
       same += expected[i].labels[j] == found[i].labels[j] ? 1 : 0;
     }
   }
-  return same / pixels;
+  const double agreement = same / pixels;
+  std::cout << fmt::format("{}, {}: {:.4f} % labels equal\n", checkpoint.stem().string(),
+                           ours->runtime(), 100 * agreement)
+            << std::flush;
+  return agreement;
 }
 
 void ExpectAgreement(const fs::path& checkpoint, std::vector<DepthImage> frames) {
@@ -148,10 +152,8 @@ void ExpectAgreement(const fs::path& checkpoint, std::vector<DepthImage> frames)
     ExportOnnx(checkpoint, folder / (name + precision + ".onnx"), half);
     ExportTorchScript(checkpoint, folder / (name + precision + ".ts"), half);
   }
-  const double agreement = AgreementOfOpenCv(checkpoint, folder / (name + ".fp16.onnx"), frames);
-  std::cout << fmt::format("{}, OpenCV: {:.4f} % labels equal\n", name, 100 * agreement)
-            << std::flush;
-  EXPECT_TRUE(agreement >= 0.9999) << name;
+  const fs::path onnx = folder / (name + ".fp16.onnx");
+  EXPECT_TRUE(AgreementOf("opencv", checkpoint, onnx, frames) >= 0.9999) << name;
   const c10::NoGradGuard no_grad;
   LoadedModel model = LoadCheckpoint(checkpoint);
   const std::vector<at::Tensor> batches = Batches(frames);
@@ -164,6 +166,7 @@ void ExpectAgreement(const fs::path& checkpoint, std::vector<DepthImage> frames)
       testing_nn::RunCheck(VOLALIGN_PYTHON, "tests/core/nn/export_onnx_check.py", folder.path());
   if (status == 77) GTEST_SKIP() << VOLALIGN_PYTHON << " has no onnxruntime (PyPI)";
   EXPECT_EQ(status, 0) << name;
+  EXPECT_TRUE(AgreementOf(VOLALIGN_ONNX_RUNTIME, checkpoint, onnx, frames) >= 0.9999) << name;
 }
 
 std::vector<std::string> ShippedCheckpoints() {

@@ -18,7 +18,7 @@ using testing_infer::PaperStructure;
 /// Depth in centimetres is the label, the column of the network's frame the confidence.
 class Ruler : public NetworkSegmenter {
  public:
-  Ruler() : NetworkSegmenter({PaperStructure(), {117, 127}, "ruler", "0"}) {}
+  Ruler() : NetworkSegmenter({PaperStructure(), {117, 127}, "ruler", "0", ""}) {}
 
   std::vector<std::size_t> batches;
 

@@ -124,7 +124,9 @@ TEST(SensorView, AreasOfRaysAreThoseBetweenTheirNeighbours) {
       }
     }
     EXPECT_FALSE(!(worst < 1e-3)) << worst;
-    if (lens.distortion.size() == 8) EXPECT_GT(largest, 1.75);
+    if (lens.distortion.size() == 8) {
+      EXPECT_GT(largest, 1.75);
+    }
     std::vector<Eigen::Vector2d> outline;
     const double right = lens.width - 0.5, bottom = lens.height - 0.5;
     for (double u = -0.5; u < right; ++u) outline.push_back(ray(u, -0.5));

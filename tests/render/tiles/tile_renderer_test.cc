@@ -114,6 +114,28 @@ TEST(TileRendererTest, EdgesLieWhereTheyProject) {
   }
 }
 
+// Small squares beside the picture's borders, inside, in pictures of either orientation and off
+// their axis.
+TEST(TileRendererTest, WhatIsInAnyCornerIsSeen) {
+  TileRenderer renderer;
+  for (const Intrinsics& k :
+       {Intrinsics{40, 90, 60, 60, 19, 45, {}}, Intrinsics{90, 40, 60, 60, 45, 19, {}},
+        Intrinsics{50, 50, 60, 60, 5, 40, {}}, Intrinsics{50, 50, 60, 60, 40, 5, {}}}) {
+    for (const int u : {2, k.width / 2, k.width - 3}) {
+      for (const int v : {2, k.height / 2, k.height - 3}) {
+        SceneMesh mesh;
+        const Eigen::Vector3d middle(2 * (u - k.cx) / k.fx, 2 * (v - k.cy) / k.fy, 2);
+        const Eigen::Vector3d x(0.05, 0, 0), y(0, 0.05, 0);
+        mesh.AppendQuad({middle - x - y, middle - x + y, middle + x + y, middle + x - y},
+                        -Eigen::Vector3d::UnitZ(), 3);
+        RenderedView view;
+        renderer.Render(mesh, k, Pose::Identity(), &view);
+        EXPECT_EQ(view.labels(u, v), 3) << k.width << "x" << k.height << ": " << u << " " << v;
+      }
+    }
+  }
+}
+
 TEST(TileRendererTest, RejectsWhatItCannotDraw) {
   TileRenderer renderer;
   RenderedView view;

@@ -4,6 +4,7 @@
 #include <ATen/ops/rand.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <map>
 #include <string>
 
@@ -17,7 +18,9 @@ TEST(FlatModule, KeepsValuesAndCollectsGradients) {
   std::map<std::string, at::Tensor> before;
   for (const auto& p : net->named_parameters()) before[p.key()] = p.value().detach().clone();
   FlatModule flat(*net);
-  EXPECT_EQ(flat.parameters().numel(), CountParameters(*net));
+  std::int64_t values = 0;
+  for (const at::Tensor& p : flat.tensors()) values += p.numel();
+  EXPECT_EQ(values, CountParameters(*net));
   std::map<std::string, at::Tensor> views;
   flat.AddViews(flat.parameters(), "x/", &views);
   ASSERT_EQ(views.size(), before.size());
@@ -32,6 +35,28 @@ TEST(FlatModule, KeepsValuesAndCollectsGradients) {
   EXPECT_NE(mean.abs().max().item<double>(), 0);  // the statistics moved with the forward pass
   flat.buffers().fill_(7);
   EXPECT_EQ(mean[0].item<double>(), 7);
+}
+
+/// With attention, whose bias is a single number.
+TEST(FlatModule, SlotsAreAlignedAndApart) {
+  StructureNet net = TinyNet(Normalization::kBatch);
+  FlatModule flat(*net);
+  const auto address = [](const at::Tensor& t) {
+    return reinterpret_cast<std::uintptr_t>(t.data_ptr<float>());
+  };
+  const auto aligned = [&](const at::Tensor& t) { return address(t) % 64 == 0; };
+  std::int64_t end = 0, single = 0;
+  for (std::size_t i = 0; i < flat.tensors().size(); ++i) {
+    const at::Tensor& p = flat.tensors()[i];
+    EXPECT_TRUE(aligned(p) && aligned(p.grad())) << i;
+    EXPECT_EQ(address(p) - address(flat.parameters()), 4u * flat.offset(i));
+    EXPECT_GE(flat.offset(i), end);
+    EXPECT_EQ(p.dim() > 1, flat.offset(i) < flat.num_weights()) << i;
+    end = flat.offset(i) + p.numel();
+    single += p.numel() == 1;
+  }
+  EXPECT_GT(single, 0);
+  for (const at::Tensor& b : net->buffers()) EXPECT_TRUE(aligned(b));
 }
 
 }  // namespace

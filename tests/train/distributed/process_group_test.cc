@@ -116,6 +116,15 @@ std::set<std::string> ListeningAddresses() {
   return addresses;
 }
 
+/// What the processes of InProcesses said last.
+std::string Messages(const TempFolder& folder) {
+  std::string all;
+  for (const char* message : {"message0", "message1"}) {
+    if (std::filesystem::exists(folder / message)) all += ReadFile(folder / message) + "\n";
+  }
+  return all;
+}
+
 TEST(ProcessGroup, OnOneMachineNoOtherMachineReachesIt) {
   if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
   const TempFolder folder;
@@ -130,11 +139,7 @@ TEST(ProcessGroup, OnOneMachineNoOtherMachineReachesIt) {
     const std::set<std::string> addresses = ListeningAddresses();
     for (const std::string& address : addresses) Require(address == loopback, address.c_str());
   };
-  const std::vector<int> statuses = InProcesses(2, folder.path(), work);
-  for (const char* message : {"message0", "message1"}) {
-    if (std::filesystem::exists(folder / message)) ADD_FAILURE() << ReadFile(folder / message);
-  }
-  EXPECT_EQ(statuses, std::vector<int>(2, 0));
+  EXPECT_EQ(InProcesses(2, folder.path(), work), std::vector<int>(2, 0)) << Messages(folder);
 }
 
 TEST(ProcessGroup, MeetsAtAPortToo) {
@@ -154,7 +159,7 @@ TEST(ProcessGroup, MeetsAtAPortToo) {
               "gather");
     });
   }
-  EXPECT_EQ(statuses, std::vector<int>(2, 0));
+  EXPECT_EQ(statuses, std::vector<int>(2, 0)) << Messages(folder);
 }
 
 }  // namespace

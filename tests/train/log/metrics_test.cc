@@ -43,6 +43,29 @@ TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
   // The next row begins anew.
   means.Add(b, 8);
   EXPECT_EQ(means.Take(21, 308, 0.01).mean.loss, 3);
+  // Steps that were skipped have times alone.
+  StepReport skipped;
+  skipped.skipped = 1;
+  skipped.times = {1, 1, 1, 1, 1};
+  means.Add(b, 8);
+  means.Add(skipped, 4);
+  const TrainRow with = means.Take(23, 320, 0.01);
+  EXPECT_EQ(with.mean.steps, 2);
+  EXPECT_EQ(with.mean.skipped, 1);
+  EXPECT_EQ(with.mean.loss, 3);
+  EXPECT_EQ(with.mean.times.data, 1.5);
+  EXPECT_NEAR(with.samples_per_s, 12.0 / 20, 1e-12);
+}
+
+TEST(StepTimes, AreSharedOutAsMeasured) {
+  // Ten steps, of which one was measured in 2 s without the data.
+  const StepTimes all = ShareOut({5, 0, 0, 0, 10}, {9, 0.4, 0.4, 1.0, 0.2});
+  EXPECT_EQ(all.data, 5);
+  EXPECT_NEAR(all.forward, 2, 1e-12);
+  EXPECT_NEAR(all.loss, 2, 1e-12);
+  EXPECT_NEAR(all.backward, 5, 1e-12);
+  EXPECT_NEAR(all.optim, 1, 1e-12);
+  EXPECT_NEAR(Total(all), 15, 1e-12);
 }
 
 TEST(BestMetric, NamesAValueAndItsDirection) {

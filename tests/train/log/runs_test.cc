@@ -101,6 +101,10 @@ TEST(Runs, AreListedComparedAndPlotted) {
   EXPECT_EQ(count("<polygon"), 2);  // the band of the two seeds, in each panel
   // Panel 1: x 10..20 over 70..700, y 0.5..2 over 260..34; the mean of seeds 1 and 2 is 1.5, 0.75.
   EXPECT_NE(svg.find("<polyline points=\"70.0,109.3 700.0,222.3 \""), std::string::npos) << svg;
+  // Everything is written on the sheet.
+  const double height = std::stod(svg.substr(svg.find("height=\"") + 8));
+  for (std::size_t at = svg.find("<text"); at != std::string::npos; at = svg.find("<text", at + 1))
+    EXPECT_LT(std::stod(svg.substr(svg.find(" y=\"", at) + 4)), height) << svg.substr(at, 120);
   std::vector<RunGroup> named = groups;
   named[1].runs[0].name = "a<b";
   EXPECT_NE(PlotRuns(named, {"train/loss"}).find("a&lt;b"), std::string::npos);
@@ -115,23 +119,37 @@ TEST(Runs, SayWhatIsNoRun) {
   ExpectError<DataError>([&] { ReadRuns({folder.path().string()}); }, {"metrics.jsonl:1"});
 }
 
+// The differences, 0.1, 0.3 and 0.2, have the mean 0.2 and the standard deviation 0.1; for three
+// values t is 4.303 (any table of it). The seed 4 has no partner.
+TEST(Runs, OfSharedSeedsHaveADifferenceWithItsInterval) {
+  const TempFolder folder;
+  const double first[] = {0.5, 0.6, 0.4}, other[] = {0.6, 0.9, 0.6};
+  for (int i = 0; i < 3; ++i) {
+    WriteRun(folder / fmt::format("a{}", i), i + 1, 0.001, first[i]);
+    WriteRun(folder / fmt::format("b{}", i), i + 1, 0.002, other[i]);
+  }
+  WriteRun(folder / "b4", 4, 0.002, 0.1);
+  WriteRun(folder / "c1", 1, 0.003, 0.45);
+  const Table table = CompareRuns(GroupRuns(ReadRuns({folder.path().string()})));
+  const json rows = json::parse(FormatTable(table, TableFormat::kJson));
+  EXPECT_FALSE(rows[0].contains("shared seeds"));
+  EXPECT_EQ(rows[1].at("shared seeds"), 3);
+  EXPECT_NEAR(rows[1].at("miou less the first's").get<double>(), 0.2, 1e-12);
+  EXPECT_NEAR(rows[1].at("95 % +-").get<double>(), 4.303 * 0.1 / std::sqrt(3.0), 1e-9);
+  EXPECT_EQ(rows[2].at("shared seeds"), 1);
+  EXPECT_NEAR(rows[2].at("miou less the first's").get<double>(), -0.05, 1e-12);
+  EXPECT_FALSE(rows[2].contains("95 % +-"));
+}
+
 // Runs of several configurations are told apart by their folders.
 TEST(Runs, AreComparedByName) {
   const TempFolder folder;
   WriteRun(folder / "m02", 1, 0.001, 0.5);
   WriteRun(folder / "m03", 1, 0.002, 0.7);
   const Table table = CompareRuns(GroupRuns(ReadRuns({folder.path().string()})));
-  EXPECT_EQ(table.columns.at(0), "run");
+  EXPECT_EQ(table.columns.at(0).key, "run");
   EXPECT_EQ(std::get<std::string>(table.rows.at(0).at(0)), (folder / "m02").string());
   EXPECT_EQ(std::get<std::string>(table.rows.at(1).at(0)), (folder / "m03").string());
-}
-
-TEST(FormatTable, QuotesCsvAndAlignsText) {
-  Table table;
-  table.columns = {"name", "x"};
-  table.rows = {{std::string("a,\"b\""), 0.1}, {std::string("c"), Table::Cell()}};
-  EXPECT_EQ(FormatTable(table, TableFormat::kCsv), "name,x\r\n\"a,\"\"b\"\"\",0.1\r\nc,\r\n");
-  EXPECT_EQ(FormatTable(table, TableFormat::kText), "name   x\na,\"b\"  0.1\nc\n");
 }
 
 }  // namespace

@@ -35,6 +35,13 @@ TrainRow RowAt(std::int64_t samples) {
   return row;
 }
 
+TEST(RoundDuration, IsInTheUnitThatSaysMost) {
+  EXPECT_EQ(RoundDuration(40.2), "40 seconds");
+  EXPECT_EQ(RoundDuration(12.0 * 60), "12 minutes");
+  EXPECT_EQ(RoundDuration(3.0 * 3600), "3 hours");
+  EXPECT_EQ(RoundDuration(150.0 * 24 * 3600), "150 days");
+}
+
 TEST(JsonlSink, WritesARowALine) {
   const TempFolder folder;
   JsonlSink sink(folder / "metrics.jsonl", 0);
@@ -54,6 +61,7 @@ TEST(JsonlSink, WritesARowALine) {
   EXPECT_EQ(rows[0]["samples"], 20);
   EXPECT_EQ(rows[0]["loss"], 0.25);
   EXPECT_EQ(rows[0]["degenerate"], 3);
+  EXPECT_EQ(rows[0]["skipped"], 0);
   EXPECT_EQ(rows[0]["lr"], 0.5);
   EXPECT_EQ(rows[0]["samples_per_s"], 7);
   EXPECT_EQ(rows[0]["step_s"]["backward"], 0.125);
@@ -98,7 +106,8 @@ TEST(ProgressSink, SaysHowFarTheRunIs) {
     sink.Train(RowAt(60));
   }
   const std::string text = testing::internal::GetCapturedStderr();
-  for (const char* part : {"validation at 20:", " 30.0 %  60/200", "mIoU 0.750  7.0", "0m20s left"})
+  for (const char* part :
+       {"validation at 20:", " 30.0 %  60/200", "mIoU 0.750  7.0", "about 20 seconds left"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " is not in: " << text;
 }
 

@@ -16,7 +16,7 @@ namespace {
 TEST(SetTorchThreads, RefusesNegativeNumbers) {
   EXPECT_THROW(SetTorchThreads(-1), Error);
   SetTorchThreads(0);
-  EXPECT_EQ(at::get_num_threads(), 2);  // of test_main.cc
+  EXPECT_EQ(at::get_num_threads(), 1);  // of torch_test_main.cc
 }
 
 TEST(ForEachOnTorchThreads, CallsEachTaskOnce) {

@@ -88,30 +88,34 @@ double RelativeError(const at::Tensor& ours, const at::Tensor& expected) {
 
 constexpr const char* kWhat[] = {"values", "gradient of x", "gradient of the weight"};
 
-TEST(WinogradConvolve, IsTheConvolutionWithItsGradients) {
+class WinogradConvolveOf : public testing::TestWithParam<at::ScalarType> {};
+
+TEST_P(WinogradConvolveOf, IsTheConvolutionWithItsGradients) {
+  const at::ScalarType type = GetParam();
+  if (simd::FindWinogradKernels(type == at::kBFloat16) == nullptr)
+    GTEST_SKIP() << "no kernels for this processor";
   const int threads = at::get_num_threads();
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
     const Results expected = Direct(in, at::kDouble), bf16 = Direct(in, at::kBFloat16);
-    for (const at::ScalarType type : {at::kFloat, at::kBFloat16}) {
-      if (simd::FindWinogradKernels(type == at::kBFloat16) == nullptr) continue;
-      for (const int use : {1, 2}) {
-        at::set_num_threads(use);
-        const Results ours = ByWinograd(in, type);
-        ASSERT_EQ(ours[0].scalar_type(), type);
-        for (std::size_t i = 0; i < ours.size(); ++i) {
-          const std::string what = Name(c) + ", " + kWhat[i];
-          ASSERT_EQ(ours[i].sizes(), expected[i].sizes()) << what;
-          const double error = RelativeError(ours[i], expected[i]),
-                       allowed =
-                           type == at::kFloat ? 1e-6 : 4 * RelativeError(bf16[i], expected[i]);
-          EXPECT_LT(error, allowed) << what;
-        }
+    for (const int use : {1, 2}) {
+      at::set_num_threads(use);
+      const Results ours = ByWinograd(in, type);
+      ASSERT_EQ(ours[0].scalar_type(), type);
+      for (std::size_t i = 0; i < ours.size(); ++i) {
+        const std::string what = Name(c) + ", " + kWhat[i];
+        ASSERT_EQ(ours[i].sizes(), expected[i].sizes()) << what;
+        const double error = RelativeError(ours[i], expected[i]),
+                     allowed = type == at::kFloat ? 1e-6 : 4 * RelativeError(bf16[i], expected[i]);
+        EXPECT_LT(error, allowed) << what;
       }
     }
   }
   at::set_num_threads(threads);
 }
+
+INSTANTIATE_TEST_SUITE_P(Types, WinogradConvolveOf, testing::Values(at::kFloat, at::kBFloat16),
+                         [](const auto& test) { return at::toString(test.param); });
 
 TEST(WinogradConvolve, GivesTheSameTwice) {
   const Inputs in = MakeInputs({3, 2, 20, 20, 64, 64});

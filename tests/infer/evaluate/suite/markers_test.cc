@@ -119,6 +119,28 @@ TEST_F(Markers, CornersAndPosesOfANoiseFreeFrame) {
   }
 }
 
+// A depth map of a quarter of the picture's size; half a pixel of the picture is 1 mm here.
+TEST_F(Markers, PosesOfExactCentres) {
+  for (const double phi : {30.0, 120.0, 210.0, 300.0}) {
+    SCOPED_TRACE(phi);
+    const Pose pose = RingPose(phi);
+    std::vector<FoundMarker> found;
+    for (int label = 1; label < structure_.num_classes(); ++label) {
+      const Side& side = structure_.SideOfLabel(label);
+      const Eigen::Vector3d eye = pose.translation();
+      if (CastRay(structure_, eye, side.centre - eye).t < 1 - 1e-6) continue;  // hidden
+      FoundMarker marker;
+      marker.label = label;
+      marker.centre = Project(pose, side.centre);
+      found.push_back(marker);
+    }
+    const std::optional<Pose> estimated =
+        EstimateMarkerPose(View(pose), infrared_, found, structure_);
+    ASSERT_TRUE(estimated);
+    EXPECT_LT(ComparePoses(*estimated, pose).translation_m, 1e-6);
+  }
+}
+
 TEST_F(Markers, NoiseAndBlurAreThere) {
   const Pose pose = RingPose(10);
   InfraredConfig noisy = NoiseFree();

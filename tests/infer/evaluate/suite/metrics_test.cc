@@ -190,10 +190,13 @@ TEST(PaperMetrics, ThePapersRsdIsStdOverMeanButForTheArc) {
       {0.0348, 1e-4, 0.0042, 1e-4, 12.16}, {0.0556, 1e-4, 0.0027, 1e-4, 4.87},
       {0.0288, 1e-4, 0.0008, 1e-4, 2.91},  {0.0292, 1e-4, 0.0013, 1e-4, 4.50},
       {0.0361, 1e-4, 0.0072, 1e-4, 19.90}, {0.0552, 1e-4, 0.0069, 1e-4, 12.51}};
+  // Two values that have this mean and this deviation, both rounded as printed.
   const auto consistent = [](const Row& row) {
-    const double low = (row.std - row.std_step / 2) / (row.mean + row.mean_step / 2);
-    const double high = (row.std + row.std_step / 2) / (row.mean - row.mean_step / 2);
-    return 100 * low - 0.05 <= row.rsd && row.rsd <= 100 * high + 0.05;
+    const auto rsd = [&](double mean, double std) {
+      return 100 * Column({mean - std, mean + std}, {0, 1}).rsd;
+    };
+    return rsd(row.mean + row.mean_step / 2, row.std - row.std_step / 2) - 0.05 <= row.rsd &&
+           row.rsd <= rsd(row.mean - row.mean_step / 2, row.std + row.std_step / 2) + 0.05;
   };
   for (const Row& row : rows) EXPECT_TRUE(consistent(row)) << row.rsd;
   const std::vector<Row> arc{{0.0136, 1e-4, 0.0028, 1e-4, 3.76},

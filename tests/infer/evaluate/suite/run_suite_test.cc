@@ -67,17 +67,17 @@ TEST_F(ToySuite, RunsResumesAndWritesItsTables) {
     SCOPED_TRACE(capture.capture + " " + capture.method);
     ASSERT_EQ(capture.views.size(), 2u);
     ASSERT_FALSE(capture.stages.empty());
-    // Exact depth: every method is within a few millimetres of the truth, and of the surface.
     const std::size_t last = capture.stages.size() - 1;
-    EXPECT_EQ(capture.stages[last].stage, capture.method == "net" ? "graph" : "corrected");
-    EXPECT_LT(capture.stages[last].d1_m.value(), 0.012);
+    const bool graph = capture.method == "net";
+    EXPECT_EQ(capture.stages[last].stage, graph ? "graph" : "corrected");
+    // Depth is exact; bounds are three times what comes out. Point-to-plane errors alone leave a
+    // view open along the planes that it sees.
+    EXPECT_LT(capture.stages[last].d1_m.value(), graph ? 0.0135 : 0.006);
     EXPECT_LT(capture.d1_floor_m.value(), 0.005);  // the surface is sampled at 5 mm
     EXPECT_GT(capture.stages[last].d2_m.value(), capture.stages[last].d1_m.value());
     for (const ViewScores& view : capture.views) {
       EXPECT_TRUE(view.stages[last].placed);
-      // Point-to-plane errors leave a view open along the planes that it sees.
-      EXPECT_LT(view.stages[last].error.value().translation_m,
-                capture.stages[last].stage == "graph" ? 0.1 : 0.03);
+      EXPECT_LT(view.stages[last].error.value().translation_m, graph ? 0.1 : 0.006);
       EXPECT_EQ(view.floor.has_value(), capture.method != "markers");  // those have no labels
     }
   }

@@ -43,10 +43,14 @@ TEST(ReportPage, NeedsNothingElse) {
 
 TEST(ReportPayload, HasTheStructureAsItIs) {
   const Structure structure = PaperStructure();
-  const nlohmann::ordered_json payload =
-      ReportPayload(Extrinsics(), {{"", structure, {}}}, "one\n\ntwo\n", {"volalign x", "a: 1\n"});
+  const nlohmann::ordered_json payload = ReportPayload(
+      Extrinsics(), {{"", structure, {}}}, {"one\n\ntwo\n", {"do this"}, "<svg/>", {}},
+      {"volalign x", "verdict: {weak_rms_m: 0.03}\n"});
   EXPECT_EQ(payload["notes"], nlohmann::ordered_json({"one", "two"}));
   EXPECT_EQ(payload["command"], "volalign x");
+  EXPECT_EQ(payload["advice"][0], "do this");
+  EXPECT_EQ(payload["limits"]["rms_m"], 0.03) << "as the calibration had it";
+  EXPECT_EQ(payload["limits"]["inlier_share"], VerdictOptions().weak_inlier_share);
   ASSERT_EQ(payload["labels"].size(), 20u);
   EXPECT_EQ(payload["labels"][4]["id"], 5);
   EXPECT_EQ(payload["labels"][4]["name"], structure.SideOfLabel(5).name);

@@ -1,0 +1,49 @@
+#pragma once
+
+#include "core/config/config.h"
+
+namespace volalign {
+
+/// How the depths of a kind of sensor err. All parts are independent of each other, and standard
+/// deviations but for the lengths. z is the depth along the optical axis, m.
+struct DepthErrorModel {
+  double white_m = 0;  ///< of each pixel, at 2 m
+  double white_power = 0;
+  double smooth_m = 0;  ///< of the error that neighbours share, at 2 m
+  double smooth_power = 0;
+  double smooth_rad = 0;  ///< within which the correlation of that error falls to 1/e or so
+  double offset_m = 0;    ///< of a whole frame
+  double gain = 0;        ///< of a whole frame, as a share of the depth
+  double seam_m = 0;      ///< in a concave corner, from where it falls linearly
+  double seam_reach_m = 0;
+  double lateral_rad = 0;   ///< across the ray
+  double edge_gap_rad = 0;  ///< without depth on the far side of a depth edge
+
+  double White(double z) const;
+  double Smooth(double z) const;
+  double SmoothGrowth(double z) const;  ///< of smooth_m, from 2 m
+  /// Of a pixel against others of its surface in the same frame, m. Corners count as in the mean
+  /// over their reach.
+  double WithinSurface(double z) const;
+  /// Of a pixel, all parts, m.
+  double Sigma(double z) const;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("white_m", white_m, "standard deviation, m, of each pixel's own error at 2 m", AtLeast(0));
+    ar("white_power", white_power, "it grows with this power of the depth", Between(0, 3));
+    ar("smooth_m", smooth_m, "standard deviation, m, of the error that neighbours share, at 2 m",
+       AtLeast(0));
+    ar("smooth_power", smooth_power, "it grows with this power of the depth", Between(0, 3));
+    ar("smooth_rad", smooth_rad, "its correlation length, rad", Above(0));
+    ar("offset_m", offset_m, "standard deviation, m, of a constant error of a frame", AtLeast(0));
+    ar("gain", gain, "standard deviation of a frame's error as a share of the depth", AtLeast(0));
+    ar("seam_m", seam_m, "standard deviation, m, in a concave corner", AtLeast(0));
+    ar("seam_reach_m", seam_reach_m, "m, from the corner to where that has fallen to 0", Above(0));
+    ar("lateral_rad", lateral_rad, "standard deviation, rad, across the ray", AtLeast(0));
+    ar("edge_gap_rad", edge_gap_rad, "rad without depth on the far side of a depth edge",
+       AtLeast(0));
+  }
+};
+
+}  // namespace volalign

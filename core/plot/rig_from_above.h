@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/structure.h"
+#include "core/plot/svg.h"
+
+namespace volalign {
+
+/// A sensor as RigFromAbove draws it.
+struct SensorFromAbove {
+  std::string name;
+  std::string note;    ///< a line below the name
+  std::string title;   ///< shows up where a pointer rests
+  std::string colour;  ///< of SVG
+  Intrinsics intrinsics;
+  Pose structure_from_sensor = Pose::Identity();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of its position, m^2
+};
+
+/// Okabe and Ito's colours, which people with any colour vision tell apart.
+inline constexpr char kBlue[] = "#0072b2", kOrange[] = "#e69f00", kVermilion[] = "#d55e00";
+
+/// What stands below the drawing: colours and their words, then a line.
+struct LegendFromAbove {
+  std::vector<std::pair<std::string, std::string>> colours;
+  std::string line;
+};
+
+/// A rig from above as SVG: the stack, the sensors with what they see of the plane through
+/// themselves up to the stack's far side, ellipses of two standard deviations of their position, 20
+/// times enlarged, axes and a scale. Classes and rules are named rig-, so that it may stand in a
+/// page.
+std::string RigFromAbove(const Structure& structure, const std::vector<SensorFromAbove>& sensors,
+                         const LegendFromAbove& legend);
+
+/// Corners of a box's upper side, in order, structure frame, m.
+std::vector<Eigen::Vector3d> TopOf(const Box& box);
+
+/// The structure's axes from above, x to the right and z downwards, `length` px long.
+void DrawAxes(const Svg::Point& origin, double length, Svg* svg);
+
+}  // namespace volalign

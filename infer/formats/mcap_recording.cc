@@ -1,0 +1,208 @@
+// Depth streams of an MCAP file (mcap.dev/spec): messages of ROS 1 or of ROS 2. Read from the
+// front, without its index, so that a file that was cut off still gives what it has.
+
+#include <fmt/format.h>
+#include <zstd.h>
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "core/base/error.h"
+#include "core/base/text.h"
+#include "infer/formats/byte_reader.h"
+#include "infer/formats/recording.h"
+#include "infer/formats/ros_depth.h"
+
+namespace volalign::formats_internal {
+
+namespace {
+
+constexpr std::size_t kMagic = 8;                             // bytes
+constexpr std::uint64_t kMaxRecord = std::uint64_t{1} << 28;  // bytes, packed or unpacked
+constexpr std::size_t kMaxChannels = 1000;
+
+enum Opcode : std::uint8_t {
+  kFooter = 0x02,
+  kSchema = 0x03,
+  kChannel = 0x04,
+  kMessage = 0x05,
+  kChunk = 0x06,
+  kDataEnd = 0x0F
+};
+
+struct Channel {
+  std::uint16_t schema = 0;
+  std::string topic, encoding;
+};
+
+/// CRC-32 of IEEE 802.3, as zlib's.
+std::uint32_t Crc32(std::string_view bytes) {
+  static const std::array<std::uint32_t, 256> table = [] {
+    std::array<std::uint32_t, 256> made{};
+    for (std::uint32_t i = 0; i < made.size(); ++i) {
+      std::uint32_t c = i;
+      for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? 0xEDB88320U ^ (c >> 1) : c >> 1;
+      made[i] = c;
+    }
+    return made;
+  }();
+  std::uint32_t crc = 0xFFFFFFFFU;
+  for (const char byte : bytes)
+    crc = table[(crc ^ static_cast<std::uint8_t>(byte)) & 0xFFU] ^ (crc >> 8);
+  return ~crc;
+}
+
+std::string UnpackZstd(std::string_view packed, std::size_t size, const std::string& name) {
+  std::string bytes(size, '\0');
+  const std::size_t written = ZSTD_decompress(bytes.data(), size, packed.data(), packed.size());
+  if (ZSTD_isError(written) || written != size)
+    throw DataError(name + ": damaged: a zstd chunk cannot be unpacked");
+  return bytes;
+}
+
+class McapReader {
+ public:
+  McapReader(const std::filesystem::path& path, int max_frames)
+      : name_(path.string()), max_frames_(max_frames), stream_(path, std::ios::binary) {
+    std::error_code error;
+    size_ = std::filesystem::file_size(path, error);
+    if (!stream_ || error) throw IoError(name_ + ": cannot be read");
+  }
+
+  RosContent Read() {
+    stream_.seekg(kMagic);
+    std::uint64_t at = kMagic;
+    constexpr std::uint64_t kHead = 1 + sizeof(std::uint64_t);
+    while (!complete_ && size_ - at >= kHead) {
+      std::string head(kHead, '\0');
+      stream_.read(head.data(), kHead);
+      at += kHead;
+      std::uint64_t length = 0;
+      std::memcpy(&length, head.data() + 1, sizeof(length));
+      const auto opcode = static_cast<std::uint8_t>(head[0]);
+      if (opcode == kDataEnd || opcode == kFooter) break;
+      // The last record of a recording that was cut off.
+      if (length > size_ - at) break;
+      at += length;
+      if (!IsWanted(opcode)) {
+        stream_.seekg(static_cast<std::streamoff>(at));
+        continue;
+      }
+      if (length > kMaxRecord)
+        throw DataError(fmt::format("{}: damaged: a record of {} bytes", name_, length));
+      std::string record(length, '\0');
+      stream_.read(record.data(), static_cast<std::streamsize>(length));
+      if (!stream_) throw IoError(name_ + ": cannot be read");
+      Take(opcode, record, /*within_chunk=*/false);
+    }
+    return std::move(content_);
+  }
+
+ private:
+  static bool IsWanted(std::uint8_t opcode) {
+    return opcode == kSchema || opcode == kChannel || opcode == kMessage || opcode == kChunk;
+  }
+
+  void Take(std::uint8_t opcode, std::string_view record, bool within_chunk) {
+    ByteReader reader(record, name_);
+    if (opcode == kSchema) {
+      const auto id = reader.Value<std::uint16_t>();
+      schemas_.emplace(id, std::string(reader.Block()));
+    } else if (opcode == kChannel) {
+      const auto id = reader.Value<std::uint16_t>();
+      Channel channel;
+      channel.schema = reader.Value<std::uint16_t>();
+      channel.topic = std::string(reader.Block());
+      channel.encoding = std::string(reader.Block());
+      channels_.emplace(id, std::move(channel));
+      if (channels_.size() > kMaxChannels) {
+        throw DataError(
+            fmt::format("{}: more than the {} topics that are read of a bag", name_, kMaxChannels));
+      }
+    } else if (opcode == kMessage) {
+      TakeMessage(&reader);
+    } else if (opcode == kChunk && !within_chunk) {
+      TakeChunk(&reader);
+    }
+  }
+
+  void TakeMessage(ByteReader* reader) {
+    const auto channel = channels_.find(reader->Value<std::uint16_t>());
+    if (channel == channels_.end()) throw DataError(name_ + ": damaged: a message of no channel");
+    reader->Take(sizeof(std::uint32_t) + 2 * sizeof(std::uint64_t));  // sequence, two times
+    const std::string_view message = reader->Take(reader->left());
+    const auto schema = schemas_.find(channel->second.schema);
+    const std::string type = schema == schemas_.end() ? "" : schema->second;
+    const std::string& topic = channel->second.topic;
+    if (channel->second.encoding == "ros1") {
+      CollectRos1(topic, type, message, max_frames_, name_, &content_);
+    } else if (channel->second.encoding == "cdr") {
+      CollectRos2(topic, type, message, max_frames_, name_, &content_);
+    } else {
+      content_.contents.insert(
+          fmt::format("{} ({}, encoded as {})", topic, type, channel->second.encoding));
+    }
+  }
+
+  void TakeChunk(ByteReader* reader) {
+    reader->Take(2 * sizeof(std::uint64_t));  // times of the first and the last message
+    const auto size = reader->Value<std::uint64_t>();
+    const auto crc = reader->Value<std::uint32_t>();
+    const std::string compression(reader->Block());
+    const std::string_view packed = reader->Take(reader->Value<std::uint64_t>());
+    if (size > kMaxRecord)
+      throw DataError(fmt::format("{}: damaged: a chunk of {} bytes", name_, size));
+    std::string unpacked;
+    std::string_view records = packed;
+    if (!compression.empty()) {
+      if (compression != "zstd" && compression != "lz4") {
+        throw DataError(fmt::format("{}: a chunk is compressed as \"{}\"; zstd and lz4 are read",
+                                    name_, Shortened(compression)));
+      }
+      unpacked =
+          compression == "zstd" ? UnpackZstd(packed, size, name_) : UnpackLz4(packed, size, name_);
+      records = unpacked;
+    }
+    if (records.size() != size || (crc != 0 && Crc32(records) != crc))
+      throw DataError(name_ + ": damaged: a chunk's size or checksum (CRC-32) is not as stated");
+    ByteReader inner(records, name_);
+    while (inner.left() > 0) {
+      const auto opcode = inner.Value<std::uint8_t>();
+      const auto length = inner.Value<std::uint64_t>();
+      Take(opcode, inner.Take(length), /*within_chunk=*/true);
+    }
+    complete_ = IsComplete();
+  }
+
+  /// Chunks of a long recording are not gone through once every depth stream has its frames and a
+  /// camera was seen.
+  bool IsComplete() const {
+    if (content_.streams.empty() || content_.infos.empty()) return false;
+    for (const auto& [topic, stream] : content_.streams) {
+      if (static_cast<int>(stream.frames.size()) < max_frames_) return false;
+    }
+    return true;
+  }
+
+  std::string name_;
+  int max_frames_;
+  std::ifstream stream_;
+  std::uint64_t size_ = 0;
+  bool complete_ = false;
+  std::map<std::uint16_t, std::string> schemas_;
+  std::map<std::uint16_t, Channel> channels_;
+  RosContent content_;
+};
+
+}  // namespace
+
+Recording ReadMcapRecording(const std::filesystem::path& path, int max_frames) {
+  return DescribeStreams(McapReader(path, max_frames).Read(), path.string());
+}
+
+}  // namespace volalign::formats_internal

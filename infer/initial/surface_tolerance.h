@@ -1,0 +1,62 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "core/geometry/depth_error_model.h"
+
+namespace volalign {
+
+/// Distance, m, within which a point that was measured at a depth lies on a surface: three standard
+/// deviations of the depth's error, and how far off the surface itself may be. From a table, as it
+/// is asked for each ray of each candidate.
+class SurfaceTolerance {
+ public:
+  /// m: how far a plane is off that one normal, or a few points, gave.
+  static constexpr double kRoughPlane = 0.015;
+  /// m: how far a surface of the structure is off at a pose that is not refined.
+  static constexpr double kRoughPose = 0.03;
+  /// m: how far it is off at a refined one, by boxes that stand not as they should.
+  static constexpr double kRoughBoxes = 0.015;
+
+  /// About a plane that the same frame gave.
+  static SurfaceTolerance OfPlane(const DepthErrorModel& errors) {
+    return SurfaceTolerance(
+        [&](double z) { return std::hypot(kRoughPlane, kSigmas * errors.WithinSurface(z)); });
+  }
+  /// About the structure, at a pose that is not refined.
+  static SurfaceTolerance AtRoughPose(const DepthErrorModel& errors) {
+    return SurfaceTolerance(
+        [&](double z) { return std::hypot(kRoughPose, kSigmas * errors.Sigma(z)); });
+  }
+  /// About the structure, at a refined pose.
+  static SurfaceTolerance AtPose(const DepthErrorModel& errors) {
+    return SurfaceTolerance(
+        [&](double z) { return std::hypot(kRoughBoxes, kSigmas * errors.Sigma(z)); });
+  }
+
+  /// Beyond the table's end as there.
+  double operator()(double z) const {
+    const double at = std::clamp(z / kStep, 0.0, static_cast<double>(kSteps - 1));
+    const auto below = std::min(static_cast<std::size_t>(at), kSteps - 2);
+    const double share = at - static_cast<double>(below);
+    return (1 - share) * table_[below] + share * table_[below + 1];
+  }
+
+ private:
+  static constexpr double kSigmas = 3;  // of a normal variable, 997 of 1,000 lie within
+  static constexpr double kStep = 0.1;  // m
+  static constexpr std::size_t kSteps = 121;
+
+  template <class Tolerance>
+  explicit SurfaceTolerance(const Tolerance& tolerance) {
+    for (std::size_t i = 0; i < kSteps; ++i)
+      table_[i] = tolerance(std::max(kStep / 10, kStep * static_cast<double>(i)));
+  }
+
+  std::array<double, kSteps> table_;
+};
+
+}  // namespace volalign

@@ -1,0 +1,75 @@
+#include "infer/report/advice.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+
+#include "infer/checks/verdict.h"
+
+namespace volalign {
+
+namespace {
+
+/// Which sensors are known least, and to what a second still would bring the worst of all; empty
+/// where that is not more than what they have.
+std::string AdviseSecondStill(const CalibrationResult& result) {
+  std::vector<std::pair<double, const FrameResult*>> known;
+  std::vector<Matrix6d> covariances;
+  for (const FrameResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor || !sensor.covariance.allFinite() ||
+        !(sensor.covariance.determinant() > 0))
+      continue;
+    known.emplace_back(LargestSigmaPosition(*sensor.structure_from_sensor, sensor.covariance),
+                       &sensor);
+    covariances.push_back(sensor.covariance);
+  }
+  if (known.size() < 2 || !result.stills.empty()) return "";
+  const std::vector<Matrix6d> after = WithSecondStill(covariances);
+  double worst = 0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    worst =
+        std::max(worst, LargestSigmaPosition(*known[i].second->structure_from_sensor, after[i]));
+  }
+  std::stable_sort(known.begin(), known.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  return fmt::format(
+      "{} and {} are known least ({:.1f} and {:.1f} mm): a second capture, with the stack moved "
+      "and "
+      "nothing else, would leave at best {:.1f} mm",
+      known[0].second->name, known[1].second->name, 1000 * known[0].first, 1000 * known[1].first,
+      1000 * worst);
+}
+
+}  // namespace
+
+std::vector<Matrix6d> WithSecondStill(const std::vector<Matrix6d>& covariances) {
+  Matrix6d information = Matrix6d::Zero();
+  for (const Matrix6d& covariance : covariances) information += covariance.inverse();
+  const Matrix6d common = information.inverse();
+  std::vector<Matrix6d> after;
+  for (const Matrix6d& covariance : covariances) after.emplace_back((covariance + common) / 2);
+  return after;
+}
+
+std::vector<std::string> Advise(const CalibrationResult& result) {
+  std::vector<std::string> advice;
+  if (result.verdict() == SensorStatus::kOk) {
+    advice.emplace_back(
+        "the poses can be used: volalign convert writes them for other programs, and volalign "
+        "check finds sensors that have moved since, from a later capture and this folder");
+  } else if (result.placed() > 0) {
+    advice.emplace_back(
+        "poses of sensors that are ok can be used as they are; for the others, do what is said "
+        "above and calibrate again");
+  } else {
+    advice.emplace_back("no pose can be used; do what is said above and calibrate again");
+  }
+  if (const std::string second = AdviseSecondStill(result); !second.empty())
+    advice.push_back(second);
+  return advice;
+}
+
+}  // namespace volalign

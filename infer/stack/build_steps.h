@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "core/geometry/structure.h"
+
+namespace volalign {
+
+/// How far the edges of a box's outline, seen from above, stand beyond those of another outline,
+/// m; negative where they are set back.
+struct Overhang {
+  double front = 0, back = 0, right = 0, left = 0;  ///< +x, -x, +z, -z
+};
+
+/// One box in the order of building. Metres, degrees.
+struct BuildStep {
+  int box = 0;  ///< index into Structure::boxes()
+  double height = 0;
+  double front_to_back = 0, left_to_right = 0;  ///< its own edges that lie flat
+  double yaw_deg = 0;                           ///< about +y, from +z towards +x
+  /// The boxes that it stands on, the one with the largest shared rectangle first; empty for one on
+  /// the floor, and for one that stands on nothing.
+  std::vector<int> on;
+  bool on_floor = false;
+  /// Over the box that it stands on most; of a box on the floor, over the first one there.
+  Overhang overhang;
+};
+
+/// From the floor upwards, boxes of one height in the order of the structure.
+std::vector<BuildStep> BuildSteps(const Structure& structure);
+
+/// Of a box, in the structure frame.
+Eigen::AlignedBox3d Bounds(const Box& box);
+
+}  // namespace volalign

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "core/base/progress_line.h"
+#include "core/geometry/structure.h"
+#include "infer/initial/target_quality.h"
+
+namespace volalign {
+
+/// Sizes of boxes, m, from "3x 600x400x400, 2x 400x300x250": a number of boxes (1 where it is left
+/// out) and three edges in mm, in any order. Throws DataError naming the part that it cannot read.
+std::vector<Eigen::Vector3d> ParseBoxes(const std::string& text);
+
+struct SuggestOptions {
+  double height_m = 2;   ///< of the stack, at most
+  int candidates = 40;   ///< stacks that are drawn and measured
+  double tilt_deg = 10;  ///< that the stack has to bear in every direction; IEC 60950-1, 4.1
+  int threads = 1;
+};
+
+struct SuggestedStack {
+  Structure structure;
+  TargetQuality quality;
+  double tilt_deg = 0;  ///< that it bears, if all boxes weigh the same by volume
+};
+
+/// A tower of these boxes, the larger ones below, that fixes poses well and looks like itself from
+/// one way only. Towers that bear the tilt are drawn at random (which edge of a box is upright, how
+/// it lies on the one below, overhangs in whole cm) and compared by MeasureTarget: first how many
+/// views another pose shares, then how many fix no pose, then those that another pose shares where
+/// the floor is not seen, then the standard deviation in the worst view. Equal calls give equal
+/// stacks. The origin is above the middle of the lowest box, half as high as the stack. Throws
+/// DataError where the boxes are higher than `height_m` even if all lie flat, where they are more
+/// than kMaxBoxes, or where no tower bears the tilt. `count` is told of towers.
+SuggestedStack SuggestStack(const std::string& name, const std::vector<Eigen::Vector3d>& sizes,
+                            const SuggestOptions& options = {}, const CountDone& count = nullptr);
+
+/// The angle by which the floor may be tilted before a tower of boxes with level sides tips over
+/// one of its joints, deg. Every box stands on the one before it.
+double TiltOfTower(const std::vector<Box>& boxes);
+
+/// What ReadStructureYaml reads as the same structure, from a file of its name.
+std::string SuggestedYaml(const SuggestedStack& suggested);
+
+}  // namespace volalign

@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""What recorded frames show along their rays, where poses are right and where they are wrong: the figures in infer/depth.
+
+    tests/bench/cause_shares.py CAUSE_SHARES ACCURACY_FOLDER [--tsv FILE]
+
+CAUSE_SHARES is the program of tests/bench/cause_shares.cc, ACCURACY_FOLDER what tests/accuracy.py has left for a program
+(out/accuracy/HASH, after --parts foreign,real). Frames of an independent simulator and real ones are asked, those in VOLALIGN_CAPTURES.
+Printed: the mean shares of the causes at right poses; for each share by which right and wrong poses are told apart, the parameters of its
+two beta distributions and how well it tells them. Needs NumPy; runs from the root of the project.
+
+The parameters are the most probable ones under the prior of Gelman et al., "Bayesian Data Analysis", section 5.3, which is proportional
+to (a + b)^-5/2: without a prior, shares that never vary by more than few cells do would be taken not to vary at all.
+"""
+
+import argparse
+import itertools
+import math
+import os
+import pathlib
+import subprocess
+
+import numpy as np
+
+CAUSES = ["surface", "before", "behind", "missing"]
+# What is told by which share: columns that are for a pose and those that are against it. The last two are the labels'.
+SHARES = [("view", "not behind", [0], [2]), ("view", "named so", [4], [5]), ("pair", "not floating", [0, 1], [2])]
+PAPER, OTHER, MODEL = "configs/structure.yaml", "foreign/own6_kinects/boxes.yaml", "models/m05-lite.pt"
+LEAST_CELLS = 2  # less says nothing
+
+
+def runs(captures, folder):
+    """Arguments of the program."""
+    for rig in sorted((captures / "foreign").iterdir()):
+        own = rig / "boxes.yaml"
+        capture = rig / "capture.json" if (rig / "capture.json").exists() else rig / "p0" / "capture.json"
+        if own.exists():
+            yield own, PAPER, capture, folder / f"foreign_{rig.name}_no_model.json"
+        else:
+            yield PAPER, captures / OTHER, capture, folder / f"foreign_{rig.name}.json", MODEL
+    for name in ("kinects", "d415"):
+        yield PAPER, captures / OTHER, folder.parent / f"real_{name}" / "capture.json", folder / f"real_{name}.json", MODEL
+
+
+log_gamma = np.vectorize(math.lgamma)
+
+
+def log_probability(parameters, counts):
+    """Of each row of counts, as ShareModel::LogProbability has it."""
+    return (log_gamma(parameters.sum()) - log_gamma(parameters.sum() + counts.sum(1))
+            + (log_gamma(parameters + counts) - log_gamma(parameters)).sum(1))
+
+
+def fit(counts):
+    """Steps in the parameters' logarithms, of one or both, ever smaller, as long as one of them helps."""
+    def value(logs):
+        return log_probability(np.exp(logs), counts).sum() - 2.5 * np.log(np.exp(logs).sum())
+    logs, step = np.zeros(2), 1.0
+    best = value(logs)
+    while step > 1e-3:
+        tried = [logs + step * np.array(way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))]
+        values = [value(each) for each in tried]
+        if max(values) > best:
+            best, logs = max(values), tried[int(np.argmax(values))]
+        else:
+            step /= 2
+    return np.exp(logs)
+
+
+def quantiles(values, digits):
+    return " / ".join(f"{v:.{digits}f}" for v in np.quantile(values, (0, 0.05, 0.5, 0.95, 1)))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("program")
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--tsv", type=pathlib.Path, help="keeps what the program has counted")
+    options = parser.parse_args()
+    captures = pathlib.Path(os.environ.get("VOLALIGN_CAPTURES") or "../shared/captures").resolve()
+    rows = []
+    if options.tsv and options.tsv.exists():
+        rows = [line.split("\t") for line in options.tsv.read_text().splitlines()]
+    else:
+        for arguments in runs(captures, options.folder.resolve()):
+            done = subprocess.run([options.program, *map(str, arguments)], stdout=subprocess.PIPE, text=True, check=True)
+            rows += [line.split("\t") for line in done.stdout.splitlines()]
+        if options.tsv:
+            options.tsv.write_text("\n".join("\t".join(row) for row in rows))
+    table = {}
+    for what, pose in itertools.product(("view", "pair"), ("right", "wrong")):
+        of = np.array([[float(x) for x in row[3:9]] for row in rows if row[:2] == [what, pose]])
+        table[what, pose] = of[of[:, :4].sum(1) >= LEAST_CELLS]
+    for what in ("view", "pair"):
+        causes = table[what, "right"][:, :4]
+        shares = causes / causes.sum(1, keepdims=True)
+        print(f"{what}: {len(causes)} right poses, cells {quantiles(causes.sum(1), 1)}; mean shares: "
+              + ", ".join(f"{cause} {share:.4f}" for cause, share in zip(CAUSES, shares.mean(0))))
+    for what, name, so, otherwise in SHARES:
+        counts = {}
+        for pose in ("right", "wrong"):
+            of = np.stack([table[what, pose][:, columns].sum(1) for columns in (so, otherwise)], 1)
+            counts[pose] = of[of.sum(1) >= LEAST_CELLS]
+        parameters = {pose: fit(of) for pose, of in counts.items()}
+        print(f"{what}, {name}: {{{{{', '.join(f'{x:.3g}' for x in parameters['right'])}}}, {{{', '.join(f'{x:.3g}' for x in parameters['wrong'])}}}}}")
+        for pose, of in counts.items():
+            odds = log_probability(parameters["right"], of) - log_probability(parameters["wrong"], of)
+            print(f"  {len(of)} {pose}: % against {quantiles(100 * of[:, 1] / of.sum(1), 2)}; log odds {quantiles(odds, 1)}; "
+                  f"% below -ln 100: {100 * np.mean(odds < -math.log(100)):.1f}")
+
+
+if __name__ == "__main__":
+    main()

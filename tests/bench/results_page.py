@@ -1,0 +1,344 @@
+#!/usr/bin/env python3
+"""Measures everything on docs/results.md and writes the page, and the accuracy of the README from it.
+
+    tests/bench/results_page.py VOLALIGN [--share 1] [--sections rigs,frames] [--work out/results] [-o docs/results.md]
+
+The whole takes hours; --share 0.2 takes a fifth of the rigs (at least one). What an earlier run left in --work for the same program
+(the same bytes) is not measured again, so that the command may be stopped and given again. Frames that are not part of the
+repository are read from the folder that VOLALIGN_CAPTURES names; without it the page says that they were not there. Needs NumPy;
+runs from the root of the repository.
+"""
+
+import argparse
+import collections
+import hashlib
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+import accuracy  # noqa: E402
+import results_readme  # noqa: E402
+
+MODEL = "models/m05-lite.pt"
+KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
+RIGS = [f"configs/rig_{name}.yaml" for name in ("ring8", "arc8", "ring4", "irregular")]
+STATUSES = ["ok", "weak", "failed"]
+
+SITUATIONS = [
+    ("lens stated", [], []),
+    ("lens not stated", ["state_lens=false"], []),
+    ("not stated; focal lengths and lenses vary by 0.1 %", ["state_lens=false", "lens_spread_percent=0.1"], []),
+    ("not stated; they vary by 1 %", ["state_lens=false", "lens_spread_percent=1"], []),
+    ("the same, one lens for each sensor", ["state_lens=false", "lens_spread_percent=1"], ["refine.lens_per_sensor=true"]),
+    ("not stated, nothing estimated", ["state_lens=false"], ["refine.estimate=none"]),
+    ("boxes exactly in place", ["assembly.position_mm=0"], []),
+    ("the same, nothing estimated", ["assembly.position_mm=0"], ["refine.estimate=none"]),
+    ("only the stack in view", ["room=false"], []),
+]
+
+
+class Page:
+    """Runs commands, keeps what they measured, and gathers the text."""
+
+    def __init__(self, options):
+        self.options, self.program = options, options.program
+        digest = hashlib.sha256(pathlib.Path(self.program).read_bytes()).hexdigest()[:12]
+        self.work = options.work / digest
+        self.work.mkdir(parents=True, exist_ok=True)
+        self.text = []
+
+    def count(self, most):
+        """How many of the rigs of a section are taken."""
+        return max(1, round(most * self.options.share))
+
+    def seeds(self, first, most):
+        return f"{first}:{first + self.count(most)}"
+
+    def run(self, name, command):
+        """What the command prints; kept as NAME.txt."""
+        kept = self.work / f"{name}.txt"
+        if not kept.exists():
+            print(" ".join(map(str, command)), file=sys.stderr, flush=True)
+            done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, text=True)
+            if done.returncode not in (0, 2):
+                sys.exit(f"{command[0]} failed: {' '.join(map(str, command))}")
+            kept.write_text(done.stdout)
+        return kept.read_text()
+
+    def evaluate(self, name, *arguments):
+        """(summaries, cases) of `volalign evaluate`."""
+        folder = self.work / name
+        self.run(name, [self.program, "evaluate", "--model", MODEL, *arguments, "-o", folder])
+        result = json.loads((folder / "evaluation.json").read_text())
+        return result["summary"], result["cases"]
+
+    def add(self, text):
+        self.text.append(text.strip("\n"))
+
+    def command(self, *lines):
+        self.add("\n".join("    " + line for line in lines))
+
+    def table(self, head, rows):
+        self.add("\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *("| " + " | ".join(row) + " |" for row in rows)]))
+
+
+def three(statistics, digits):
+    return " / ".join(f"{statistics[key]:.{digits}f}" for key in ("median", "p95", "max"))
+
+
+def percent(share):
+    return f"{100 * share:.0f} %"
+
+
+def errors(summary, key):
+    return [three(summary[f"{key}_mm"], 1), three(summary[f"{key}_deg"], 2)] if summary["measured"] else ["-", "-"]
+
+
+def statuses(cases):
+    """How many sensors have which status and code: "48 ok, 16 weak (14 uncertain, 2 disagrees)"."""
+    found = {status: collections.Counter() for status in STATUSES}
+    for case in cases:
+        for sensor in case["sensors"]:
+            found[sensor["status"]][sensor.get("code", "")] += 1
+    parts = []
+    for status, codes in found.items():
+        if codes:
+            named = ", ".join(f"{count} `{code}`" for code, count in codes.most_common() if code)
+            parts.append(f"{sum(codes.values())} {status}" + (f" ({named})" if named else ""))
+    return ", ".join(parts)
+
+
+def culprits(cases):
+    """Sensors that were lost or placed wrongly, as a list."""
+    lines = []
+    for case in cases:
+        for sensor in case["sensors"]:
+            error = sensor.get("error", {}).get("refined")
+            wrong = error and (error["translation_m"] > 0.1 or error["rotation_deg"] > 5)
+            lost = sensor["status"] == "failed" and sensor.get("sides_fix_pose")
+            if wrong or lost:
+                what = f"{1000 * error['translation_m']:.0f} mm and {error['rotation_deg']:.1f} deg off" if wrong else "lost"
+                lines.append(f"- {case['rig']}, {case['sensor_model']}, seed {case['seed']}, sensor {sensor['name']}: "
+                             f"`{sensor['status']}`" + (f" (`{sensor['code']}`)" if "code" in sensor else "") + f", {what}")
+    return lines
+
+
+def rendered_rigs(page):
+    seeds = page.seeds(1000, 20)
+    summary, cases = page.evaluate("rigs", "--rigs", *RIGS, "--sensors", KINECT, D415, "--seeds", seeds, "--set-rig", "assembly.position_mm=3")
+    sensors = sum(len(case["sensors"]) for case in cases)
+    page.add("## Rendered rigs")
+    page.command(f"volalign evaluate --model {MODEL} --rigs {' '.join(RIGS[:3])} \\", f"  {RIGS[3]} --sensors {KINECT} {D415} \\",
+                 f"  --seeds {seeds} --set-rig assembly.position_mm=3 -o out/eval")
+    page.add(f"""
+{sensors} sensors in {len(cases)} rigs, in furnished rooms, with sensor noise and the Azure Kinect's lens; the boxes stand 3 mm off their places (standard
+deviation along each axis). [evaluation.md](evaluation.md) explains the columns. Errors, median / 95th percentile / largest:""")
+    page.table(["rig", "sensors", "initial, mm", "deg", "refined, mm", "deg", "as built, mm", "deg"],
+               [[s["rig"], s["sensor_model"], *errors(s, "initial"), *errors(s, "refined"), *errors(s, "as_built_refined")] for s in summary])
+    page.add("""
+Placed sensors, and how often the stated intervals hold: the share of the six components of a pose's error within the covariance's 68 % and 95 % intervals.""")
+    page.table(["rig", "sensors", "placed", "weak", "lost", "wrong", "68 %", "95 %", "68 %, as built", "95 %, as built"],
+               [[s["rig"], s["sensor_model"], f"{s['placed']} of {s['sensors']}", str(s["weak"]), f"{s['lost']} of {s['fixable']}", str(s["wrong"]),
+                 *(percent(s[key]) for key in ("cover_68", "cover_95", "as_built_cover_68", "as_built_cover_95"))] for s in summary])
+    page.add(f"Statuses: {statuses(cases)}.")
+    if culprits(cases):
+        page.add("Lost or wrong:")
+        page.add("\n".join(culprits(cases)))
+    uncertainty(page, cases)
+    what_limits(page)
+
+
+def uncertainty(page, cases):
+    ratios = np.array([np.array(sensor["error"]["delta"]) / np.array(sensor["sigma"]) for case in cases for sensor in case["sensors"]
+                       if "error" in sensor])
+    page.add("### Uncertainty")
+    page.add("""
+The same sensors: the share of each component of the error within one and two standard deviations of the covariance that the result states (68 % and 95 % of a
+normal distribution). The covariance is not fitted to these errors; the constants of the noise model (priors, correlation lengths) were chosen on seeds 1000 to 1005
+and 1010 to 1013, some of which are evaluated here. The columns "as built" above compare with another frame than the one that the covariance is about, and are lower.""")
+    page.table(["component", "within one sigma", "within two"],
+               [[name, percent((abs(ratios[:, k]) < 1).mean()), percent((abs(ratios[:, k]) < 2).mean())]
+                for k, name in enumerate(["position x", "position y (up)", "position z", "rotation about x", "about y (the vertical)", "about z"])])
+
+
+def what_limits(page):
+    page.add("""
+### What limits accuracy
+
+Depth errors of the [sensor models](sensor-models.md) limit positions: a smooth warp (up to 0.19 px of disparity, some 15 mm at 2 m, for the D415; 1.4 to 5.6 mm for
+the Kinect), a constant of up to 11 mm, and multipath, on a structure that is half a metre wide. A rotation error of a tenth of a degree moves a sensor 2 m away by
+3.5 mm. Four boxes that are each 3 mm off their place also move the mean that fixes the frame by 1.5 mm along each axis.""")
+
+
+def paper_estimator(page):
+    seeds = page.seeds(1000, 5)
+    summary, cases = page.evaluate("paper", "--rigs", *RIGS, "--sensors", KINECT, D415, "--seeds", seeds, "--set-rig", "assembly.position_mm=3",
+                                   "--compare", "initial.method=paper,network")
+    page.add("### With the paper's estimator of the initial pose")
+    page.command(f"volalign evaluate ... --seeds {seeds} --compare initial.method=paper,network -o out/paper")
+    page.add("""
+The same rigs. `paper` is the paper's estimator of the initial pose, `network` is volalign's from the same labels; both are refined in the same way.""")
+    page.table(["sensors", "estimator", "initial, mm", "deg", "refined, mm", "deg", "placed", "lost", "wrong"],
+               [[s["sensor_model"], s["variant"], *errors(s, "initial"), *errors(s, "refined"), f"{s['placed']} of {s['sensors']}", str(s["lost"]),
+                 str(s["wrong"])] for s in summary if s["rig"].startswith("all")])
+
+
+def estimates(page):
+    seeds = page.seeds(1000, 4)
+    page.add("### What estimating more than poses is worth")
+    page.command(f"volalign evaluate ... --seeds {seeds} --compare refine.estimate=none,auto -o out/estimate")
+    page.add("""
+The same rigs. In the second half of the table boxes are 5 mm and 0.5 deg off and all are too large or too small by 1 % (standard deviations; `--set-rig
+assembly.position_mm=5 assembly.yaw_deg=0.5 assembly.size_scale_percent=1`). Refined poses, median / 95th percentile / largest:""")
+    rows = []
+    for name, words, changes in (("3mm", "3 mm", ["assembly.position_mm=3"]),
+                                 ("5mm", "5 mm, 0.5 deg, 1 %", ["assembly.position_mm=5", "assembly.yaw_deg=0.5", "assembly.size_scale_percent=1"])):
+        summary, _ = page.evaluate(f"estimates_{name}", "--rigs", *RIGS, "--sensors", KINECT, D415, "--seeds", seeds, "--set-rig", *changes,
+                                   "--compare", "refine.estimate=none,auto")
+        rows += [[words, s["sensor_model"], s["variant"], *errors(s, "refined")] for s in summary
+                 if s["rig"].startswith("all") and not s["sensor_model"].startswith("all")]
+    page.table(["boxes off by", "sensors", "estimated", "mm", "deg"], rows)
+
+
+def other_frames(page):
+    page.add("## Frames that volalign did not render")
+    captures = pathlib.Path(os.environ.get("VOLALIGN_CAPTURES") or "../shared/captures")
+    if not captures.exists():
+        page.add("These frames were not there when this page was made (VOLALIGN_CAPTURES names their folder).")
+        return
+    result = page.work / "captures.json"
+    page.run("captures", [sys.executable, "tests/accuracy.py", page.program, "--parts", "foreign,real", "--work", page.work / "accuracy", "--json", result])
+    result = json.loads(result.read_text())["results"][0]
+    page.command("VOLALIGN_CAPTURES=FOLDER tests/accuracy.py build/release/cli/volalign --parts foreign,real")
+    page.add("""
+`foreign`: rigs that another simulator drew, with hand-built stacks, the true poses known. Errors are those after the rigid motion that brings a
+rig's poses to the true ones best. `real`: four Azure Kinects as one rig and a RealSense D415 of VCL3D/StructureNet, and cartons on a pallet; nobody knows the
+true poses, so that residuals have to do. The real frames have no licence to be shipped. "Between sensors": RMS distance of what two sensors both see, median / largest
+pair.""")
+    rows = []
+    for name in dict.fromkeys(row["set"] for row in result["sensors"]):
+        sensors = [row for row in result["sensors"] if row["set"] == name]
+        right = [row for row in sensors if not row.get("wrong")]
+        clouds = accuracy.of([row for row in result["clouds"] if row["set"] == name], "rms_mm")
+        some = accuracy.of(right, "mm")
+        rows.append([name, f"{sum(accuracy.of(sensors, 'placed'))} of {len(sensors)}", str(sum(row["status"] == "weak" for row in sensors)),
+                     str(sum(accuracy.of(sensors, "wrong"))) if some else "-", accuracy.quantiles(some, (0.5, 0.95, 1)),
+                     accuracy.quantiles(accuracy.of(right, "deg"), (0.5, 0.95, 1), 2), accuracy.quantiles(accuracy.of(right, "rms_mm"), (0.5, 1)),
+                     accuracy.quantiles(clouds, (0.5, 1))])
+    page.table(["frames", "placed", "weak", "wrong", "position, mm", "rotation, deg", "to the structure, mm RMS", "between sensors, mm RMS"], rows)
+    page.add("""
+Residuals are to the boxes as found: the intrinsics of the real frames are those of another device of the same kind, and a longer focal length and larger boxes
+explain the frames about equally well.""")
+
+
+def situations(page):
+    seeds = page.seeds(2000, 4)
+    page.add("## Situations of real rigs")
+    page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml configs/rig_arc8.yaml \\",
+                 f"  --sensors {KINECT} --seeds {seeds} [--set-rig ...] [--set ...] -o out/rows")
+    page.add("""
+Azure Kinects drawn through their lens, boxes 3 mm off unless said otherwise; nothing was chosen on these seeds. Refined poses, median / 95th percentile /
+largest:""")
+    rows, changes = [], []
+    for number, (name, rig, options) in enumerate(SITUATIONS, 1):
+        rig = ["assembly.position_mm=3", *rig]
+        arguments = ["--rigs", "configs/rig_irregular.yaml", "configs/rig_arc8.yaml", "--sensors", KINECT, "--seeds", seeds, "--set-rig", *rig]
+        summary, cases = page.evaluate(f"situation_{number}", *arguments, *(["--set", *options] if options else []))
+        whole = summary[-1]
+        rows.append([f"{number}. {name}", *errors(whole, "refined"), percent(whole["cover_68"]), percent(whole["cover_95"]), statuses(cases)])
+        named = [f"`{change}`" for change in rig[1:]] + [f"`--set {option}`" for option in options]
+        changes.append(f"- {number}: {', '.join(named)}" if named else "")
+    page.table(["situation", "mm", "deg", "68 %", "95 %", "status"], rows)
+    page.add("What `--set-rig`, and `--set` where it is named, change:")
+    page.add("\n".join(filter(None, changes)))
+    page.add("""
+Where only the stack is in view, up and down look alike: sensors that are mounted as the network's training sensors were are placed and `weak`, the others
+`failed`, and all are called `ambiguous`. Where devices of one kind may differ by a percent, state each device's own intrinsics or set
+`refine.lens_per_sensor`.""")
+
+
+def placements(page):
+    seeds = page.seeds(3000, 6)
+    page.add("## Several placements")
+    page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml --seeds {seeds} --placements 1 2 4 6 -o out/placements")
+    page.add("""
+All sensors of the rig of one kind (`--sensors`), the stack built up again (boxes 3 mm off) within 0.8 m of its first place; nothing was chosen on these seeds. Poses in
+the frame of the first placement, median / 95th percentile / largest. "As built": what all sensors have in common with the boxes as they stand is taken out.""")
+    rows = []
+    for kind in (KINECT, D415):
+        summary, _ = page.evaluate(f"placements_{kind}", "--rigs", "configs/rig_irregular.yaml", "--sensors", kind, "--seeds", seeds, "--placements", 1, 2, 4, 6,
+                                   "--set-rig", "assembly.position_mm=3")
+        rows += [[kind, str(s.get("placements", 1)), *errors(s, "refined"), *errors(s, "as_built_refined"), str(s["weak"]), percent(s["cover_68"]),
+                  percent(s["cover_95"])] for s in summary if s["rig"] == "irregular"]
+    page.table(["sensors", "placements", "refined, mm", "deg", "as built, mm", "deg", "weak", "68 %", "95 %"], rows)
+    page.add("""
+The frame of the poses is that of the first placement's own boxes, whose mean fixes it: that part of the error is common to all sensors of a rig, and more
+placements do not take it away.""")
+
+
+def without_model(page):
+    stacks = page.count(50)
+    page.add("## Without a model")
+    page.command(f"tests/bench/any_boxes.py build/release/cli/volalign out/boxes --sensors {KINECT} {D415} kinect_v2 kinect_v1 \\",
+                 f"  --first 5000 --stacks {stacks}",
+                 f"tests/bench/any_boxes.py build/release/cli/volalign out/empty --sensors {KINECT} {D415} --first 6000 --stacks {page.count(20)} --empty")
+    page.add(f"""
+Random stacks of two to eight boxes ({stacks} of them), half of the boxes turned by any angle, boxes 3 mm off, each seen by a ring of four sensors in a furnished
+room; no network. A sensor sees enough where it sees two boxes and some floor. Wrong: over 10 cm or 5 deg off. Errors of the others, median / 95th percentile / largest;
+s: seconds for the initial pose of one sensor.""")
+    kinds = [KINECT, D415, "kinect_v2", "kinect_v1"]
+    page.add(page.run("boxes", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "boxes", "--sensors", *kinds, "--first", 5000,
+                                "--stacks", stacks]))
+    empty = page.run("empty", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "empty", "--sensors", KINECT, D415, "--first", 6000,
+                               "--stacks", page.count(20), "--empty"])
+    found = collections.Counter()
+    for path in (page.work / "empty").glob("*_empty/out/extrinsics.json"):
+        for sensor in json.loads(path.read_text())["sensors"].values():
+            found[sensor["status"]] += 1
+    page.add(f"In {page.count(20)} of the same rooms without the stack (`--empty`), with four sensors of each of the first two kinds, "
+             + ", ".join(f"{found[status]} are `{status}`" for status in STATUSES) + ".")
+    page.add("\n".join(line for line in empty.splitlines() if line.startswith("- ")))
+
+
+SECTIONS = {"rigs": rendered_rigs, "paper": paper_estimator, "estimates": estimates, "frames": other_frames, "situations": situations,
+            "placements": placements, "boxes": without_model}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("program")
+    parser.add_argument("--share", type=float, default=1, help="of the rigs of each section; 1: all")
+    parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("out/results"))
+    parser.add_argument("-o", "--output", type=pathlib.Path, default=ROOT / "docs/results.md")
+    parser.add_argument("--sections", default=",".join(SECTIONS), help="those to take, with commas; all: %(default)s")
+    options = parser.parse_args()
+    names = options.sections.split(",")
+    if set(names) - set(SECTIONS):
+        sys.exit(f"no section is called {', '.join(sorted(set(names) - set(SECTIONS)))}; they are {', '.join(SECTIONS)}")
+    page = Page(options)
+    version = subprocess.run([options.program, "--version"], capture_output=True, text=True, check=True).stdout.split("\n")[0].strip()
+    share = "" if options.share == 1 else f" --share {options.share:g}"
+    if names != list(SECTIONS):
+        share += f" --sections {options.sections}"
+    page.add("# Results")
+    page.command(f"tests/bench/results_page.py build/release/cli/volalign{share}")
+    page.add(f"""
+measures everything on this page and writes it. Every number is of `{version}`
+with `{MODEL}` ([model card](../models/README.md)). Each section names its own command.""" +
+             ("" if options.share == 1 else f""" Of the rigs of each section a share of {options.share:g}
+was taken: medians of so few sensors stray by a tenth or more, and the largest errors by much more."""))
+    for name in names:
+        SECTIONS[name](page)
+    options.output.write_text("\n\n".join(part for part in page.text if part) + "\n")
+    if options.output.resolve() == ROOT / "docs/results.md" and names == list(SECTIONS):
+        results_readme.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+// The inputs that fuzzing found (tests/fuzz/run.sh), once more: each is read, or refused in one
+// line.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <string>
+
+#include "tests/core/base/read_file.h"
+#include "tests/fuzz/targets.h"
+
+namespace volalign::corpora_test {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kCorpora[] = "tests/fuzz/corpus";
+
+class Corpora : public testing::TestWithParam<FuzzTarget> {};
+
+TEST_P(Corpora, AreReadOrRefusedInOneLine) {
+  int read = 0, refused = 0;
+  for (const fs::directory_entry& file :
+       fs::directory_iterator(fs::path(kCorpora) / GetParam().name)) {
+    SCOPED_TRACE(file.path().string());
+    const std::string message = ReadFuzzInput(GetParam(), ReadFile(file.path()));
+    EXPECT_EQ(std::count_if(message.begin(), message.end(),
+                            [](char c) { return static_cast<unsigned char>(c) < 32 || c == 127; }),
+              0)
+        << message;
+    ++(message.empty() ? read : refused);
+  }
+  // A network that can be read has more than the 64 KiB of an input.
+  if (GetParam().name != std::string("onnx")) {
+    EXPECT_GT(read, 0);
+  }
+  EXPECT_GT(refused, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Corpora, testing::ValuesIn(FuzzTargets()),
+                         [](const auto& target) { return std::string(target.param.name); });
+
+// A folder that no target reads would be tested by nobody.
+TEST(CorpusFolders, AreThoseOfTheTargets) {
+  std::set<std::string> folders, names;
+  for (const fs::directory_entry& folder : fs::directory_iterator(kCorpora))
+    folders.insert(folder.path().filename().string());
+  for (const FuzzTarget& target : FuzzTargets()) names.insert(target.name);
+  EXPECT_EQ(folders, names);
+}
+
+}  // namespace
+}  // namespace volalign::corpora_test

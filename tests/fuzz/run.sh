@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# Fuzzes the readers of tests/fuzz/targets.cc under the sanitizers (preset fuzz). New inputs are kept in build/fuzz/found, what a reader
+# does not take well in build/fuzz/findings; the script fails where there is one.
+#   tests/fuzz/run.sh SECONDS [TARGET ...]   each target, or these, for so many seconds of processor time
+#   tests/fuzz/run.sh --keep TARGET ...      adds to tests/fuzz/corpus the found inputs of at most 4 kB that reach what it does not
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+source cmake/packages.sh
+
+install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"
+build_preset fuzz fuzz >/dev/null
+export ASAN_SYMBOLIZER_PATH=/usr/lib/llvm-14/bin/llvm-symbolizer
+# Readers of files get theirs in memory.
+export TMPDIR=/dev/shm
+what=${1:?usage: tests/fuzz/run.sh SECONDS [TARGET ...] | --keep TARGET ...}
+shift
+[ $# -gt 0 ] || set -- $(ls tests/fuzz/corpus)
+
+failed=0
+for target in "$@"; do
+  corpus=tests/fuzz/corpus/$target found=build/fuzz/found/$target findings=build/fuzz/findings/$target-
+  mkdir -p "$found" build/fuzz/findings
+  options=(--target="$target" -rss_limit_mb=1024 -timeout=10 -artifact_prefix="$findings")
+  # OpenEXR asks for up to 2 GiB for an attribute before it reads it, and does not touch them: what is used counts.
+  [ "$target" != exr ] || options+=(-malloc_limit_mb=2560)
+  if [ "$what" = --keep ]; then
+    build/fuzz/tests/fuzz/fuzz "${options[@]}" -merge=1 -max_len=4096 "$corpus" "$found" 2>&1 | grep 'MERGE-OUTER' | tail -n 1
+    continue
+  fi
+  dictionary=tests/fuzz/dictionaries/$target.dict
+  [ ! -e "$dictionary" ] || options+=(-dict="$dictionary")
+  log=build/fuzz/$target.log
+  build/fuzz/tests/fuzz/fuzz "${options[@]}" -max_len=65536 -print_final_stats=1 "$found" "$corpus" >"$log" 2>&1 &
+  # libFuzzer counts seconds of the clock alone, and ends with its figures at this signal.
+  ticks=$(($(getconf CLK_TCK) * what))
+  while used=$(awk '{print $14 + $15}' /proc/$!/stat 2>/dev/null) && [ "$used" -lt "$ticks" ]; do sleep 1; done
+  kill -USR1 $! 2>/dev/null || true
+  wait $! || failed=1
+  echo "$target: $(grep -E 'number_of_executed_units|SUMMARY|ERROR: libFuzzer' "$log" | tr -s ' \n' ' ')"
+done
+exit $failed

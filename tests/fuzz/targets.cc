@@ -1,0 +1,128 @@
+#include "tests/fuzz/targets.h"
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/text.h"
+#include "core/config/config.h"
+#include "core/formats/image_io.h"
+#include "core/formats/structure_gltf.h"
+#include "core/geometry/rig.h"
+#include "core/geometry/structure.h"
+#include "core/model/checkpoint_meta.h"
+#include "core/nn/tensor_archive.h"
+#include "infer/calib/calibrate.h"
+#include "infer/capture/capture.h"
+#include "infer/formats/depth_file.h"
+#include "infer/formats/intrinsics_file.h"
+#include "infer/formats/poses/codecs.h"
+#include "infer/formats/recording.h"
+#include "infer/report/extrinsics.h"
+#include "infer/segment_onnx/onnx_network.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/core/nn/zip.h"
+
+// libebml 1.4 loses an element where it meets an outer part's inside another one, which cannot be
+// told from one that another element owns; libmatroska 1.7 loses the frames of a damaged block.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libmatroska\nleak:libebml\n"; }
+
+namespace volalign {
+namespace {
+
+namespace poses = poses_internal;
+
+/// A file of these bytes, over the one before it.
+std::filesystem::path FileOf(const std::string& name, const std::string& bytes) {
+  static const TempFolder folder;
+  return folder.Write(name, bytes);
+}
+
+/// `NAME, line feed, content` for each file of a folder, form feeds between them.
+poses::Files FolderOf(const std::string& bytes) {
+  poses::Files files;
+  for (const std::string& part : Split(bytes, '\f')) {
+    const std::size_t end = part.find('\n');
+    if (end != std::string::npos) files[part.substr(0, end)] = part.substr(end + 1);
+  }
+  return files;
+}
+
+/// Room for the tensors of a pickle.
+std::string ArchiveOf(const std::string& pickle) {
+  return Zip({{"archive/data.pkl", pickle},
+              {"archive/data/0", std::string(24, '\0')},
+              {"archive/data/1", std::string(16, '\0')}});
+}
+
+}  // namespace
+
+const std::vector<FuzzTarget>& FuzzTargets() {
+  using Bytes = const std::string&;
+  using formats_internal::DecodeExr, formats_internal::DecodeNpy, formats_internal::DecodeTiff;
+  static const std::vector<FuzzTarget> targets = {
+      {"archive", [](Bytes bytes) { ReadTensorArchive(bytes); }},
+      {"pickle", [](Bytes bytes) { ReadTensorArchive(ArchiveOf(bytes)); }},
+      {"metadata", [](Bytes bytes) { MetaFromJson(bytes); }},
+      {"onnx", [](Bytes bytes) { ReadOnnxNetwork(bytes); }},
+      {"tiff", [](Bytes bytes) { DecodeTiff(bytes, "file"); }},
+      {"exr", [](Bytes bytes) { DecodeExr(bytes, "file"); }},
+      {"npy", [](Bytes bytes) { DecodeNpy(bytes, "file"); }},
+      {"image", [](Bytes bytes) { DecodeDepth(bytes, "file"); }},
+      {"intrinsics",
+       [](Bytes bytes) {
+         if (LooksLikeIntrinsics(bytes)) ParseIntrinsicsText(bytes, "file", {320, 288});
+       }},
+      {"db3",
+       [](Bytes bytes) {
+         formats_internal::ReadRos2Recording(FileOf("a.db3", bytes), 2, /*most_steps=*/1000000);
+       }},
+      {"mkv", [](Bytes bytes) { formats_internal::ReadMkvRecording(FileOf("a.mkv", bytes), 2); }},
+      {"bag", [](Bytes bytes) { formats_internal::ReadBagRecording(FileOf("a.bag", bytes), 2); }},
+      {"mcap",
+       [](Bytes bytes) { formats_internal::ReadMcapRecording(FileOf("a.mcap", bytes), 2); }},
+      {"glb", [](Bytes bytes) { ReadStructureGlb(FileOf("a.glb", bytes)); }},
+      {"structure", [](Bytes bytes) { ReadStructureYaml(FileOf("a.yaml", bytes).string()); }},
+      {"capture",
+       [](Bytes bytes) {
+         FileOf("d.pgm", "P2\n2 2\n65535\n1000 1100 1200 0\n");
+         ReadCapture(FileOf("capture.json", bytes));
+       }},
+      {"extrinsics", [](Bytes bytes) { ReadExtrinsics(FileOf("extrinsics.json", bytes)); }},
+      {"options",
+       [](Bytes bytes) { ReadConfig<CalibrateOptions>(ConfigSource::FromString(bytes, "file")); }},
+      {"rig", [](Bytes bytes) { ReadRig(ConfigSource::FromString(bytes, "file")); }},
+      {"poses_json", [](Bytes bytes) { poses::ReadPosesJson(bytes, "file"); }},
+      {"open3d", [](Bytes bytes) { poses::ReadOpen3d(bytes, "file"); }},
+      {"unity", [](Bytes bytes) { poses::ReadUnity(bytes, "file"); }},
+      {"open3d_log", [](Bytes bytes) { poses::ReadOpen3dLog(bytes, "file"); }},
+      {"tum", [](Bytes bytes) { poses::ReadTum(bytes, "file"); }},
+      {"csv", [](Bytes bytes) { poses::ReadCsv(bytes, "file"); }},
+      {"opencv", [](Bytes bytes) { poses::ReadOpencv(bytes, "file"); }},
+      {"ros", [](Bytes bytes) { poses::ReadRos(bytes, "file"); }},
+      {"cwipc", [](Bytes bytes) { poses::ReadCwipc(bytes, "file"); }},
+      {"volumetric", [](Bytes bytes) { poses::ReadVolumetricCapture(FolderOf(bytes)); }},
+      {"livescan",
+       [](Bytes bytes) {
+         poses::Files files;  // as ReadPoses chooses them
+         for (auto& [name, text] : FolderOf(bytes)) {
+           if (poses::IsLivescanFile(name)) files[name] = text;
+         }
+         poses::ReadLivescan(files, [](const std::string&) { return Pose::Identity(); });
+       }},
+      {"colmap", [](Bytes bytes) { poses::ReadColmap(FolderOf(bytes)); }}};
+  return targets;
+}
+
+std::string ReadFuzzInput(const FuzzTarget& target, const std::string& bytes) {
+  try {
+    target.read(bytes);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace volalign

@@ -1,0 +1,96 @@
+// A stack that looks alike from two sides: which side a sensor stands on is a question of the rig.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "infer/calib/calibrate.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign::calibrate_twins_test {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+/// Six equal cartons in a row along x, alike from the front and from behind.
+std::vector<Box> Row() {
+  std::vector<Box> boxes;
+  for (int i = 0; i < 6; ++i)
+    boxes.push_back(Box::FromMinMax("b" + std::to_string(i), {-0.9 + 0.3 * i, 0, -0.2},
+                                    {-0.6 + 0.3 * i, 0.4, 0.2}));
+  return boxes;
+}
+
+/// Two sensors that look at the row from both sides, in a square room with two cupboards.
+Rig FromBothSides(double azimuth) {
+  std::vector<Box> seen = Row();
+  seen.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
+  seen.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
+  Rig rig{Structure::FromBoxes("room", seen), {}, {}};
+  for (int i = 0; i < 2; ++i) {
+    rig.Add("S" + std::to_string(i), RingPose(azimuth + 180 * i, 1.9, 0.9, 90, {0, 0.2, 0}),
+            {true, 2.5});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  rig.structure = Structure::FromBoxes("row", Row());
+  return rig;
+}
+
+// The row may be taken for itself from behind, but not by one of the two alone: they would see
+// through what the other one sees, although walls and floor then lie in the same places.
+TEST(CalibrateTwins, ARowFromBothSides) {
+  for (const double azimuth : {80.0, 90.0, 100.0, 115.0}) {
+    SCOPED_TRACE(azimuth);
+    const Rig rig = FromBothSides(azimuth);
+    const CalibrationResult result =
+        Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, CalibrateOptions());
+    for (const FrameResult& sensor : result.sensors) {
+      ASSERT_TRUE(sensor.structure_from_sensor.has_value());
+      EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << "both may be turned together";
+    }
+    const auto between = [](const Pose& a, const Pose& b) { return Pose(a.inverse() * b); };
+    const PoseError error = ComparePoses(
+        between(*result.sensors[0].structure_from_sensor, *result.sensors[1].structure_from_sensor),
+        between(*rig.frames[0].ground_truth, *rig.frames[1].ground_truth));
+    EXPECT_LT(error.translation_m, 0.03);
+    EXPECT_LT(error.rotation_deg, 0.3);
+  }
+}
+
+// Both sensors have one other set of poses, at the other side of the row, which --twin chooses for
+// both by either.
+TEST(CalibrateTwins, TheOtherSideIsInTheResultAndCanBeChosen) {
+  const Rig rig = FromBothSides(100);
+  const std::vector<Still> stills{{"", rig.frames}};
+  CalibrateOptions options;
+  const CalibrationResult first = Calibrate(stills, rig.structure, nullptr, options);
+  ASSERT_FALSE(first.twins.empty());
+  const RigTwin& twin = first.twins.front();
+  ASSERT_EQ(twin.sensors.size(), 2u) << "neither turns without the other";
+  EXPECT_LT(twin.log_odds, std::log(kDecisiveOdds));
+  options.orientation.twins = {"S1=2"};
+  const CalibrationResult second = Calibrate(stills, rig.structure, nullptr, options);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const FrameResult& sensor = second.sensors[i];
+    ASSERT_TRUE(sensor.structure_from_sensor.has_value());
+    EXPECT_LT(ComparePoses(*sensor.structure_from_sensor, twin.sensors[i].structure_from_sensor)
+                  .translation_m,
+              0.05);
+    EXPECT_NE(sensor.code, SensorCode::kAmbiguous) << "the choice is made";
+  }
+  options.orientation.twins = {"S1=9"};
+  EXPECT_THROW(Calibrate(stills, rig.structure, nullptr, options), ConfigError);
+  for (const char* wrong : {"S1", "S1=0", "S1=x", "S9=2"}) {
+    options.orientation.twins = {wrong};
+    EXPECT_THROW(Calibrate(stills, rig.structure, nullptr, options), ConfigError) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace volalign::calibrate_twins_test

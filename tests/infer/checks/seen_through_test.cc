@@ -1,0 +1,91 @@
+#include "infer/checks/seen_through.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign::seen_through_test {
+namespace {
+
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+constexpr double kRefuting = 100;
+/// What two sensors alone see of each other's surroundings is little.
+constexpr double kDoubtful = 1;
+
+/// A long carton, alike from the front and from behind.
+std::vector<Box> Carton() { return {Box::FromMinMax("carton", {-0.9, 0, -0.2}, {0.9, 0.4, 0.2})}; }
+
+/// Sensors round it in a room with two cupboards, which are no part of the structure.
+struct Room {
+  std::vector<SensorView> views;
+  std::vector<Pose> poses;
+
+  explicit Room(int sensors) {
+    std::vector<Box> seen = Carton();
+    seen.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
+    seen.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
+    Rig rig{Structure::FromBoxes("room", seen), {}, {}};
+    for (int i = 0; i < sensors; ++i) {
+      rig.Add("S" + std::to_string(i),
+              RingPose(80 + 360.0 / sensors * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
+      testing_infer::AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+      views.push_back(MakeSensorView(rig.frames.back().depth, rig.frames.back().intrinsics));
+      poses.push_back(*rig.frames.back().ground_truth);
+    }
+  }
+  void TurnAboutTheVertical(std::size_t i) {
+    poses[i] = Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()) * poses[i];
+  }
+  std::vector<std::optional<SeenThrough>> Find(double refuting_odds = kRefuting) const {
+    std::vector<const SensorView*> all;
+    for (const SensorView& view : views) all.push_back(&view);
+    return FindSeenThrough(all, poses, Structure::FromBoxes("carton", Carton()), refuting_odds, 1);
+  }
+};
+
+TEST(FindSeenThrough, NothingOfSensorsThatStandWhereTheyDo) {
+  for (const int sensors : {1, 2, 5}) {
+    for (const auto& found : Room(sensors).Find()) EXPECT_FALSE(found.has_value()) << sensors;
+  }
+}
+
+TEST(FindSeenThrough, OfTwoEitherMayBeTheWrongOne) {
+  Room room(2);
+  room.TurnAboutTheVertical(1);
+  const auto found = room.Find(kDoubtful);
+  for (const std::size_t i : {0, 1}) {
+    ASSERT_TRUE(found[i].has_value());
+    EXPECT_EQ(found[i]->other, 1 - i);
+    EXPECT_LT(found[i]->log_odds, 0);
+    EXPECT_GT(found[i]->share, 0.01);
+    EXPECT_FALSE(room.Find(std::exp(-found[i]->log_odds) * 1.01)[i].has_value());
+  }
+  // Turned together, they agree.
+  room.TurnAboutTheVertical(0);
+  EXPECT_FALSE(room.Find(kDoubtful)[0].has_value());
+}
+
+TEST(FindSeenThrough, OfSeveralTheWrongOneAlone) {
+  Room room(5);
+  room.TurnAboutTheVertical(3);
+  const auto found = room.Find();
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(found[i].has_value(), i == 3) << i;
+}
+
+TEST(FindSeenThrough, ASensorWithoutAPoseTakesNoPart) {
+  Room room(3);
+  room.TurnAboutTheVertical(2);
+  const Structure structure = Structure::FromBoxes("carton", Carton());
+  const auto found = FindSeenThrough({&room.views[0], &room.views[1], nullptr}, room.poses,
+                                     structure, kRefuting, 1);
+  for (const auto& each : found) EXPECT_FALSE(each.has_value());
+}
+
+}  // namespace
+}  // namespace volalign::seen_through_test

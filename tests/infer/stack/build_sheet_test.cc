@@ -1,0 +1,117 @@
+#include "infer/stack/build_sheet.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "core/base/file_limits.h"
+#include "core/base/file_util.h"
+
+namespace volalign::build_sheet_test {
+namespace {
+
+struct Text {
+  std::string words;
+  double left, right, top, bottom;
+};
+
+/// Every text of the SVG with the room that it takes in DejaVu Sans, at least.
+std::vector<Text> TextsOf(const std::string& svg) {
+  static const std::regex kText("<text x=\"([-0-9.]+)\" y=\"([-0-9.]+)\"([^>]*)>([^<]*)</text>"),
+      kSize("font-size=\"([0-9.]+)\"");
+  std::vector<Text> texts;
+  for (std::sregex_iterator it(svg.begin(), svg.end(), kText), end; it != end; ++it) {
+    const std::string attributes = (*it)[3], words = (*it)[4];
+    std::smatch found;
+    const double size = std::regex_search(attributes, found, kSize) ? std::stod(found[1]) : 13;
+    const auto letters = std::count_if(words.begin(), words.end(), [](char c) {
+      return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
+    });
+    const double width = 0.45 * size * static_cast<double>(letters);
+    const double x = std::stod((*it)[1]), y = std::stod((*it)[2]);
+    const double left = attributes.find("\"end\"") != std::string::npos      ? x - width
+                        : attributes.find("\"middle\"") != std::string::npos ? x - width / 2
+                                                                             : x;
+    texts.push_back({words, left, left + width, y - 0.7 * size, y});
+  }
+  return texts;
+}
+
+void ExpectNoOverlap(const Structure& structure) {
+  const std::vector<Text> texts = TextsOf(BuildSheet(structure));
+  ASSERT_GT(texts.size(), 8 * structure.boxes().size());
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    const Text& a = texts[i];
+    EXPECT_TRUE(a.left >= 0 && a.right <= 794 && a.top >= 0 && a.bottom <= 1123) << a.words;
+    for (std::size_t j = 0; j < i; ++j) {
+      const Text& b = texts[j];
+      EXPECT_TRUE(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top)
+          << structure.name() << ": '" << a.words << "' lies over '" << b.words << "'";
+    }
+  }
+}
+
+Structure Grid(int boxes, const std::string& name) {
+  std::vector<Box> all;
+  for (int i = 0; i < boxes; ++i) {
+    const Eigen::Vector3d at(0.42 * (i % 3), 0.3 * (i / 6), 0.32 * (i / 3 % 2) + 0.013 * i);
+    all.push_back(
+        Box::FromMinMax(fmt::format("{}_{}", name, i), at, at + Eigen::Vector3d(0.4, 0.3, 0.3)));
+  }
+  return Structure::FromBoxes(name, all);
+}
+
+TEST(BuildSheet, NoTextLiesOverAnother) {
+  ExpectNoOverlap(ReadStructureYaml("configs/structure.yaml"));
+  for (const int boxes : {1, 2, 3, 7, 12, 20, 51}) ExpectNoOverlap(Grid(boxes, "carton"));
+  ExpectNoOverlap(Grid(4, std::string(90, 'w')));
+  std::vector<Box> tower;
+  for (int i = 0; i < 8; ++i) {
+    tower.push_back(Box::FromMinMax(fmt::format("t{}", i), {0.01 * i, 0.4 * i, 0},
+                                    {0.3, 0.4 * (i + 1), 0.2 + 0.03 * i}));
+  }
+  ExpectNoOverlap(Structure::FromBoxes("tower", tower));
+}
+
+// What the page of the paper's stack has to say, from the numbers of configs/structure.yaml.
+TEST(BuildSheet, SaysHowThePapersStackIsBuilt) {
+  const std::vector<Text> texts = TextsOf(BuildSheet(ReadStructureYaml("configs/structure.yaml")));
+  const auto count = [&](const std::string& words) {
+    return std::count_if(texts.begin(), texts.end(),
+                         [&](const Text& text) { return text.words == words; });
+  };
+  EXPECT_EQ(count("4 boxes, 1620 mm high. Build from 1 to 4. All lengths are in millimetres."), 1);
+  EXPECT_EQ(count("555 front-back, 330 left-right, 405 up"), 2 * 2);  // view and plan
+  EXPECT_EQ(count("330 front-back, 555 left-right, 405 up"), 2 * 2);
+  EXPECT_EQ(count("on the floor"), 1);
+  EXPECT_EQ(count("on 1 bottom"), 1);
+  EXPECT_EQ(count("on 2 mid_bottom"), 1);
+  EXPECT_EQ(count("on 3 mid_top"), 1);
+  EXPECT_EQ(count("225 out"), 3);
+  EXPECT_EQ(count("225 in"), 3);
+  EXPECT_EQ(count("flush"), 6);
+  EXPECT_EQ(count("front (+x)"), 1);
+  EXPECT_EQ(count("origin (+) 275 from its front edge,"), 1);
+  EXPECT_EQ(count("165 from its right edge, 810 above"), 1);
+}
+
+TEST(BuildSheet, NamesATurnAndABoxInTheAir) {
+  Box turned = Box::FromMinMax("turned", {0, 0.25, 0}, {0.4, 0.5, 0.4});
+  turned.structure_from_box.linear() = RotationExp(-0.25 * Eigen::Vector3d::UnitY());
+  const std::string svg = BuildSheet(
+      Structure::FromBoxes("two", {Box::FromMinMax("base", {0, 0, 0}, {0.5, 0.2, 0.5}), turned}));
+  EXPECT_NE(svg.find(">on nothing (check y), 14.3° clockwise<"), std::string::npos);
+}
+
+TEST(BuildSheet, IsThePictureOfTheReadme) {
+  EXPECT_TRUE(BuildSheet(ReadStructureYaml("configs/structure.yaml")) ==
+              ReadFile("docs/build.svg", kMaxTextBytes))
+      << "volalign structure sheet configs/structure.yaml -o docs/build.svg";
+}
+
+}  // namespace
+}  // namespace volalign::build_sheet_test
