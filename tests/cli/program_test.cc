@@ -511,7 +511,9 @@ TEST_F(Program, OneProcessAtATimeWritesAResult) {
                                 Path("capture/structure.glb") + " --no-report -o " + Path("out");
   RunningProgram first(calibrate);
   WaitForDraft(Path("out"));
+  first.Signal(SIGSTOP);
   ExpectError(Volalign(calibrate), {Path("out"), "another volalign is writing there"});
+  first.Signal(SIGCONT);
   EXPECT_EQ(first.Wait().status, 0);
   EXPECT_EQ(Volalign(calibrate).status, 0);
 }
