@@ -155,7 +155,7 @@ TEST_F(EndToEnd, ARoomWithoutTheStructureFailsWithoutAModel) {
 }
 
 TEST_F(EndToEnd, ASensorThatLooksAwayFails) {
-  for (std::uint64_t seed = 2000; seed < 2000 + Rounds(10, 50); ++seed) {
+  for (std::uint64_t seed = 2000; seed < 2000 + Rounds(5, 50); ++seed) {
     Rig rig = SingleSensorRig(seed);
     RigSensor& sensor = rig.sensors[0];
     const double angle = sensor.phi_deg * 3.14159265358979 / 180;
@@ -199,10 +199,11 @@ TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
     Structure built;
     std::string sentence;
   };
-  const std::vector<Case> cases = {
+  std::vector<Case> cases = {
+      {with({bottom, mid_bottom, top, mid_top}), "boxes mid_top and top are swapped"},
       {with({bottom, top, mid_top, mid_bottom}), "the stack or the frames are mirrored"},
-      {with({bottom, mid_bottom, top, top}), "box mid_top is turned by 270 deg"},
-      {with({bottom, mid_bottom, top, mid_top}), "boxes mid_top and top are swapped"}};
+      {with({bottom, mid_bottom, top, top}), "box mid_top is turned by 270 deg"}};
+  cases.resize(Rounds(1, cases.size()));
   const TempFolder folder;
   for (const Case& c : cases) {
     WriteStructureGlb(folder / "built.glb", c.built);

@@ -19,6 +19,7 @@
 
 #include "core/base/file_util.h"
 #include "tests/cli/run_program.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -105,10 +106,12 @@ TEST_F(Stopped, EveryCommandSaysSoAndEndsWithTheSignalsStatus) {
       "config reference",
       "doctor"};
   int stopped = 0;
-  for (const std::string& command : commands) {
+  for (std::size_t k = 0; k < commands.size(); ++k) {
+    const std::string& command = commands[k];
     SCOPED_TRACE(command);
     const double whole = ExpectEnds(command);
     for (const int number : {SIGINT, SIGTERM}) {
+      if ((number == SIGINT) == (k % 2 == 0) && Rounds(1, 2) == 1) continue;
       bool said = false;
       for (int draw = 0; draw < 20 && !said; ++draw) {
         for (const fs::directory_entry& entry : fs::directory_iterator(folder_.path())) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cstdlib>
 #include <string>
 #include <thread>
 
@@ -11,40 +12,69 @@
 namespace volalign::progress_line_test {
 namespace {
 
-/// Until it has been drawn.
+using Clock = std::chrono::steady_clock;
+
+/// Until it has been drawn, on a machine that does nothing else.
 void Wait() { std::this_thread::sleep_for(std::chrono::milliseconds(450)); }
 
 bool Has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
+/// What is shown from now on, until all of it has `part` so many times, or ten seconds have passed.
+std::string SeenUntil(Terminal* terminal, const std::string& part, int times = 1) {
+  std::string seen;
+  for (const auto start = Clock::now(); Clock::now() - start < std::chrono::seconds(10);) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    seen += terminal->Seen();
+    int found = 0;
+    for (std::size_t at = 0; (at = seen.find(part, at)) != std::string::npos; ++at) ++found;
+    if (found >= times) break;
+  }
+  return seen;
+}
+
+/// The number behind the last `part`; -1 where there is none.
+double NumberAfter(const std::string& text, const std::string& part) {
+  const std::size_t at = text.rfind(part);
+  return at == std::string::npos ? -1 : std::atof(text.c_str() + at + part.size());
+}
+
 TEST(ProgressLine, SaysWhatIsGoingOnAndWhatIsLeft) {
   Terminal terminal;
   std::string seen;
   {
+    const auto start = Clock::now();
+    const auto passed = [&] { return std::chrono::duration<double>(Clock::now() - start).count(); };
     ProgressLine line;
     line.Begin("first poses");
-    Wait();
-    seen = terminal.Seen();
-    EXPECT_TRUE(Has(seen, "0.2 s: first poses ...")) << seen;  // and 0.4 s: it moves
-    EXPECT_TRUE(Has(seen, "0.4 s: first poses ...")) << seen;
+    seen = SeenUntil(&terminal, " s: first poses ...", 2);
+    const double first = std::atof(seen.c_str() + seen.find_first_of("0123456789"));
+    EXPECT_GE(NumberAfter(seen, "\x1b[K"), first + 0.1) << "it moves: " << seen;
     EXPECT_FALSE(Has(seen, "left")) << seen;
-    // 90 of 100 were there before; 1 took 0.45 s.
+    // 90 of 100 were there before.
+    const double before = passed();
     line.Count("frames", 90, 100);
+    const double begun = passed();
     Wait();
     EXPECT_FALSE(Has(terminal.Seen(), "left")) << "nothing tells how fast it is";
+    const double one = passed() - begun;
     line.Count("frames", 91, 100, "loss 3");
-    Wait();
-    seen = terminal.Seen();
-    EXPECT_TRUE(Has(seen, "frames, 91 of 100, about 4 seconds left; loss 3")) << seen;
-    // A tenth of all took 1.35 s, so that 12 are left; a stage that takes longer says nothing.
+    seen = SeenUntil(&terminal, "left; loss 3");
+    EXPECT_TRUE(Has(seen, "frames, 91 of 100, about ")) << seen;
+    EXPECT_GE(NumberAfter(seen, "about "), 9 * one - 0.5) << seen;
+    EXPECT_LE(NumberAfter(seen, "about "), 9 * (passed() - before) + 0.5) << seen;
+    // A tenth of all is over, so that nine times as much is left; a stage that takes longer says
+    // nothing.
+    const double tenth = passed();
     line.Begin("writing", 0.1);
-    Wait();
-    seen = terminal.Seen();
-    EXPECT_TRUE(Has(seen, "writing, about 12 seconds left ...")) << seen;
+    const double at_most = passed();
+    seen = SeenUntil(&terminal, "left ...");
+    const double left = NumberAfter(seen, "writing, about ");
+    EXPECT_GE(left, 10 * tenth - passed() - 0.5) << seen;
+    EXPECT_LE(left, 9 * at_most + 0.5) << seen;
     line.Begin("clouds", 0.999);
-    Wait();
-    seen = terminal.Seen();
+    seen = SeenUntil(&terminal, "clouds ...");
     EXPECT_TRUE(Has(seen.substr(seen.rfind('\r')), "clouds ...")) << seen;
     line.Say("that stays");
     seen = terminal.Seen();

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -37,7 +38,14 @@ TEST(KdTree, FindsWhatASearchThroughAllPointsFinds) {
     }
     EXPECT_EQ(tree.Nearest(p).index, nearest);
     EXPECT_DOUBLE_EQ(tree.Nearest(p).squared_distance, least);
+    EXPECT_EQ(tree.Nearest(p, 1.001 * std::sqrt(least)).index, nearest);
+    EXPECT_EQ(tree.Nearest(p, 0.999 * std::sqrt(least)).index, -1);
   }
+}
+
+TEST(KdTree, APointAtTheLargestDistanceIsNear) {
+  const KdTree tree({Eigen::Vector3d(3, 0, 4)});
+  EXPECT_EQ(tree.Nearest(Eigen::Vector3d::Zero(), 5).index, 0);
 }
 
 TEST(KdTree, OfNothingHasNoNeighbour) {

@@ -244,7 +244,7 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
   const Structure structure = PaperStructure();
   std::vector<SensorFrame> frames;
   StoredSegmenter segmenter;
-  for (std::uint64_t seed = 0; seed < Rounds(12, 50); ++seed) {
+  for (std::uint64_t seed = 0; seed < Rounds(6, 50); ++seed) {
     FakeRoom room = MakeFakeRoom(structure, seed);
     SensorFrame frame;
     frame.name = "room" + std::to_string(seed);
