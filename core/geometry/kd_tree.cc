@@ -1,10 +1,36 @@
 #include "core/geometry/kd_tree.h"
 
+#include <cmath>
 #include <cstdint>
 #include <nanoflann.hpp>
 #include <utility>
 
 namespace volalign {
+
+namespace {
+
+/// nanoflann's result set for one neighbour within a distance.
+struct NearestWithin {
+  explicit NearestWithin(double max_distance)
+      : worst(
+            std::nextafter(max_distance * max_distance, std::numeric_limits<double>::infinity())) {}
+  double worstDist() const { return worst; }
+  bool addPoint(double squared_distance, std::uint32_t index) {
+    if (!(squared_distance < worst)) return true;  // than when its leaf was opened
+    nearest = {static_cast<int>(index), squared_distance};
+    worst = squared_distance;
+    return true;
+  }
+  bool full() const { return nearest.index >= 0; }
+  std::size_t size() const { return full() ? 1 : 0; }
+  bool empty() const { return !full(); }
+  void sort() const {}
+
+  KdTree::Neighbour nearest;
+  double worst;  // what is as far or farther is not taken
+};
+
+}  // namespace
 
 struct KdTree::Index {
   struct Points {
@@ -36,11 +62,10 @@ KdTree::~KdTree() = default;
 KdTree::KdTree(KdTree&&) noexcept = default;
 KdTree& KdTree::operator=(KdTree&&) noexcept = default;
 
-KdTree::Neighbour KdTree::Nearest(const Eigen::Vector3d& p) const {
-  std::uint32_t index = 0;
-  double squared = 0;
-  if (index_->tree.knnSearch(p.data(), 1, &index, &squared) == 0) return {};
-  return {static_cast<int>(index), squared};
+KdTree::Neighbour KdTree::Nearest(const Eigen::Vector3d& p, double max_distance) const {
+  NearestWithin found(max_distance);
+  index_->tree.findNeighbors(found, p.data(), {});
+  return found.nearest;
 }
 
 }  // namespace volalign

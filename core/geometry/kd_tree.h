@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -15,10 +16,12 @@ class KdTree {
   KdTree& operator=(KdTree&&) noexcept;
 
   struct Neighbour {
-    int index = -1;  ///< -1: the tree is empty
+    int index = -1;  ///< -1: none is so near
     double squared_distance = 0;
   };
-  Neighbour Nearest(const Eigen::Vector3d& p) const;
+  /// Of the points no farther from `p` than `max_distance`, which saves most of the search.
+  Neighbour Nearest(const Eigen::Vector3d& p,
+                    double max_distance = std::numeric_limits<double>::infinity()) const;
 
  private:
   struct Index;

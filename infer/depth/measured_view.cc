@@ -48,8 +48,8 @@ CauseShares MeasuredView::Explain(const MeasuredView& other, const Pose& this_fr
   for (const Point& point : other.points_) {
     const Eigen::Vector3d p = this_from_other * point.p;
     if (!(p.z() > 0)) continue;
-    const KdTree::Neighbour ray = rays_->Nearest({p.x() / p.z(), p.y() / p.z(), 0});
-    if (ray.index < 0 || ray.squared_distance > pitch_ * pitch_) continue;
+    const KdTree::Neighbour ray = rays_->Nearest({p.x() / p.z(), p.y() / p.z(), 0}, pitch_);
+    if (ray.index < 0) continue;
     const int u = ray.index % view_.width(), v = ray.index / view_.width();
     // Between the depths of the pixel and its neighbours, the point lies on their surface or at its
     // edge.

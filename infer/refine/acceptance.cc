@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/fine.h"
@@ -95,8 +96,8 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
 std::vector<FrameObservations> GatherHeldOut(const JointProblem& problem,
                                              const Solution& solution) {
   std::vector<FrameObservations> held_out(problem.size());
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!problem.HasStructureTerms(i) || solution.held[i]) continue;
+  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+    if (!problem.HasStructureTerms(i) || solution.held[i]) return;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kAccept,
@@ -104,7 +105,7 @@ std::vector<FrameObservations> GatherHeldOut(const JointProblem& problem,
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
     held_out[i].noise = solution.observed[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
-  }
+  });
   return held_out;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/residuals.h"
@@ -279,10 +280,15 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
                 std::vector<Disagreement>(problem.size())};
   for (std::size_t aside = 0;; ++aside) {
     std::optional<std::size_t> worst;
+    const auto takes_part = [&](std::size_t i) {
+      return !agreed.solution.held[i] && problem.HasStructureTerms(i);
+    };
+    ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+      if (takes_part(i))
+        agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
+    });
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (agreed.solution.held[i] || !problem.HasStructureTerms(i)) continue;
-      agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
-      if (!Disagrees(agreed.measured[i], unknowns)) continue;
+      if (!takes_part(i) || !Disagrees(agreed.measured[i], unknowns)) continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
     if (worst) worst = FindOddOne(problem, agreed, unknowns, *worst);

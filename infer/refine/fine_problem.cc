@@ -6,6 +6,7 @@
 #include <set>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
 #include "core/geometry/visibility.h"
 #include "infer/refine/costs.h"
@@ -107,11 +108,9 @@ PairMatches InformativeMatches(const JointProblem& problem,
 
 /// Points that two sensors see, and that the structure does not hold already. Errors within a
 /// correlation length are one error.
-void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObservations>& observed,
-                     const std::vector<char>& held, std::size_t a, std::size_t b, State* state,
+void AddOverlapTerms(const JointProblem& problem, const PairMatches& pair, State* state,
                      CeresProblem* ceres) {
-  if (problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b])) return;
-  const auto [matches, cells] = InformativeMatches(problem, observed, *state, a, b);
+  const auto& [matches, cells] = pair;
   if (matches.size() < kFewestMatches) return;  // for their spread
   std::vector<double> sizes;
   sizes.reserve(matches.size());
@@ -283,12 +282,19 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   AddLensTerms(problem, sigmas, state, &ceres);
   AddBuild(layout, sigmas, state, &ceres);
   HoldConstant(layout, constant, state, &ceres);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (problem.OverlapCounts(a, b))
-        AddOverlapTerms(problem, observed, held, a, b, state, &ceres);
+      const bool left_out =
+          problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b]);
+      if (!left_out && problem.OverlapCounts(a, b)) pairs.emplace_back(a, b);
     }
   }
+  std::vector<PairMatches> matches(pairs.size());
+  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
+    matches[k] = InformativeMatches(problem, observed, *state, pairs[k].first, pairs[k].second);
+  });
+  for (const PairMatches& of_pair : matches) AddOverlapTerms(problem, of_pair, state, &ceres);
   return ceres;
 }
 

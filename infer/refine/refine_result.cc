@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "infer/refine/fine.h"
 #include "infer/refine/fine_problem.h"
 
@@ -91,16 +92,20 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
 
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
   const Gates gates = FineGates();
-  std::vector<RefinedPair> pairs;
-  for (std::size_t a = 0; a < problem.size(); ++a) {
+  std::vector<std::vector<RefinedPair>> of_first(problem.size());
+  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
       if (state.StillOf(a) != state.StillOf(b)) continue;
       const SharedPoints shared = FindShared(problem.Overlap(a, state), problem.Overlap(b, state),
                                              gates.overlap, gates.min_cosine);
       if (!shared.IsPair(problem.setup.schedule.min_overlap)) continue;
-      pairs.push_back({static_cast<int>(a), static_cast<int>(b), shared.overlap, shared.rms()});
+      of_first[a].push_back(
+          {static_cast<int>(a), static_cast<int>(b), shared.overlap, shared.rms()});
     }
-  }
+  });
+  std::vector<RefinedPair> pairs;
+  for (const std::vector<RefinedPair>& some : of_first)
+    pairs.insert(pairs.end(), some.begin(), some.end());
   return pairs;
 }
 

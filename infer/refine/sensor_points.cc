@@ -126,9 +126,7 @@ SensorPoints::SensorPoints(std::vector<SidePoint> sides, std::vector<EdgePoint> 
 }
 
 int SensorPoints::Nearest(const Eigen::Vector3d& p, double max_distance) const {
-  if (!tree_) return -1;
-  const KdTree::Neighbour nearest = tree_->Nearest(p);
-  return nearest.squared_distance <= max_distance * max_distance ? nearest.index : -1;
+  return tree_ ? tree_->Nearest(p, max_distance).index : -1;
 }
 
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,

@@ -78,8 +78,8 @@ struct Gate {
 std::vector<Match> FindMatches(const Cloud& from, const Cloud& to, const KdTree& tree, Gate gate) {
   std::vector<Match> matches;
   for (std::size_t i = 0; i < from.points.size(); ++i) {
-    const KdTree::Neighbour found = tree.Nearest(from.points[i]);
-    if (found.index < 0 || found.squared_distance > gate.distance * gate.distance) continue;
+    const KdTree::Neighbour found = tree.Nearest(from.points[i], gate.distance);
+    if (found.index < 0) continue;
     const auto j = static_cast<std::size_t>(found.index);
     if (from.normals[i].dot(to.normals[j]) < gate.cosine) continue;
     matches.push_back({from.points[i], to.points[j], to.normals[j]});
