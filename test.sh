@@ -13,7 +13,7 @@ ctest --preset release "$@" | tee "$results"
 # By CTest's list, and one by one of those that GoogleTest, pytest and a script skipped within a program that passed.
 skipped=$({
   sed -nE 's/^\t *[0-9]+ - ([^ ]+) \(Skipped\)$/\1/p' "$results"
-  sed -nE 's/^\[  SKIPPED \] ([^ ]+\.[^ ]+).*/\1/p; s/^SKIPPED \[[0-9]+\] ([^ ]+):[0-9]+: .*/\1/p' build/release/Testing/Temporary/LastTest.log
+  sed -nE 's/^\[  SKIPPED \] ([^ ]+\.[^ :]+).*/\1/p; s/^SKIPPED \[[0-9]+\] ([^ ]+):[0-9]+: .*/\1/p' build/release/Testing/Temporary/LastTest.log
 } | sort -u)
 [ -z "${VOLALIGN_MAY_SKIP:-}" ] || skipped=$(grep -vxE "$VOLALIGN_MAY_SKIP" <<<"$skipped" || true)
 if [ -n "$skipped" ] && [ -n "${VOLALIGN_NO_SKIPS:-}" ]; then
