@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/plot/svg.h"
 
 namespace volalign {
@@ -16,6 +17,7 @@ namespace {
 // Sizes in the units of the picture.
 constexpr double kPlotWidth = 720, kPanel = 300, kLegendLine = 20;
 constexpr double kLeft = 70, kRight = 20, kTop = 34, kBottom = 40;
+constexpr std::size_t kLegendLetters = 85;  // in a line: 7 px each
 constexpr char kFrame[] = "stroke=\"#444\"";
 /// Of Okabe and Ito, which people with any colour vision tell apart.
 constexpr std::array<const char*, 8> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
@@ -98,6 +100,25 @@ void DrawPanel(const std::vector<RunGroup>& groups, const std::string& metric, d
   }
 }
 
+/// What a group is called, in lines that fit beside its colour, broken behind commas.
+std::vector<std::string> LegendLines(const RunGroup& group) {
+  const std::size_t runs = group.runs.size();
+  const std::string name = runs == 1 ? fmt::format("{} ({})", group.Label(), group.runs[0].name)
+                                     : fmt::format("{} ({} runs)", group.Label(), runs);
+  std::vector<std::string> lines;
+  for (const std::string& part : Split(name, ',')) {
+    if (lines.empty()) {
+      lines.push_back(part);
+    } else if (lines.back().size() + part.size() < kLegendLetters) {
+      lines.back() += "," + part;
+    } else {
+      lines.back() += ",";
+      lines.push_back(part.substr(std::min(part.find_first_not_of(' '), part.size())));
+    }
+  }
+  return lines;
+}
+
 void RequireMetrics(const std::vector<RunGroup>& groups, const std::vector<std::string>& metrics) {
   std::set<std::string> known;
   for (const RunGroup& group : groups) {
@@ -119,20 +140,25 @@ std::string PlotRuns(const std::vector<RunGroup>& groups, const std::vector<std:
   const double legend = kPanel * static_cast<double>(metrics.size());
   const bool spread = std::any_of(groups.begin(), groups.end(),
                                   [](const RunGroup& group) { return group.runs.size() > 1; });
-  const double height =
-      legend + kLegendLine * static_cast<double>(groups.size() + (spread ? 1 : 0)) + 10;
+  std::vector<std::vector<std::string>> names;
+  std::size_t lines = spread ? 1 : 0;
+  for (const RunGroup& group : groups) {
+    names.push_back(LegendLines(group));
+    lines += names.back().size();
+  }
+  const double height = legend + kLegendLine * static_cast<double>(lines) + 10;
   Svg svg(kPlotWidth, height);
   for (std::size_t i = 0; i < metrics.size(); ++i) {
     DrawPanel(groups, metrics[i], kPanel * static_cast<double>(i), &svg);
   }
+  double y = legend + 0.5 * kLegendLine;
   for (std::size_t i = 0; i < groups.size(); ++i) {
-    const double y = legend + kLegendLine * (static_cast<double>(i) + 0.5);
     svg.Line({kLeft, y}, {kLeft + 24, y},
              fmt::format("stroke=\"{}\" stroke-width=\"3\"", kColours[i % kColours.size()]));
-    const std::size_t runs = groups[i].runs.size();
-    svg.Text({kLeft + 32, y + 4},
-             runs == 1 ? fmt::format("{} ({})", groups[i].Label(), groups[i].runs[0].name)
-                       : fmt::format("{} ({} runs)", groups[i].Label(), runs));
+    for (const std::string& line : names[i]) {
+      svg.Text({kLeft + 32, y + 4}, line);
+      y += kLegendLine;
+    }
   }
   if (spread) {
     svg.Text({kLeft, height - 0.5 * kLegendLine},

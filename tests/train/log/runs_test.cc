@@ -108,6 +108,15 @@ TEST(Runs, AreListedComparedAndPlotted) {
   std::vector<RunGroup> named = groups;
   named[1].runs[0].name = "a<b";
   EXPECT_NE(PlotRuns(named, {"train/loss"}).find("a&lt;b"), std::string::npos);
+  // A long name goes on in the next line.
+  for (int key = 0; key < 20; ++key) named[1].differences[fmt::format("model.key{}", key)] = "true";
+  const std::string wrapped = PlotRuns(named, {"train/loss"});
+  EXPECT_NE(wrapped.find(">model.key"), std::string::npos) << wrapped;
+  for (std::size_t at = wrapped.find("<text"); at != std::string::npos;
+       at = wrapped.find("<text", at + 1)) {
+    const std::size_t begin = wrapped.find('>', at) + 1;
+    EXPECT_LT(wrapped.find('<', begin) - begin, 90u) << wrapped.substr(at, 200);
+  }
   ExpectError<ConfigError>([&] { PlotRuns(groups, {"train/lss"}); }, {"train/lss", "train/loss"});
 }
 
