@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
 #include "infer/refine/fine_problem.h"
 
@@ -138,35 +139,43 @@ std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
 }
 
 std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
-                                                    const ParameterLayout& layout) {
+                                                    const ParameterLayout& layout, int threads) {
   const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
   if (!marginal) return std::nullopt;
-  struct Weighed {
-    Eigen::VectorXd scales;
-    double log_evidence;
-  };
-  std::vector<Weighed> models;
+  const std::vector<PriorScales> all = AllScales();
+  std::vector<std::optional<double>> evidence(all.size());
+  ParallelFor(all.size(), threads, [&](std::size_t k) {
+    const Eigen::VectorXd scales = layout.Scales(all[k])(marginal->columns);
+    if (const std::optional<ModelFit> fit = FitModel(marginal->cost, scales, false))
+      evidence[k] = fit->log_evidence;
+  });
   double most = -std::numeric_limits<double>::infinity();
-  for (const PriorScales& scales : AllScales()) {
-    const Eigen::VectorXd of_all = layout.Scales(scales);
-    const std::optional<ModelFit> fit = FitModel(marginal->cost, of_all(marginal->columns), false);
-    if (!fit) continue;
-    models.push_back({of_all, fit->log_evidence});
-    most = std::max(most, fit->log_evidence);
+  for (const std::optional<double>& of : evidence) most = std::max(most, of.value_or(most));
+  std::vector<std::size_t> believed;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (evidence[k] && std::exp(*evidence[k] - most) >= kNegligible) believed.push_back(k);
   }
   const Eigen::VectorXd common =
       CommonShiftPull(cost.normal.information, layout, cost.prior_sigmas);
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(layout.size(), layout.size());
   double weights = 0;
-  for (const Weighed& model : models) {
-    const double weight = std::exp(model.log_evidence - most);
-    if (weight < kNegligible) continue;
-    const std::optional<ModelFit> fit = FitModel(cost, model.scales, true);
-    if (!fit) continue;
-    const Eigen::VectorXd follows = fit->covariance * common;
-    sum += weight *
-           (fit->covariance + fit->step * fit->step.transpose() + follows * follows.transpose());
-    weights += weight;
+  // As many at a time as there are threads: of a large rig each takes much memory.
+  std::vector<std::optional<ModelFit>> fits(static_cast<std::size_t>(threads));
+  for (std::size_t begin = 0; begin < believed.size(); begin += fits.size()) {
+    const std::size_t count = std::min(fits.size(), believed.size() - begin);
+    ParallelFor(count, threads, [&](std::size_t k) {
+      fits[k] = FitModel(cost, layout.Scales(all[believed[begin + k]]), true);
+      if (!fits[k]) return;
+      const Eigen::VectorXd follows = fits[k]->covariance * common;
+      fits[k]->covariance +=
+          fits[k]->step * fits[k]->step.transpose() + follows * follows.transpose();
+    });
+    for (std::size_t k = 0; k < count; ++k) {
+      if (!fits[k]) continue;
+      const double weight = std::exp(*evidence[believed[begin + k]] - most);
+      sum += weight * fits[k]->covariance;
+      weights += weight;
+    }
   }
   if (weights == 0 || !sum.allFinite()) return std::nullopt;
   return sum / weights;

@@ -57,6 +57,6 @@ std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
 /// values, and of what CommonShiftPull adds. Scales under which it cannot be computed take no part;
 /// nothing, or a finite covariance.
 std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
-                                                    const ParameterLayout& layout);
+                                                    const ParameterLayout& layout, int threads);
 
 }  // namespace volalign::refine_internal

@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <optional>
 
 #include "core/geometry/factor.h"
@@ -20,13 +21,22 @@ constexpr double kCommonEdgeShift = 0.3;
 /// J^T J, dense.
 Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
-  for (int row = 0; row < jacobian.num_rows; ++row) {
-    const auto begin = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row)]);
-    const auto end = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row) + 1]);
-    for (std::size_t i = begin; i < end; ++i) {
-      if (jacobian.values[i] == 0) continue;
-      for (std::size_t j = begin; j < end; ++j)
-        information(jacobian.cols[i], jacobian.cols[j]) += jacobian.values[i] * jacobian.values[j];
+  const auto first_of = [&](int row) { return jacobian.rows[static_cast<std::size_t>(row)]; };
+  for (int row = 0, end; row < jacobian.num_rows; row = end) {
+    // The rows of one residual block have the same columns.
+    const int count = first_of(row + 1) - first_of(row);
+    const int* const columns = jacobian.cols.data() + first_of(row);
+    const auto is_alike = [&](int other) {
+      return first_of(other + 1) - first_of(other) == count &&
+             std::equal(columns, columns + count, jacobian.cols.data() + first_of(other));
+    };
+    for (end = row + 1; end < jacobian.num_rows && is_alike(end);) ++end;
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const Eigen::Map<const RowMajor> block(jacobian.values.data() + first_of(row), end - row,
+                                           count);
+    const Eigen::MatrixXd squares = block.transpose() * block;
+    for (int i = 0; i < count; ++i) {
+      for (int j = 0; j < count; ++j) information(columns[i], columns[j]) += squares(i, j);
     }
   }
   return information;

@@ -56,7 +56,8 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
   Posterior posterior = ComputePosterior(cost.normal, problem.layout,
                                          problem.layout.Constant(asked_for), cost.prior_sigmas);
   if (!problem.setup.free.where_told || !posterior.exact) return posterior;
-  if (std::optional<Eigen::MatrixXd> over_models = CovarianceOverModels(cost, problem.layout))
+  if (std::optional<Eigen::MatrixXd> over_models =
+          CovarianceOverModels(cost, problem.layout, problem.setup.schedule.threads))
     posterior.covariance = *std::move(over_models);
   return posterior;
 }

@@ -170,7 +170,8 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
   // The solution is where the widest prior has it, 1 in 101 nearer to zero than the measurement.
   const double measured_at = 0.2525, solution = measured_at * 100 / 101;
   measured.cost.values[size] = solution * size_sigma;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout).value();
+  const Eigen::MatrixXd covariance =
+      CovarianceOverModels(measured.cost, measured.layout, 2).value();
   const double expected = SpreadOverWidths(measured_at, solution);
   ASSERT_GT(expected, 1.5 * SpreadOverWidths(0, 0)) << "there is something to be counted";
   // Models of little weight are left out.
@@ -183,7 +184,8 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
 
 TEST(CovarianceOverModels, SilhouettesOfAllSensorsMayBeShiftedAlike) {
   const Measured measured;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(measured.cost, measured.layout).value();
+  const Eigen::MatrixXd covariance =
+      CovarianceOverModels(measured.cost, measured.layout, 2).value();
   const Eigen::Index a = measured.layout.Nuisance(0, kEdgeShift);
   const Eigen::Index b = measured.layout.Nuisance(1, kEdgeShift);
   // A common shift of 0.3 px of standard deviation, taken for its own by each sensor but for the
@@ -200,7 +202,7 @@ TEST(CovarianceOverModels, SaysWhereThereIsNone) {
   measured.cost.normal.information(pose, pose) = -1;
   EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
   EXPECT_FALSE(MostProbableScales(measured.cost, measured.layout, measured.free));
-  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout));
+  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
 }
 
 TEST(CovarianceOverModels, IsFiniteOrNone) {
@@ -210,7 +212,7 @@ TEST(CovarianceOverModels, IsFiniteOrNone) {
   measured.cost.normal.gradient[measured.layout.Pose(1)] = 1e200;
   ASSERT_TRUE(WithoutAlwaysFree(measured.cost, measured.layout));
   ASSERT_TRUE(MostProbableScales(measured.cost, measured.layout, measured.free));
-  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout));
+  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
 }
 
 }  // namespace

@@ -508,13 +508,12 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
 // A pose's six numbers are worth about three independent ones here, so that a share p of 240 strays
 // by sqrt(p (1 - p) / 120): 4 % for 68 %, 2 % for 95 %. Limits are two and a half of that.
 TEST(Refine, CovarianceCoversSmoothDepthErrors) {
-  // The intervals are too wide here, by a third: the model allows edges of boxes that it does not
-  // estimate 12 mm, and these stand exactly where they should. Measured, four times as many frames:
-  // 87 %, 99 %, 0.62.
+  // Too wide by a third: silhouettes have no errors here, and the model allows for some. Measured,
+  // four times as many frames: 87 %, 99 %, 0.62. Intervals that are right would pass as well.
   const Coverage coverage = CoverSmoothErrors(false);
-  EXPECT_FALSE(!(coverage.share68 > 0.77 && coverage.share68 < 0.97)) << coverage.share68;
-  EXPECT_FALSE(!(coverage.share95 > 0.94)) << coverage.share95;
-  EXPECT_FALSE(!(coverage.misfit > 0.43 && coverage.misfit < 0.9)) << coverage.misfit;
+  EXPECT_FALSE(!(coverage.share68 > 0.58 && coverage.share68 < 0.97)) << coverage.share68;
+  EXPECT_FALSE(!(coverage.share95 > 0.9)) << coverage.share95;
+  EXPECT_FALSE(!(coverage.misfit > 0.43 && coverage.misfit < 1.4)) << coverage.misfit;
 }
 
 TEST(Refine, CovarianceCoversBuildAndDepthErrorsWithEstimates) {
