@@ -11,6 +11,9 @@ namespace {
 
 /// nanoflann's result set for one neighbour within a distance.
 struct NearestWithin {
+  using DistanceType = double;
+  using IndexType = std::uint32_t;
+
   explicit NearestWithin(double max_distance)
       : worst(
             std::nextafter(max_distance * max_distance, std::numeric_limits<double>::infinity())) {}
