@@ -1,17 +1,27 @@
 #include "core/nn/cpu/convolution.h"
 
+#include <ATen/ops/constant_pad_nd.h>
 #include <ATen/ops/conv2d.h>
 
 namespace volalign {
 
 at::Tensor Convolve(const at::Tensor& x, const at::Tensor& weight, at::ScalarType type,
                     std::int64_t padding, const at::Tensor& bias) {
+  const bool one_pixel = weight.size(2) == 1 && weight.size(3) == 1 && x.is_cpu();
+  const std::int64_t channels = weight.size(0);
+  // oneDNN 2.6.3 on a processor with AVX512-BF16 gives a wrong gradient of x
+  // where a 1x1 convolution has an odd number of channels, in maps of 90x160 and of other sizes:
+  // one more channel, of zeros.
+  if (one_pixel && type == at::kBFloat16 && channels % 2 == 1) {
+    const at::Tensor even = bias.defined() ? at::constant_pad_nd(bias, {0, 1}) : bias;
+    return Convolve(x, at::constant_pad_nd(weight, {0, 0, 0, 0, 0, 0, 0, 1}), type, padding, even)
+        .narrow(1, 0, channels);
+  }
   // On one thread, LibTorch computes a 1x1 convolution of a small float32 batch without oneDNN, by
   // copying the map into a matrix: this makes a whole training step 2.7 times as long. A dilated
   // one it leaves to oneDNN, and a kernel of one pixel has nothing to dilate.
-  const std::int64_t dilation = weight.size(2) == 1 && weight.size(3) == 1 && x.is_cpu() ? 2 : 1;
   return at::conv2d(x.to(type), weight.to(type), bias.defined() ? bias.to(type) : bias,
-                    /*stride=*/1, padding, dilation);
+                    /*stride=*/1, padding, /*dilation=*/one_pixel ? 2 : 1);
 }
 
 }  // namespace volalign

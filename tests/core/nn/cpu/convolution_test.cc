@@ -4,6 +4,9 @@
 #include <ATen/Parallel.h>
 #include <gtest/gtest.h>
 
+#include <utility>
+#include <vector>
+
 namespace volalign::convolution_test {
 namespace {
 
@@ -41,6 +44,34 @@ TEST(Convolve, IsTheConvolution) {
     }
   }
   at::set_num_threads(threads);
+}
+
+/// The network's own: classes from 8 channels, and the attention's one channel.
+TEST(Convolve, HasTheGradientsInBfloat16) {
+  for (const std::int64_t channels : {1, 8, 21}) {
+    for (const auto& [height, width] :
+         {std::pair(90, 160), std::pair(144, 160), std::pair(5, 10)}) {
+      const at::Tensor x = at::randn({2, 8, height, width}).to(at::kBFloat16),
+                       weight = at::randn({channels, 8, 1, 1}).to(at::kBFloat16).to(at::kFloat),
+                       bias = at::randn({channels}),
+                       of_y = at::randn({2, channels, height, width}).to(at::kBFloat16);
+      const auto gradients = [&](at::ScalarType type) {
+        const at::Tensor in =
+            x.to(type).contiguous(at::MemoryFormat::ChannelsLast).detach().requires_grad_();
+        const at::Tensor w = weight.clone().requires_grad_(), b = bias.clone().requires_grad_();
+        const at::Tensor y = Convolve(in, w, type, 0, b);
+        EXPECT_EQ(y.size(1), channels);
+        y.backward(of_y.to(type).contiguous(at::MemoryFormat::ChannelsLast));
+        return std::vector<at::Tensor>{in.grad().to(at::kFloat), w.grad(), b.grad()};
+      };
+      const std::vector<at::Tensor> ours = gradients(at::kBFloat16);
+      const std::vector<at::Tensor> expected = gradients(at::kFloat);
+      for (std::size_t i = 0; i < ours.size(); ++i) {
+        EXPECT_LT(((ours[i] - expected[i]).norm() / expected[i].norm()).item<double>(), 0.01)
+            << channels << " channels, " << height << "x" << width << ", gradient " << i;
+      }
+    }
+  }
 }
 
 }  // namespace
