@@ -13,7 +13,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <exception>
 #include <memory>
 #include <string>
 #include <vector>
@@ -28,6 +27,7 @@
 #include "infer/initial/same_pose.h"
 #include "infer/report/extrinsics.h"
 #include "infer/segment/load.h"
+#include "tests/bench/program.h"
 
 namespace volalign {
 namespace {
@@ -156,10 +156,5 @@ int Run(const std::vector<std::string>& arguments) {
 }  // namespace volalign
 
 int main(int argc, char** argv) {
-  try {
-    return volalign::Run({argv + 1, argv + argc});
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n", error.what());
-    return 1;
-  }
+  return volalign::StatusOf([&] { return volalign::Run({argv + 1, argv + argc}); });
 }

@@ -10,6 +10,7 @@
 
 #include "core/nn/cpu/torch_threads.h"
 #include "core/nn/torch_device.h"
+#include "tests/bench/program.h"
 #include "tests/train/train_on_device.h"
 
 namespace volalign {
@@ -48,10 +49,5 @@ int Main(int argc, char** argv) {
 }  // namespace volalign
 
 int main(int argc, char** argv) {
-  try {
-    return volalign::Main(argc, argv);
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "error: {}\n", e.what());
-    return 1;
-  }
+  return volalign::StatusOf([&] { return volalign::Main(argc, argv); });
 }

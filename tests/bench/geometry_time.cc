@@ -10,8 +10,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ctime>
-#include <exception>
 #include <limits>
 #include <map>
 #include <string>
@@ -20,17 +18,12 @@
 #include "core/formats/structure_gltf.h"
 #include "infer/capture/capture.h"
 #include "infer/initial/geometry_search.h"
+#include "tests/bench/program.h"
 
 namespace volalign {
 namespace {
 
 constexpr int kRuns = 3;
-
-double ThreadMs() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
 
 struct Times {
   std::vector<double> found, not_found;
@@ -56,9 +49,9 @@ void Measure(const std::string& path, bool verbose, std::map<std::string, Times>
     double least = std::numeric_limits<double>::infinity();
     bool found = false;
     for (int run = 0; run < kRuns; ++run) {
-      const double before = ThreadMs();
+      const double before = 1e3 * ThreadSeconds();
       found = !FindPosesByGeometry(view, structure, aliases, 0, GeometryOptions()).empty();
-      least = std::min(least, ThreadMs() - before);
+      least = std::min(least, 1e3 * ThreadSeconds() - before);
     }
     Times& of_size = (*times)[fmt::format("{}x{}", view.width(), view.height())];
     (found ? of_size.found : of_size.not_found).push_back(least);
@@ -87,10 +80,5 @@ int Run(const std::vector<std::string>& arguments) {
 }  // namespace volalign
 
 int main(int argc, char** argv) {
-  try {
-    return volalign::Run({argv + 1, argv + argc});
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n", error.what());
-    return 1;
-  }
+  return volalign::StatusOf([&] { return volalign::Run({argv + 1, argv + argc}); });
 }

@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <ctime>
 #include <vector>
 
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
+#include "tests/bench/program.h"
 #include "train/batch.h"
 #include "train/compute.h"
 
@@ -18,12 +18,6 @@ namespace volalign {
 namespace {
 
 constexpr int kBatch = 16;
-
-double ProcessorSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 void Measure(const char* sensor, const char* size, int rounds) {
   SampleConfig config;
@@ -34,14 +28,14 @@ void Measure(const char* sensor, const char* size, int rounds) {
   BatchPacker packer(at::kCPU);
   double drawing = 1e9, packing = 1e9;
   for (int round = 0; round < rounds; ++round) {
-    const double start = ProcessorSeconds();
+    const double start = ThreadSeconds();
     std::vector<Sample> samples;
     for (int i = 0; i < kBatch; ++i)
       samples.push_back(Synthesize(context, renderer, 1, static_cast<std::uint64_t>(i)));
-    const double drawn = ProcessorSeconds();
+    const double drawn = ThreadSeconds();
     packer.Pack(samples);
     drawing = std::min(drawing, drawn - start);
-    packing = std::min(packing, ProcessorSeconds() - drawn);
+    packing = std::min(packing, ThreadSeconds() - drawn);
   }
   fmt::print("| {}, {} | {:.3f} | {:.3f} | {:.1f} % |\n", sensor, size, 1e3 * drawing / kBatch,
              1e3 * packing / kBatch, 100 * packing / drawing);

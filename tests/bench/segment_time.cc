@@ -14,7 +14,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -29,6 +28,7 @@
 #include "core/nn/cpu/torch_threads.h"
 #include "infer/segment/load.h"
 #include "infer/segment_onnx/load.h"
+#include "tests/bench/program.h"
 
 namespace volalign {
 namespace {
@@ -101,11 +101,8 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "segment_time FILE ROUNDS WIDTHxHEIGHT.f32...\n");
     return 2;
   }
-  try {
+  return volalign::StatusOf([&] {
     volalign::Measure(argv[1], std::atoi(argv[2]), {argv + 3, argv + argc});
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "error: {}\n", error.what());
-    return 1;
-  }
-  return 0;
+    return 0;
+  });
 }

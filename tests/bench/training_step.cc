@@ -14,6 +14,7 @@
 #include "core/geometry/lens.h"
 #include "core/geometry/structure.h"
 #include "core/nn/cpu/torch_threads.h"
+#include "tests/bench/program.h"
 #include "train/compute.h"
 #include "train/learner.h"
 #include "train/step.h"
@@ -90,10 +91,5 @@ int Main(int argc, char** argv) {
 }  // namespace volalign
 
 int main(int argc, char** argv) {
-  try {
-    return volalign::Main(argc, argv);
-  } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << "\n";
-    return 1;
-  }
+  return volalign::StatusOf([&] { return volalign::Main(argc, argv); });
 }

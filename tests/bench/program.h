@@ -1,0 +1,32 @@
+#pragma once
+
+// What the programs of this folder have in common.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <utility>
+
+namespace volalign {
+
+/// The status of `work`; 1, and a line on stderr, where it throws.
+template <class Work>
+int StatusOf(Work&& work) {
+  try {
+    return std::forward<Work>(work)();
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "error: {}\n", error.what());
+    return 1;
+  }
+}
+
+/// Processor time of the calling thread, s.
+inline double ThreadSeconds() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace volalign
