@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/geometry/sensor_kind.h"
+
 namespace volalign::refine_internal {
 
 /// What is estimated beside the poses and the nuisances that are always free.
@@ -25,10 +27,18 @@ struct PriorScales {
   double size = 1, gain = 1, offset = 1;
 };
 
-/// What a refinement has chosen to estimate, see ChooseEstimates.
+/// Errors that a sensor's observations share, beyond its constant depth error.
+struct NoiseModel {
+  DepthErrorModel depth = ErrorsOf("");  ///< its smooth part and its corners are fitted
+  double edge = 1;                       ///< scale of the silhouettes' standard deviations
+  double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
+};
+
+/// What a refinement has chosen to estimate, see ChooseEstimates, and by which errors.
 struct EstimateChoice {
-  FreeSet told;        ///< what the capture tells more about than its prior does
-  PriorScales scales;  ///< of the priors; a kind of scale 0 is held
+  FreeSet told;                   ///< what the capture tells more about than its prior does
+  PriorScales scales;             ///< of the priors; a kind of scale 0 is held
+  std::vector<NoiseModel> noise;  ///< of each frame
 };
 
 }  // namespace volalign::refine_internal

@@ -94,7 +94,8 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   // The tolerance of edges stays: boxes that are found where the structure has them have their
   // edges there too.
   Solution chosen = *kept;
-  chosen.choice = EstimateChoice{told, *scales};
+  chosen.choice = EstimateChoice{told, *scales, {}};
+  for (const FrameObservations& of : chosen.observed) chosen.choice->noise.push_back(of.noise);
   chosen.state.scales = *scales;
   if (scales->places == 0 && scales->turns == 0) Clear(&chosen.free.boxes);
   if (scales->size == 0) chosen.free.size = false;

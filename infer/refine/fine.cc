@@ -31,14 +31,20 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
   const Gates gates = FineGates();
+  const std::optional<EstimateChoice>& earlier = problem.setup.choice;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
+    if (earlier) observed[i].noise = earlier->noise[i];
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
-    FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
-             problem.PriorsOf(i), &observed[i]);
+    if (earlier) {
+      SetCovariance(problem.model, state.poses[i].ToPose(), &observed[i]);
+    } else {
+      FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
+               problem.PriorsOf(i), &observed[i]);
+    }
   });
   return observed;
 }

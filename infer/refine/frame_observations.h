@@ -6,8 +6,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "core/geometry/sensor_kind.h"
 #include "infer/lens/sensor_lens.h"
+#include "infer/refine/estimate_choice.h"
 
 namespace volalign::refine_internal {
 
@@ -29,13 +29,6 @@ struct EdgeObservation {
   double pixel = 0;     ///< m across the edge, in the side's plane, that one pixel covers
   double variance = 0;  ///< px^2, independent of the other observations'
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
-};
-
-/// Errors that a sensor's observations share, beyond its constant depth error.
-struct NoiseModel {
-  DepthErrorModel depth = ErrorsOf("");  ///< its smooth part and its corners are fitted
-  double edge = 1;                       ///< scale of the silhouettes' standard deviations
-  double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
 };
 
 struct FrameObservations {
