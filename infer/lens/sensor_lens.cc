@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <utility>
+#include <vector>
 
 #include "core/config/config_word.h"
 #include "core/geometry/lens.h"
@@ -44,6 +44,17 @@ Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], s
 /// As intrinsics have it, empty where there is none.
 LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
   return {lens.distortion, AsVector(lens.sigmas), source};
+}
+
+/// Does a capture say equally much of two lenses of one kind? `sigma`: by which the logarithms of
+/// their focal lengths may differ.
+bool SaidAlike(const SensorFrame& a, const SensorFrame& b, double sigma) {
+  const auto log_focal = [](const SensorFrame& frame) {
+    return std::log(frame.intrinsics.fx / frame.intrinsics.width);
+  };
+  return a.sensor == b.sensor &&
+         a.intrinsics.distortion.empty() == b.intrinsics.distortion.empty() &&
+         std::abs(log_focal(a) - log_focal(b)) <= sigma;
 }
 
 }  // namespace
@@ -115,7 +126,7 @@ PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lense
 LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
   LensSet set = GivenLenses(capture);
   set.lenses.clear();
-  std::map<std::pair<std::string, bool>, std::size_t> shared;  // by kind and whether it is given
+  std::vector<std::pair<const SensorFrame*, std::size_t>> shared;  // the first that has a lens
   std::vector<std::size_t> of_sensor;
   for (const FrameId id : capture.sensor_of.Ids()) {
     const SensorFrame& frame = capture[id];
@@ -124,8 +135,14 @@ LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
       const std::size_t next = set.lenses.size();
       of_sensor.push_back(next);
       if (!per_sensor && !frame.sensor.empty()) {
-        const std::pair kind(frame.sensor, !frame.intrinsics.distortion.empty());
-        of_sensor.back() = shared.emplace(kind, next).first->second;
+        const auto alike = std::find_if(shared.begin(), shared.end(), [&](const auto& first) {
+          return SaidAlike(*first.first, frame, prior.sigmas[0]);
+        });
+        if (alike != shared.end()) {
+          of_sensor.back() = alike->second;
+        } else {
+          shared.emplace_back(&frame, next);
+        }
       }
       if (of_sensor.back() == next)
         set.lenses.push_back(

@@ -119,8 +119,9 @@ Eigen::Vector3d SigmasWithoutBend();
 /// The lenses that are known as the typical ones of some kind: what an unknown one may be.
 std::vector<LensPrior> TypicalLenses();
 
-/// Sensors of one known kind of which the capture says equally much share a lens, unless
-/// `per_sensor`; every other one has its own.
+/// Sensors of one known kind share a lens, unless `per_sensor`, where the capture says equally much
+/// of them: a distortion, or none, and focal lengths that differ by no more than those of the kind
+/// do (one standard deviation of its prior). Every other one has its own.
 LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor);
 
 /// The lenses as the capture gives them, all known: what is not to be estimated.
