@@ -68,14 +68,15 @@ RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& fram
 }
 
 /// The poses that labels follow: those of frames that the structure holds, where the refinement was
-/// accepted. A frame that was refused begins where it did.
+/// accepted. A frame that was refused, or that contradicts the others, begins where it did: it
+/// moves none of them, and what it saw otherwise may have no pose to settle at.
 SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const RefineResult& refined) {
   SomeFrames<Pose> poses;
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
-    if (frame.role == FrameRole::kStructure && found->accepted)
-      poses[id] = found->structure_from_sensor;
-    ++found;
+    const RefinedFrame& solution = *found++;
+    if (frame.role == FrameRole::kStructure && solution.accepted && !solution.refused_fit)
+      poses[id] = solution.structure_from_sensor;
   }
   return poses;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "core/geometry/sensor_kind.h"
@@ -36,9 +37,10 @@ struct NoiseModel {
 
 /// What a refinement has chosen to estimate, see ChooseEstimates, and by which errors.
 struct EstimateChoice {
-  FreeSet told;                   ///< what the capture tells more about than its prior does
-  PriorScales scales;             ///< of the priors; a kind of scale 0 is held
-  std::vector<NoiseModel> noise;  ///< of each frame
+  FreeSet told;        ///< what the capture tells more about than its prior does
+  PriorScales scales;  ///< of the priors; a kind of scale 0 is held
+  /// Of each frame that is not held: one that contradicts the others errs by its own pose.
+  std::vector<std::optional<NoiseModel>> noise;
 };
 
 }  // namespace volalign::refine_internal

@@ -95,7 +95,10 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   // edges there too.
   Solution chosen = *kept;
   chosen.choice = EstimateChoice{told, *scales, {}};
-  for (const FrameObservations& of : chosen.observed) chosen.choice->noise.push_back(of.noise);
+  chosen.choice->noise.resize(problem.size());
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (!chosen.held[i]) chosen.choice->noise[i] = chosen.observed[i].noise;
+  }
   chosen.state.scales = *scales;
   if (scales->places == 0 && scales->turns == 0) Clear(&chosen.free.boxes);
   if (scales->size == 0) chosen.free.size = false;

@@ -31,10 +31,11 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
   const Gates gates = FineGates();
-  const std::optional<EstimateChoice>& earlier = problem.setup.choice;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
-    if (earlier) observed[i].noise = earlier->noise[i];
+    const std::optional<NoiseModel> earlier =
+        problem.setup.choice ? problem.setup.choice->noise[i] : std::nullopt;
+    if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
                        {state.poses[i].ToPose()}, gates, &observed[i]);

@@ -42,7 +42,7 @@ TEST(GatherObservations, KeepsTheErrorsOfAnEarlierChoice) {
   for (const std::size_t i : {0, 1}) {
     EXPECT_GT(same[i].face_root.rows(), 0);
     EXPECT_TRUE(same[i].face_root.isApprox(fitted[i].face_root, 1e-12)) << "by the same errors";
-    problem.setup.choice->noise[i].depth.smooth_m *= 2;
+    problem.setup.choice->noise[i]->depth.smooth_m *= 2;
   }
   const std::vector<FrameObservations> kept = gather();
   for (const std::size_t i : {0, 1})
