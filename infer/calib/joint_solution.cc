@@ -28,6 +28,8 @@ constexpr double kLabelsStay = 0.002;
 /// What is estimated beside the poses is chosen in so many rounds and then kept: where two choices
 /// explain the frames about equally well, the labels of each round may call for the other one.
 constexpr int kChoices = 2;
+/// The errors of the frames are fitted in so many, and kept for the same reason.
+constexpr int kFits = 4;
 
 /// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
 /// again, so many times at most. Four real Kinects whose last picture had moved by 1.9 px were 14
@@ -227,7 +229,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       // Points are associated anew in each round.
       setup.schedule.fine_iterations =
           poses.size() == frames.size() ? 1 : options.refine.fine_iterations;
-      if (++labelled == kChoices) setup.choice = refined.choice;
+      if (++labelled == kChoices || labelled == kFits) setup.choice = refined.choice;
+      if (labelled < kFits && setup.choice) setup.choice->noise.clear();
       continue;
     }
     const SomeFrames<Finding> shapeless =

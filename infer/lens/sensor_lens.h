@@ -120,8 +120,8 @@ Eigen::Vector3d SigmasWithoutBend();
 std::vector<LensPrior> TypicalLenses();
 
 /// Sensors of one known kind share a lens, unless `per_sensor`, where the capture says equally much
-/// of them: a distortion, or none, and focal lengths that differ by no more than those of the kind
-/// do (one standard deviation of its prior). Every other one has its own.
+/// of them: a distortion, or none, and focal lengths (as shares of the width) within 1 %. Every
+/// other one has its own.
 LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor);
 
 /// The lenses as the capture gives them, all known: what is not to be estimated.

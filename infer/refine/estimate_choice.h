@@ -39,7 +39,8 @@ struct NoiseModel {
 struct EstimateChoice {
   FreeSet told;        ///< what the capture tells more about than its prior does
   PriorScales scales;  ///< of the priors; a kind of scale 0 is held
-  /// Of each frame that is not held: one that contradicts the others errs by its own pose.
+  /// Of each frame that is not held: one that contradicts the others errs by its own pose. Empty:
+  /// they are fitted.
   std::vector<std::optional<NoiseModel>> noise;
 };
 

@@ -33,8 +33,9 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   const Gates gates = FineGates();
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
-    const std::optional<NoiseModel> earlier =
-        problem.setup.choice ? problem.setup.choice->noise[i] : std::nullopt;
+    std::optional<NoiseModel> earlier;
+    if (problem.setup.choice && !problem.setup.choice->noise.empty())
+      earlier = problem.setup.choice->noise[i];
     if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
