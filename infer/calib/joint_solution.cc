@@ -70,15 +70,14 @@ RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& fram
 }
 
 /// The poses that labels follow: those of frames that the structure holds, where the refinement was
-/// accepted. A frame that was refused, or that contradicts the others, begins where it did: it
-/// moves none of them, and what it saw otherwise may have no pose to settle at.
+/// accepted. A frame that was refused begins where it did.
 SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const RefineResult& refined) {
   SomeFrames<Pose> poses;
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
-    const RefinedFrame& solution = *found++;
-    if (frame.role == FrameRole::kStructure && solution.accepted && !solution.refused_fit)
-      poses[id] = solution.structure_from_sensor;
+    if (frame.role == FrameRole::kStructure && found->accepted)
+      poses[id] = found->structure_from_sensor;
+    ++found;
   }
   return poses;
 }
@@ -124,6 +123,17 @@ SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frame
     frame.start = pose;
     frame.points = PointsAt(seen, id, refined.placements[id.still].built, pose, options);
   });
+  return frames;
+}
+
+/// The frames of these poses with their errors as they were fitted.
+SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrames<Pose>& poses,
+                                  const RefineResult& refined) {
+  auto found = refined.frames.begin();
+  for (auto& [id, frame] : frames) {
+    if (poses.count(id) > 0) frame.noise = found->noise;
+    ++found;
+  }
   return frames;
 }
 
@@ -229,8 +239,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       // Points are associated anew in each round.
       setup.schedule.fine_iterations =
           poses.size() == frames.size() ? 1 : options.refine.fine_iterations;
-      if (++labelled == kChoices || labelled == kFits) setup.choice = refined.choice;
-      if (labelled < kFits && setup.choice) setup.choice->noise.clear();
+      if (++labelled == kChoices) setup.choice = refined.choice;
+      if (labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
       continue;
     }
     const SomeFrames<Finding> shapeless =

@@ -1,10 +1,7 @@
 #pragma once
 
 #include <algorithm>
-#include <optional>
 #include <vector>
-
-#include "core/geometry/sensor_kind.h"
 
 namespace volalign::refine_internal {
 
@@ -28,20 +25,10 @@ struct PriorScales {
   double size = 1, gain = 1, offset = 1;
 };
 
-/// Errors that a sensor's observations share, beyond its constant depth error.
-struct NoiseModel {
-  DepthErrorModel depth = ErrorsOf("");  ///< its smooth part and its corners are fitted
-  double edge = 1;                       ///< scale of the silhouettes' standard deviations
-  double line = 0;  ///< m, standard deviation of an edge's place where its box's is not estimated
-};
-
-/// What a refinement has chosen to estimate, see ChooseEstimates, and by which errors.
+/// What a refinement has chosen to estimate, see ChooseEstimates.
 struct EstimateChoice {
   FreeSet told;        ///< what the capture tells more about than its prior does
   PriorScales scales;  ///< of the priors; a kind of scale 0 is held
-  /// Of each frame that is not held: one that contradicts the others errs by its own pose. Empty:
-  /// they are fitted.
-  std::vector<std::optional<NoiseModel>> noise;
 };
 
 }  // namespace volalign::refine_internal

@@ -94,11 +94,7 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   // The tolerance of edges stays: boxes that are found where the structure has them have their
   // edges there too.
   Solution chosen = *kept;
-  chosen.choice = EstimateChoice{told, *scales, {}};
-  chosen.choice->noise.resize(problem.size());
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!chosen.held[i]) chosen.choice->noise[i] = chosen.observed[i].noise;
-  }
+  chosen.choice = EstimateChoice{told, *scales};
   chosen.state.scales = *scales;
   if (scales->places == 0 && scales->turns == 0) Clear(&chosen.free.boxes);
   if (scales->size == 0) chosen.free.size = false;

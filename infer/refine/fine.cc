@@ -33,9 +33,7 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   const Gates gates = FineGates();
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
-    std::optional<NoiseModel> earlier;
-    if (problem.setup.choice && !problem.setup.choice->noise.empty())
-      earlier = problem.setup.choice->noise[i];
+    const std::optional<NoiseModel>& earlier = problem.frames[i].noise;
     if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,

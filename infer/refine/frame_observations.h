@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "infer/lens/sensor_lens.h"
-#include "infer/refine/estimate_choice.h"
+#include "infer/refine/noise_model.h"
 
 namespace volalign::refine_internal {
 

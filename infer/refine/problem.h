@@ -2,11 +2,13 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
+#include "infer/refine/noise_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/overlap.h"
 #include "infer/refine/parameters.h"
@@ -33,6 +35,9 @@ struct FrameInput {
   /// Index of the sensor among those of all stills; -1: one of its own.
   int sensor = -1;
   int still = 0;  ///< index into the placements
+  /// What an earlier refinement has fitted to its errors (RefinedFrame::noise), to be kept;
+  /// nothing: they are fitted.
+  std::optional<refine_internal::NoiseModel> noise = {};
 };
 
 namespace refine_internal {

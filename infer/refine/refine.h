@@ -46,6 +46,7 @@ struct RefinedFrame {
   /// sigmas are posterior ones in either case.
   double depth_offset = 0, depth_gain = 1;  ///< m, 1
   double sigma_depth_offset = 0, sigma_depth_gain = 0;
+  refine_internal::NoiseModel noise;  ///< fitted, or FrameInput::noise
 };
 
 /// A box's displacement: it stands at T * structure_from_box, T a turn about the vertical through

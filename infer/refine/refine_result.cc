@@ -51,6 +51,7 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
   frame.covariance =
       (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
   frame.problem = Problem(unsolved[i], posterior.exact);
+  frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
   frame.rms_together = agreed.measured[i].rms_together;
   frame.rms_alone = agreed.measured[i].rms_alone;

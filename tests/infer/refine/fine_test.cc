@@ -27,22 +27,20 @@ TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
   EXPECT_FALSE(SolveFine(problem, &solution));
 }
 
-TEST(GatherObservations, KeepsTheErrorsOfAnEarlierChoice) {
-  const Neighbours made;
-  const RefineOptions options;
-  JointProblem problem(made.rig.structure, made.frames, options);
-  const Solution solution{
-      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
+  Neighbours made;
   const auto gather = [&] {
-    return GatherObservations(problem, solution.state, solution.free, {});
+    const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
+    return GatherObservations(problem, NominalState(made.rig.structure, made.poses),
+                              AskedFor({}, problem.priors, 2, 4), {});
   };
   const std::vector<FrameObservations> fitted = gather();
-  problem.setup.choice = EstimateChoice{{}, {}, {fitted[0].noise, fitted[1].noise}};
+  for (const std::size_t i : {0, 1}) made.frames[i].noise = fitted[i].noise;
   const std::vector<FrameObservations> same = gather();
   for (const std::size_t i : {0, 1}) {
     EXPECT_GT(same[i].face_root.rows(), 0);
     EXPECT_TRUE(same[i].face_root.isApprox(fitted[i].face_root, 1e-12)) << "by the same errors";
-    problem.setup.choice->noise[i]->depth.smooth_m *= 2;
+    made.frames[i].noise->depth.smooth_m *= 2;
   }
   const std::vector<FrameObservations> kept = gather();
   for (const std::size_t i : {0, 1})
