@@ -19,6 +19,7 @@ namespace volalign::calibrate_geometry_test {
 namespace {
 
 using testing_infer::AddNoise;
+using testing_infer::AddSmoothError;
 using testing_infer::Certain;
 using testing_infer::Rig;
 using testing_infer::RingPose;
@@ -272,6 +273,40 @@ TEST(CalibrateByGeometry, UpFromTheOtherSensors) {
     ASSERT_TRUE(sensor.error.has_value());
     EXPECT_LT(sensor.error->translation_m, 0.02);
     EXPECT_LT(sensor.error->rotation_deg, 1);
+  }
+}
+
+// One of eight stereo sensors was turned over, and said to differ from the others by 16 mm.
+TEST(CalibrateByGeometry, NoneOfARingOfStereoSensorsIsTurnedOver) {
+  Intrinsics intrinsics;
+  intrinsics.width = 320;
+  intrinsics.height = 180;
+  intrinsics.fx = intrinsics.fy = 235.4;
+  intrinsics.cx = 159.3;
+  intrinsics.cy = 88;
+  for (const std::uint64_t seed : {1, 2}) {
+    Rig rig{testing_infer::PaperStructure(), {}, {}};
+    for (std::size_t i = 0; i < 8; ++i) {
+      const auto k = static_cast<double>(i);
+      rig.Add("S" + std::to_string(i),
+              RingPose(45 * k + 11 * static_cast<double>(seed), 1.7 + 0.1 * k,
+                       0.2 + 0.2 * static_cast<double>(i % 4)),
+              {true, 3.2}, intrinsics);
+      rig.frames[i].sensor = "realsense_d415";
+      rig.frames[i].quarter_turns = kAutoTurns;
+      AddNoise(&rig.frames[i].depth, 0.004, 10 * seed + i);
+      AddSmoothError(&rig.frames[i].depth, 0.011, 20, 10 * seed + i);
+    }
+    int placed = 0;
+    const CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+    for (const FrameResult& sensor : result.sensors) {
+      SCOPED_TRACE(std::to_string(seed) + " " + sensor.name + ": " + sensor.reason);
+      if (sensor.status == SensorStatus::kFailed) continue;
+      ++placed;
+      EXPECT_LT(sensor.error->translation_m, 0.05);
+      EXPECT_LT(sensor.error->rotation_deg, 2);
+    }
+    EXPECT_GE(placed, 6);
   }
 }
 

@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
+#include "infer/initial/box_fit.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/infer/initial/geometry_frames.h"
 
@@ -91,6 +93,37 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
     EXPECT_TRUE(Contains(Find(view, structure), truth));
     EXPECT_TRUE(Choose(view, structure).ambiguous);
   }
+}
+
+// A view that shows more of the stack at a pose that only looks alike was given no pose: that one
+// ranks first, has not the shape by little, and took the right one with it.
+TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
+  const Structure structure = PaperStructure();
+  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  int cases = 0;
+  for (int i = 0; i < 50 && cases < 8; ++i) {
+    const Pose truth = RingPose(7.0 * i, 1.3 + 0.2 * (i % 5), 0.2 + 0.1 * (i % 4), 90,
+                                {0.15 * (i % 3) - 0.15, 0.3 * (i % 7) - 0.9, 0});
+    const SensorView view = See(structure, truth);
+    const SensorSurface surface = PrepareSurface(view, structure);
+    const std::vector<OrientedPoint> points = PointsOf(surface);
+    const auto fitted = [&](const Pose& pose) {
+      return MeasureShape(surface, structure,
+                          FitToBoxes(points, structure, {4, 1500, 0.05, 0.03, false}, pose));
+    };
+    const ViewFit right = fitted(truth);
+    if (!HasShape(right, structure, {})) continue;
+    const bool outdone =
+        std::any_of(aliases.begin(), aliases.end(), [&](const StructureAlias& alias) {
+          const ViewFit other = fitted(alias.motion * truth);
+          return other.explained > right.explained && !HasShape(other, structure, {});
+        });
+    if (!outdone) continue;
+    ++cases;
+    SCOPED_TRACE(i);
+    EXPECT_TRUE(Contains(Find(view, structure), truth));
+  }
+  EXPECT_EQ(cases, 8);
 }
 
 // One family of upright planes tells nothing of a turn about their normal. What reaches under the
