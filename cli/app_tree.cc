@@ -99,7 +99,7 @@ std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& ar
       ++i;
       continue;
     }
-    if (arguments[i].rfind("-", 0) == 0) continue;
+    if (arguments[i].rfind('-', 0) == 0) continue;
     CLI::App* sub = Find(app, arguments[i]);
     if (!sub) {
       return fmt::format("{} has no sub-command {}{} ({} --help lists them)", path, arguments[i],
@@ -120,7 +120,7 @@ std::string UnknownOption(CLI::App* program) {
   }
   for (const std::string& argument : program->remaining(/*recurse=*/true)) {
     const std::string name = argument.substr(0, argument.find('='));
-    if (name.rfind("-", 0) == 0) {
+    if (name.rfind('-', 0) == 0) {
       return fmt::format("{} has no option {}{} ({} --help lists them)", path, name,
                          Suggestion(name, OptionNames(app)), path);
     }

@@ -40,7 +40,7 @@ ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& opt
   recipes->emplace_back("recipe of " + file, WriteConfig(config));
   SetTorchThreads(config.run.threads);
   ProgressLine line;
-  const ValidatedModel validated{
+  ValidatedModel validated{
       file, model.meta.samples,
       ValidateCheckpoint(model, config, options.samples, line.Counter("samples"))};
   line.Stop();

@@ -24,8 +24,8 @@ case "${1:?usage: tests/tidy.sh COMMIT | FILE.cc ... | --all}" in
     done | sort -u)
     ;;
 esac
-# Benchmarks are not in this preset.
-files=$(grep -v '^tests/bench/' <<<"$files" || true)
+# Benchmarks and examples are not in this preset.
+files=$(grep -vE '^(tests/bench|examples)/' <<<"$files" || true)
 [ -n "$files" ] || { echo "tidy: no C++ file changed"; exit 0; }
 echo "tidy: $(wc -l <<<"$files") files"
 # One file per process: xargs returns 123 where one of them found something.

@@ -73,7 +73,8 @@ Pose PoseOf(const py::handle& array, const std::string& what) {
   RequireShape(input.memory, {4, 4}, what);
   const auto* values = static_cast<const double*>(input.memory.ptr);
   std::vector<std::vector<double>> rows;
-  for (int row = 0; row < 4; ++row) rows.emplace_back(values + 4 * row, values + 4 * row + 4);
+  for (std::ptrdiff_t row = 0; row < 4; ++row)
+    rows.emplace_back(values + 4 * row, values + 4 * row + 4);
   return PoseFromRows(rows, what);
 }
 

@@ -28,9 +28,10 @@ void Taps(int count, double cell, double phase, std::int32_t* first, float* weig
 
 void Along(const float* nodes, const std::int32_t* first, const float* weights, int count,
            float* out) {
+  const std::ptrdiff_t each = count;
   for (int i = 0; i < count; ++i) {
     const float *in = nodes + first[i], *w = weights + i;
-    out[i] = w[0] * in[0] + w[count] * in[1] + w[2 * count] * in[2] + w[3 * count] * in[3];
+    out[i] = w[0] * in[0] + w[each] * in[1] + w[2 * each] * in[2] + w[3 * each] * in[3];
   }
 }
 

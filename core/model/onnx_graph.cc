@@ -188,7 +188,7 @@ class GraphWriter {
 
   std::string Weight(const std::string& name) {
     if (!half_ || !IsHalfTensor(name)) return name;
-    const std::string wide = Node("Cast", name + ".float32", {name});
+    std::string wide = Node("Cast", name + ".float32", {name});
     SetAttribute(node_, "to", std::int64_t{onnx::TensorProto::FLOAT});
     return wide;
   }

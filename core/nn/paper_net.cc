@@ -61,7 +61,7 @@ ConvUnitImpl::ConvUnitImpl(int in, int out, int kernel, Normalization normalizat
 }
 
 at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
-  const at::Tensor y = Convolve(x, weight, dtype, weight.size(2) / 2, bias);
+  at::Tensor y = Convolve(x, weight, dtype, weight.size(2) / 2, bias);
   switch (normalization_) {
     case Normalization::kNone:
       return y;

@@ -99,11 +99,11 @@ const Value& Of(const Shared& value, Kind kind) {
   return *value;
 }
 
-struct Type {
+struct ElementType {
   const char* storage;
   at::ScalarType type;
 };
-constexpr Type kTypes[] = {
+constexpr ElementType kTypes[] = {
     {"torch FloatStorage", at::kFloat},      {"torch HalfStorage", at::kHalf},
     {"torch DoubleStorage", at::kDouble},    {"torch LongStorage", at::kLong},
     {"torch IntStorage", at::kInt},          {"torch ByteStorage", at::kByte},
@@ -116,7 +116,7 @@ constexpr char kTyped[] = "torch.jit._pickle restore_type_tag";
 bool IsKnown(const std::string& function) {
   return function == kRebuild || function == kOrdered || function == kTyped ||
          std::any_of(std::begin(kTypes), std::end(kTypes),
-                     [&](const Type& type) { return function == type.storage; });
+                     [&](const ElementType& type) { return function == type.storage; });
 }
 
 /// Follows a pickle (Python's pickletools.py describes the instructions).
@@ -228,8 +228,9 @@ class Unpickler {
     if (storage.size() != 5 || Of(storage[0], Kind::kText).text != "storage")
       Fail("its pickle has a tensor without memory");
     const std::string& stored_as = Of(storage[1], Kind::kFunction).text;
-    const Type* const type = std::find_if(std::begin(kTypes), std::end(kTypes),
-                                          [&](const Type& t) { return stored_as == t.storage; });
+    const ElementType* const type =
+        std::find_if(std::begin(kTypes), std::end(kTypes),
+                     [&](const ElementType& t) { return stored_as == t.storage; });
     if (type == std::end(kTypes)) Fail("its pickle has a tensor of unknown type");
     const std::string& key = Of(storage[2], Kind::kText).text;
     const std::int64_t count = Of(storage[4], Kind::kNumber).number;
@@ -246,7 +247,7 @@ class Unpickler {
     if (!used_.insert(key).second || bytes > bytes_left_)
       Fail(fmt::format("the tensor in its record {} shares memory", Shortened(key)));
     bytes_left_ -= bytes;
-    const Shared value = Make(Kind::kTensor);
+    Shared value = Make(Kind::kTensor);
     value->tensor = at::empty(sizes, at::TensorOptions().dtype(type->type));
     if (bytes > 0) std::memcpy(value->tensor.data_ptr(), record->second.data(), bytes);
     return value;
@@ -305,7 +306,7 @@ class Unpickler {
   std::string Line() {
     const std::size_t end = pickle_.find('\n', at_);
     if (end == pickle_.npos) Fail("its pickle is truncated");
-    const std::string line(Take(end - at_));
+    std::string line(Take(end - at_));
     Take(1);
     return line;
   }

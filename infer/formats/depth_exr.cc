@@ -97,7 +97,7 @@ std::vector<std::string> DepthChannels(const Imf::ChannelList& list, const std::
                  [&](const std::string& channel) { return LastPart(channel) == word; });
     if (named.size() == 1) return named;
   }
-  const std::vector<std::string> grey = {"R", "G", "B"};
+  std::vector<std::string> grey = {"R", "G", "B"};
   if (all.size() <= 4 && std::all_of(grey.begin(), grey.end(), [&](const std::string& channel) {
         return std::find(all.begin(), all.end(), channel) != all.end();
       })) {

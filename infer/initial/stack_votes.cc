@@ -29,10 +29,16 @@ int WayOf(const Eigen::Vector3d& normal) {
          kSectors;
 }
 
+std::size_t ListOf(int slab, int way) {
+  return static_cast<std::size_t>(slab) * kWays + static_cast<std::size_t>(way);
+}
+
 /// A cell as one number, and back.
 constexpr int kKeyBits = 20, kKeyMiddle = 1 << (kKeyBits - 1);
 std::uint64_t Key(int slab_and_way, int z, int x) {
-  const auto part = [](int value) { return static_cast<std::uint64_t>(value + kKeyMiddle); };
+  const auto part = [](int value) {
+    return static_cast<std::uint64_t>(std::int64_t{value} + kKeyMiddle);
+  };
   return (static_cast<std::uint64_t>(slab_and_way) << kKeyBits | part(z)) << kKeyBits | part(x);
 }
 OccupiedCell CellOf(std::uint64_t key) {
@@ -63,25 +69,25 @@ void Votes::Make(const std::vector<StackPiece>& pieces, double yaw) {
     }
     // To the sector that it faces, and the nearer one of its neighbours.
     const double sector = (piece.heading - yaw) / (2 * M_PI / kSectors) + 3 * kSectors;
-    Add(piece.slab, static_cast<int>(sector - 0.5) % kSectors, x, z, piece.weight);
-    Add(piece.slab, static_cast<int>(sector + 0.5) % kSectors, x, z, piece.weight);
+    const auto lower = static_cast<int>(sector - 0.5);
+    Add(piece.slab, lower % kSectors, x, z, piece.weight);
+    Add(piece.slab, (lower + 1) % kSectors, x, z, piece.weight);
   }
   Collect();
 }
 
-const std::vector<Vote>& Votes::Of(int slab, int way) const {
-  return lists_[static_cast<std::size_t>(slab * kWays + way)];
-}
+const std::vector<Vote>& Votes::Of(int slab, int way) const { return lists_[ListOf(slab, way)]; }
 
 /// To the four cells round a place.
 void Votes::Add(int slab, int way, double x, double z, double weight) {
   const int ix = static_cast<int>(std::floor(x)), iz = static_cast<int>(std::floor(z));
   const double fx = x - ix, fz = z - iz;
+  const auto width = static_cast<std::size_t>(width_);
   for (int k = 0; k < 4; ++k) {
     const int u = ix + (k & 1) + reach_, v = iz + (k >> 1) + reach_;
     if (u < 0 || v < 0 || u >= width_ || v >= width_) continue;
-    const std::size_t at =
-        static_cast<std::size_t>(((slab * kWays + way) * width_ + v) * width_ + u);
+    const std::size_t at = (ListOf(slab, way) * width + static_cast<std::size_t>(v)) * width +
+                           static_cast<std::size_t>(u);
     if (sums_[at] == 0) touched_.push_back(at);
     sums_[at] += static_cast<float>(weight * (k & 1 ? fx : 1 - fx) * (k >> 1 ? fz : 1 - fz));
   }

@@ -30,8 +30,9 @@ void DrawCells(const TargetQuality& quality, Svg* svg) {
   const std::size_t rows = quality.options.heights_m.size();
   for (std::size_t i = 0; i < quality.views.size(); ++i) {
     const TargetView& view = quality.views[i];
-    const double x = kLeft + kCellWidth * static_cast<double>(i % directions);
-    const double y = kTop + kCellHeight * static_cast<double>(rows - 1 - i / directions);
+    const std::size_t row = i / directions, column = i % directions;
+    const double x = kLeft + kCellWidth * static_cast<double>(column);
+    const double y = kTop + kCellHeight * static_cast<double>(rows - 1 - row);
     svg->Rectangle(
         {x, y}, kCellWidth - 1, kCellHeight - 1,
         fmt::format("fill=\"{}\"", view.sides_fix_pose ? Colour(view.weakest_m) : "#fff"),

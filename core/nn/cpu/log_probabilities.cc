@@ -17,7 +17,7 @@ class LogSoftmaxFunction : public torch::autograd::Function<LogSoftmaxFunction> 
   static at::Tensor forward(AutogradContext* context, const at::Tensor& given) {
     const at::Tensor logits = given.contiguous(at::MemoryFormat::ChannelsLast);
     const std::int64_t classes = logits.size(1), plane = logits.size(2) * logits.size(3);
-    const at::Tensor result = at::empty(logits.sizes(), at::kFloat);
+    at::Tensor result = at::empty(logits.sizes(), at::kFloat);
     ForMapParts(logits.size(0), plane,
                 [&](std::int64_t s, std::int64_t, std::int64_t begin, std::int64_t end) {
                   simd::Kernels().log_softmax(SampleData(logits, s), IsBf16(logits), begin, end,

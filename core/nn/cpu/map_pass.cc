@@ -84,7 +84,7 @@ at::Tensor EvenlySpaced(const at::Tensor& x, bool dense) {
 }
 
 at::Tensor SumsOverMask(const at::Tensor& pixels, const at::Tensor& mask, const MaskGrid& grid) {
-  const at::Tensor result = at::zeros(mask.sizes(), at::kFloat);
+  at::Tensor result = at::zeros(mask.sizes(), at::kFloat);
   const auto in = pixels.accessor<float, 3>();
   auto out = result.accessor<float, 4>();
   for (std::int64_t s = 0; s < pixels.size(0); ++s) {

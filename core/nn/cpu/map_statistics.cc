@@ -149,7 +149,7 @@ GradientTerms MapGradientTerms(MapSums& sums, const MapPass& pass, const at::Ten
     }
   }
   const auto tensor = [n](const std::vector<double>& values) {
-    const at::Tensor x = at::empty({n}, at::kFloat);
+    at::Tensor x = at::empty({n}, at::kFloat);
     std::transform(values.begin(), values.end(), x.data_ptr<float>(),
                    [](double v) { return static_cast<float>(v); });
     return x;

@@ -38,7 +38,7 @@ class PhaseWeightFunction : public torch::autograd::Function<PhaseWeightFunction
   static at::Tensor forward(AutogradContext* /*context*/, const at::Tensor& given) {
     const at::Tensor weight = given.contiguous();
     const std::int64_t out = weight.size(0), in = weight.size(1);
-    const at::Tensor result = at::empty({4 * out, in, 2, 2}, at::kFloat);
+    at::Tensor result = at::empty({4 * out, in, 2, 2}, at::kFloat);
     const float* from = weight.data_ptr<float>();
     float* all = result.data_ptr<float>();
     ForKernels(out, in, [&](std::int64_t kernel, const std::int64_t(&phases)[2][2]) {

@@ -53,8 +53,8 @@ at::Tensor Compute(const at::Tensor& x, const at::Tensor& weight, bool backward)
     kernels.transform_weight(maps, weight.data_ptr<float>(), backward, i * kChannels,
                              (i + 1) * kChannels, transformed.data_ptr());
   });
-  const at::Tensor y = EmptyMap({maps.samples, maps.out, maps.y_height(), maps.y_width()}, maps.out,
-                                x.scalar_type());
+  at::Tensor y = EmptyMap({maps.samples, maps.out, maps.y_height(), maps.y_width()}, maps.out,
+                          x.scalar_type());
   maps.weight = transformed.data_ptr();
   maps.y = y.data_ptr();
   const std::int64_t units = (maps.tiles() + kTiles - 1) / kTiles,
@@ -88,7 +88,7 @@ at::Tensor WeightGradient(const at::Tensor& x, const at::Tensor& of_y, std::int6
                                  sums.data_ptr<float>() + part * sums.stride(0));
   });
   sums = parts == 1 ? sums[0] : sums.sum(0);
-  const at::Tensor gradient = at::empty({maps.out, maps.in, kernel, kernel}, at::kFloat);
+  at::Tensor gradient = at::empty({maps.out, maps.in, kernel, kernel}, at::kFloat);
   ForEachOnTorchThreads(units, [&](std::int64_t i) {
     kernels.weight_gradient(maps, sums.data_ptr<float>(), i * kChannels, (i + 1) * kChannels,
                             gradient.data_ptr<float>());

@@ -98,7 +98,7 @@ struct Equations {
         vector(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(6 * views))) {}
 
   /// `to` < 0: the model.
-  void Add(const std::vector<Match>& matches, int from, int to) {
+  void Add(const std::vector<Match>& matches, Eigen::Index from, Eigen::Index to) {
     for (const Match& match : matches) {
       const double residual = match.normal.dot(match.from - match.to);
       Vector6d by_from, by_to;
@@ -121,7 +121,7 @@ struct Equations {
   }
 
  private:
-  void AddBlock(const Vector6d& a, const Vector6d& b, int row, int column) {
+  void AddBlock(const Vector6d& a, const Vector6d& b, Eigen::Index row, Eigen::Index column) {
     matrix.block<6, 6>(6 * row, 6 * column) += a * b.transpose();
   }
 };
@@ -177,7 +177,7 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
     const Eigen::VectorXd step = equations.Solve();
     for (int i = 0; i < count; ++i) {
       Pose& pose = poses[static_cast<std::size_t>(i)];
-      pose = PerturbLeft(step.segment<6>(6 * i), pose);
+      pose = PerturbLeft(step.segment<6>(Eigen::Index{6} * i), pose);
     }
   }
   return poses;

@@ -57,9 +57,8 @@ Intrinsics CameraOf(const std::vector<std::string>& words) {
         fmt::format("{}: {} parameters instead of {}", place, words.size() - 4, parameters));
   std::vector<double> v;
   for (std::size_t i = 2; i < words.size(); ++i) v.push_back(ParseNumber(words[i], place));
-  const Intrinsics k{
-      PixelCount(v[0], place), PixelCount(v[1], place), v[2], v[3], v[4] - kPixelCentre,
-      v[5] - kPixelCentre,     {v.begin() + 6, v.end()}};
+  Intrinsics k{PixelCount(v[0], place), PixelCount(v[1], place), v[2], v[3], v[4] - kPixelCentre,
+               v[5] - kPixelCentre,     {v.begin() + 6, v.end()}};
   k.Validate(place);
   return k;
 }

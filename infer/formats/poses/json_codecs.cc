@@ -57,13 +57,13 @@ ordered_json Components(const std::vector<std::string>& names, const std::vector
 
 Intrinsics Open3dIntrinsics(const JsonObject& object) {
   const Eigen::MatrixXd matrix = FromColumnMajor(object, "intrinsic_matrix", 3);
-  const Intrinsics k{object.Int("width"),
-                     object.Int("height"),
-                     matrix(0, 0),
-                     matrix(1, 1),
-                     matrix(0, 2),
-                     matrix(1, 2),
-                     {}};
+  Intrinsics k{object.Int("width"),
+               object.Int("height"),
+               matrix(0, 0),
+               matrix(1, 1),
+               matrix(0, 2),
+               matrix(1, 2),
+               {}};
   k.Validate(object.where());
   return k;
 }

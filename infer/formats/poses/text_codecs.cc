@@ -97,8 +97,8 @@ std::vector<std::string> CsvFields(const Line& line, const std::string& name) {
 }
 
 Intrinsics CsvIntrinsics(const std::vector<double>& v, const std::string& place) {
-  const Intrinsics k{PixelCount(v[7], place),  PixelCount(v[8], place), v[9], v[10], v[11], v[12],
-                     {v.begin() + 13, v.end()}};
+  Intrinsics k{PixelCount(v[7], place),  PixelCount(v[8], place), v[9], v[10], v[11], v[12],
+               {v.begin() + 13, v.end()}};
   k.Validate(place);
   return k;
 }
