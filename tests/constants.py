@@ -22,8 +22,8 @@ import sys
 LIMITS = {
     "infer/view": 12,
     "infer/lens": 45,
-    "infer/depth": 27,
-    "infer/initial": 181,
+    "infer/depth": 33,
+    "infer/initial": 175,
     "infer/refine": 113,
     "infer/checks": 65,
     "core/geometry/depth_error_model": 1,

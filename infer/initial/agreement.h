@@ -2,7 +2,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/surface_tolerance.h"
+#include "infer/depth/surface_tolerance.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "core/base/lists.h"
-#include "infer/initial/surface_tolerance.h"
+#include "infer/depth/surface_tolerance.h"
 
 namespace volalign {
 

@@ -8,7 +8,7 @@
 
 #include "core/base/random.h"
 #include "core/base/statistics.h"
-#include "infer/initial/surface_tolerance.h"
+#include "infer/depth/surface_tolerance.h"
 
 namespace volalign {
 

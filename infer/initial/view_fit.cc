@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/geometry/visibility.h"
-#include "infer/initial/surface_tolerance.h"
+#include "infer/depth/surface_tolerance.h"
 
 namespace volalign {
 
