@@ -24,7 +24,7 @@ LIMITS = {
     "infer/lens": 45,
     "infer/depth": 33,
     "infer/initial": 175,
-    "infer/refine": 113,
+    "infer/refine": 98,
     "infer/checks": 65,
     "core/geometry/depth_error_model": 1,
     "configs/intrinsics.yaml": 28,

@@ -57,15 +57,10 @@ Located Locate(const Seen& seen, const StackFinding& stack, const LocateOptions&
   return Join(seen, LocateByNeighbours(seen, LocateAlone(seen, stack, options), options));
 }
 
-/// Only frames without structure terms, which have not been refined alone, need the coarse stage.
 RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& frames,
-                            const std::vector<Pose>& first_from_stack, RefineSetup setup) {
+                            const std::vector<Pose>& first_from_stack, const RefineSetup& setup) {
   std::vector<FrameInput> all;
-  setup.schedule.coarse = false;
-  for (const auto& [id, frame] : frames) {
-    all.push_back(frame);
-    setup.schedule.coarse = setup.schedule.coarse || frame.role == FrameRole::kOverlap;
-  }
+  for (const auto& [id, frame] : frames) all.push_back(frame);
   return Refine(seen.capture->structure, all, setup, seen.lenses.lenses, first_from_stack);
 }
 

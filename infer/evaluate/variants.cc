@@ -15,7 +15,7 @@ std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source,
   const std::size_t equals = compare.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == compare.size()) {
     throw ConfigError(fmt::format(
-        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.edge_weight=1,30", compare));
+        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.min_overlap=0.05,0.1", compare));
   }
   std::vector<EvaluationVariant> variants;
   std::set<std::string> names;

@@ -33,9 +33,6 @@ Eigen::Vector3d Transform(const double* pose, const Eigen::Vector3d& p) {
   return Rotate(pose, p) + Eigen::Vector3d(pose[4], pose[5], pose[6]);
 }
 
-/// x - clamp(x, -half, half), and whether it is outside.
-double Excess(double x, double half) { return x - std::clamp(x, -half, half); }
-
 /// See TieCost.
 struct Tie {
   double sigma_translation, sigma_rotation;
@@ -82,36 +79,6 @@ ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation) {
 
 ceres::CostFunction* DriftCost(double sigma) {
   return new ceres::AutoDiffCostFunction<Drift, 1, 1, 1>(new Drift{sigma});
-}
-
-bool SideCost::Evaluate(double const* const* parameters, double* residuals,
-                        double** jacobians) const {
-  const double* pose = parameters[0];
-  const Eigen::Vector3d d = Transform(pose, p_) - side_->centre;
-  const double eu = Excess(side_->axis_u.dot(d), side_->half_u);
-  const double ev = Excess(side_->axis_v.dot(d), side_->half_v);
-  residuals[0] = weight_ * eu;
-  residuals[1] = weight_ * ev;
-  residuals[2] = weight_ * side_->normal.dot(d);
-  if (jacobians && jacobians[0]) {
-    Eigen::Map<Eigen::Matrix<double, 3, 7, Eigen::RowMajor>> j(jacobians[0]);
-    j.setZero();
-    if (eu != 0) j.row(0) = weight_ * DotJacobian(pose, p_, side_->axis_u);
-    if (ev != 0) j.row(1) = weight_ * DotJacobian(pose, p_, side_->axis_v);
-    j.row(2) = weight_ * DotJacobian(pose, p_, side_->normal);
-  }
-  return true;
-}
-
-bool LineCost::Evaluate(double const* const* parameters, double* residuals,
-                        double** jacobians) const {
-  const double* pose = parameters[0];
-  residuals[0] = weight_ * (direction_.dot(Transform(pose, p_)) - offset_);
-  if (jacobians && jacobians[0]) {
-    Eigen::Map<Row7> j(jacobians[0]);
-    j = weight_ * DotJacobian(pose, p_, direction_);
-  }
-  return true;
 }
 
 bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,

@@ -16,36 +16,6 @@
 
 namespace volalign::refine_internal {
 
-/// weight * (T p - closest point of the finite side), in the side's axes (u, v, normal): in-plane
-/// parts vanish where the foot lies inside, so that it is point-to-plane there and point-to-edge or
-/// point-to-corner outside.
-class SideCost : public ceres::SizedCostFunction<3, 7> {
- public:
-  SideCost(const Eigen::Vector3d& p, const Side& side, double weight)
-      : p_(p), side_(&side), weight_(weight) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Eigen::Vector3d p_;
-  const Side* side_;
-  double weight_;
-};
-
-/// weight * (direction . T p - offset): a silhouette point against the line of its side's edge, or
-/// a point of the floor against its plane.
-class LineCost : public ceres::SizedCostFunction<1, 7> {
- public:
-  LineCost(const Eigen::Vector3d& p, const Eigen::Vector3d& direction, double offset, double weight)
-      : p_(p), direction_(direction), offset_(offset), weight_(weight) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Eigen::Vector3d p_, direction_;
-  double offset_, weight_;
-};
-
 /// weight * n_b . (T_b^-1 T_a p_a - q_b): point of sensor a against the plane at q_b that sensor b
 /// measured.
 class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {

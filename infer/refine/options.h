@@ -34,17 +34,12 @@ struct PriorOptions {
   double depth_drift_sigma_m = 0.002;
 };
 
-/// How a refinement goes about it: its rounds, their limits, and the weights of the coarse stage.
+/// How a refinement goes about it: its rounds and their limits.
 struct RefineSchedule {
-  /// Not a config key: false leaves the coarse stage out, for start poses that it has seen already.
-  bool coarse = true;
-  int outer_iterations = 5;
   int inner_iterations = 6;
   int fine_iterations = 3;
   int max_overlap_points = 700;
-  double overlap_weight = 2;
   double min_overlap = 0.05;
-  double edge_weight = 30;
   int threads = 2;
 };
 
@@ -92,30 +87,15 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "drifts "
        "from one to another (warmth)",
        Above(0));
-    ar("outer_iterations", outer_iterations,
-       "associations of the coarse stage, each followed by a Ceres solution; the joint "
-       "refinement has one only where without_structure names a sensor",
-       AtLeast(1));
     ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
     ar("fine_iterations", fine_iterations,
-       "associations of the last stage, which weighs errors as they are correlated", AtLeast(1));
+       "associations of points with surfaces, each followed by a Ceres solution", AtLeast(1));
     ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
     ar("max_edge_points", max_edge_points,
        "most silhouette points of a sensor, and as many again of those with no depth behind",
        AtLeast(0));
     ar("max_overlap_points", max_overlap_points,
        "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
-       AtLeast(0));
-    ar("overlap_weight", overlap_weight,
-       "weight of overlap residuals beside those to the structure in the coarse stage, which the "
-       "joint refinement has only where without_structure names a sensor; the fine stage weighs "
-       "overlap by its measured errors",
-       AtLeast(0));
-    ar("edge_weight", edge_weight,
-       "weight of silhouette residuals in the coarse stage: errors of neighbouring points on a "
-       "face are alike, so that "
-       "thousands of "
-       "them say less than their number",
        AtLeast(0));
     ar("min_overlap", min_overlap,
        "least share of a sensor's points that another one sees, for their overlap to count and the "

@@ -9,7 +9,6 @@
 
 #include "core/base/error.h"
 #include "infer/refine/acceptance.h"
-#include "infer/refine/coarse.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/fine.h"
@@ -107,9 +106,6 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
                                      placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
-  if (setup.schedule.coarse) {
-    solution.state = SolveCoarse(problem, solution.held, std::move(solution.state));
-  }
   solution = IterateFine(problem, std::move(solution));
   const std::vector<char> unsolved = solution.held;
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),

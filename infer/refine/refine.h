@@ -99,12 +99,9 @@ struct RefineResult {
 /// as "along structure x (0.12 m)" or "about the vertical (4.1 deg)".
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 
-/// Refines all frames together, in two stages (refine/coarse.h and refine/fine.h).
+/// Refines all frames together (refine/fine.h).
 ///
-/// Coarse, from far off: single points to sides, edges and other sensors' surfaces, the poses
-/// alone.
-///
-/// Fine, as a statistical model: the points of an image block on a side are one measurement of
+/// As a statistical model: the points of an image block on a side are one measurement of
 /// depth, silhouettes measure bearing alone. Depth errors are a smooth random field whose size and
 /// correlation length each sensor's residuals tell (restricted likelihood), plus a constant, a
 /// gain, and an error in concave seams; silhouettes may be shifted outwards. Together with each

@@ -248,7 +248,7 @@ constexpr double kExact = 0.0007;
 TEST_F(Program, CalibratesACaptureFromFiles) {
   const Outcome run =
       Volalign("calibrate --capture " + WriteSmallCapture() +
-               " --model models/m05-lite.pt --set refine.edge_weight=29 -o " + Path("out"));
+               " --model models/m05-lite.pt --set refine.max_edge_points=599 -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
   const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
@@ -288,13 +288,13 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
   }
   EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
   EXPECT_EQ(ReadFile(Path("out/rig.glb")).substr(0, 4), "glTF");
-  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.edge_weight=29 -o "),
+  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.max_edge_points=599 -o "),
             std::string::npos);
   // The resolved options, which --config reads again.
   EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
   const auto options =
       ReadConfig<CalibrateOptions>(ConfigSource::FromFile(Path("out/options.yaml")));
-  EXPECT_EQ(options.refine.edge_weight, 29);
+  EXPECT_EQ(options.refine.max_edge_points, 599);
   EXPECT_EQ(WriteConfig(options), ReadFile(Path("out/options.yaml")));
 }
 

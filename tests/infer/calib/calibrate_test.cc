@@ -301,7 +301,6 @@ TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
       }
       OneTurnSegmenter segmenter(rig, turn);
       CalibrateOptions options;
-      options.refine.outer_iterations = 1;
       const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
       for (const FrameResult& sensor : result.sensors) {
         EXPECT_EQ(sensor.quarter_turns, turn);

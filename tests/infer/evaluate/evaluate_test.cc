@@ -27,7 +27,6 @@ class EvaluateFiles : public testing::Test {
  protected:
   EvaluateFiles() : ring_(MakeRing({}, 1)), segmenter_(ring_.rig.PerfectSegmenter()) {
     for (EvaluationVariant& variant : variants_) {
-      variant.options.refine.outer_iterations = 1;
       variant.options.refine.max_side_points = 300;
     }
     run_.output = folder_ / "evaluation.json";
@@ -87,7 +86,7 @@ TEST_F(EvaluateFiles, AKilledRunContinues) {
   run_.program = "2";
   Run(Items(3));
   EXPECT_EQ(loaded_, 6);
-  variants_[1].options.refine.edge_weight = 3;
+  variants_[1].options.refine.min_overlap = 0.06;
   Run(Items(3));
   EXPECT_EQ(loaded_, 9);
   std::vector<EvaluationItem> items = Items(3);

@@ -191,7 +191,6 @@ FrameResult CalibrateAs(const Rig& rig, const LabelImage& labels) {
   StoredSegmenter segmenter;
   segmenter.Store(rig.frames.back().depth, Certain(labels));
   CalibrateOptions options;
-  options.refine.outer_iterations = 2;
   return Calibrate(rig.frames, rig.structure, segmenter, options).sensors.front();
 }
 

@@ -95,64 +95,6 @@ Eigen::Vector3d RandomPoint(RandomStream& random) {
   return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
 }
 
-Side RandomSide(RandomStream& random) {
-  const Pose pose = RandomPose(random);
-  Side side;
-  side.centre = pose.translation();
-  side.axis_u = pose.linear().col(0);
-  side.axis_v = pose.linear().col(1);
-  side.normal = pose.linear().col(2);
-  side.half_u = random.Uniform(0.1, 0.5);
-  side.half_v = random.Uniform(0.1, 0.5);
-  return side;
-}
-
-TEST(RefineCosts, SideCostIsTheDistanceToTheRectangleAndItsDerivative) {
-  RandomStream random(1, 0, "side_cost");
-  int inside = 0, outside = 0;
-  for (int trial = 0; trial < 150; ++trial) {
-    const Side side = RandomSide(random);
-    const Pose pose = RandomPose(random);
-    const double u = random.Uniform(-0.9, 0.9), v = random.Uniform(-0.9, 0.9);
-    const Eigen::Vector3d target =
-        side.centre + u * side.axis_u + v * side.axis_v + random.Normal(0, 0.1) * side.normal;
-    const Eigen::Vector3d p = pose.inverse() * target;
-    if (std::abs(p.z()) < 0.2) continue;
-    const SideCost cost(p, side, 3.0);
-    const PoseBlock block(pose);
-    const double* parameters[] = {block.values};
-    Eigen::Vector3d residual;
-    ASSERT_TRUE(cost.Evaluate(parameters, residual.data(), nullptr));
-    // Brute force: the nearest of a fine grid of points of the rectangle.
-    double nearest = 1e9;
-    constexpr int kGrid = 150;
-    for (int i = 0; i <= kGrid; ++i) {
-      for (int j = 0; j <= kGrid; ++j) {
-        const Eigen::Vector3d q = side.centre + (2.0 * i / kGrid - 1) * side.half_u * side.axis_u +
-                                  (2.0 * j / kGrid - 1) * side.half_v * side.axis_v;
-        nearest = std::min(nearest, (q - target).norm());
-      }
-    }
-    EXPECT_NEAR(residual.norm() / 3.0, nearest, 4e-3);
-    EXPECT_LE(residual.norm() / 3.0, nearest + 1e-9);
-    const bool in = std::abs(u) < side.half_u && std::abs(v) < side.half_v;
-    ++(in ? inside : outside);
-    EXPECT_EQ(residual.head<2>().isZero(0), in);
-    ExpectDerivatives(cost, {pose}, {}, 3);
-  }
-  EXPECT_GT(inside, 5);
-  EXPECT_GT(outside, 5);
-}
-
-TEST(RefineCosts, LineCostDerivative) {
-  RandomStream random(2, 0, "line_cost");
-  for (int trial = 0; trial < 20; ++trial) {
-    const Eigen::Vector3d direction = RandomVector(random, 1).normalized();
-    const LineCost cost(RandomPoint(random), direction, random.Normal(), 1.7);
-    ExpectDerivatives(cost, {RandomPose(random)}, {}, 1);
-  }
-}
-
 TEST(RefineCosts, OverlapCostIsThePlaneDistanceInTheOtherSensorAndItsDerivative) {
   RandomStream random(3, 0, "overlap_cost");
   for (int trial = 0; trial < 20; ++trial) {

@@ -66,7 +66,10 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
       frames.push_back({testing_infer::Borrowed(points[i]), start, start, start,
                         i == lost ? FrameRole::kOverlap : FrameRole::kStructure});
     }
-    const RefineResult result = Refine(rig.structure, frames, {});
+    // Each association leaves about two thirds of the way.
+    RefineSetup setup;
+    setup.schedule.fine_iterations = 10;
+    const RefineResult result = Refine(rig.structure, frames, setup);
     const PoseError error =
         ComparePoses(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
     EXPECT_TRUE(result.frames[lost].accepted) << lost;
@@ -358,31 +361,6 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   EXPECT_EQ(kept.size_scale, 1);
   EXPECT_TRUE(kept.placements[0].boxes[0].estimated);
   EXPECT_EQ(kept.choice->scales.size, 0);
-}
-
-TEST(Refine, TheFineStageIsTheSameAfterAnyCoarseStage) {
-  const Rig rig = TwoSensors();
-  const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<FrameInput> frames;
-  for (std::size_t i = 0; i < 2; ++i) {
-    // As far off as some points are from their sides by one gate and not by the other.
-    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.05, 2, i);
-    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
-  }
-  RefineOptions options;
-  options.coarse = false;
-  options.fine_iterations = 1;
-  options.outer_iterations = 1;
-  const RefineResult one = Refine(rig.structure, frames, options);
-  options.outer_iterations = 5;
-  const RefineResult five = Refine(rig.structure, frames, options);
-  for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(one.frames[i].structure_from_sensor.matrix(),
-              five.frames[i].structure_from_sensor.matrix());
-  }
-  ASSERT_EQ(one.pairs.size(), five.pairs.size());
-  for (std::size_t k = 0; k < one.pairs.size(); ++k)
-    EXPECT_EQ(one.pairs[k].overlap, five.pairs[k].overlap);
 }
 
 TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
