@@ -113,7 +113,7 @@ DatasetHeader ReadHeader(const fs::path& dir) {
         "empty folder",
         path.string(), index.Text("format"), kFormat));
   }
-  const auto h = ReadDescribed<DatasetHeader>(index);
+  auto h = ReadDescribed<DatasetHeader>(index);
   if (h.count < 1 || h.batch_size < 1 || h.samples_per_folder < 1) {
     throw DataError(fmt::format(
         "{}: count = {}, batch_size = {} and samples_per_folder = {} have to be positive",

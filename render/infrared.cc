@@ -84,11 +84,12 @@ Radiance BlurAlong(const Radiance& image, double sigma, int du, int dv) {
     kernel.push_back(static_cast<float>(std::exp(-0.5 * k * k / (sigma * sigma))));
     sum += kernel.back();
   }
+  const float* const middle = kernel.data() + reach;
   Radiance out(image.width(), image.height(), 0.0F);
   for (int v = 0; v < image.height(); ++v) {
     for (int u = 0; u < image.width(); ++u) {
       for (int k = -reach; k <= reach; ++k) {
-        out(u, v) += kernel[static_cast<std::size_t>(k + reach)] / sum *
+        out(u, v) += middle[k] / sum *
                      image(std::clamp(u + k * du, 0, image.width() - 1),
                            std::clamp(v + k * dv, 0, image.height() - 1));
       }

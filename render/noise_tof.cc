@@ -265,7 +265,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
       if (infos[face].meets_floor || infos[face].seam_boxes != 0) {
         seam.count = end - begin;
         seam.depth = row.depth + begin;
-        seam.rays = row.rays + 2 * begin;
+        seam.rays = row.rays + std::ptrdiff_t{2} * begin;
         seam.rising = infos[face].seam_boxes;
         seam.meets_floor = infos[face].meets_floor;
         noise::Kernels().seams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());

@@ -128,8 +128,9 @@ class LightField {
     } else {
       constexpr int kAll = kSubRays * kSubRays;
       for (int i = 0; i < kAll; ++i) {
-        const Eigen::Vector3f ray = subpixels_.Ray(u + (i % kSubRays + 0.5) / kSubRays - 0.5,
-                                                   v + (i / kSubRays + 0.5) / kSubRays - 0.5);
+        const int row = i / kSubRays, column = i % kSubRays;
+        const Eigen::Vector3f ray =
+            subpixels_.Ray(u + (column + 0.5) / kSubRays - 0.5, v + (row + 0.5) / kSubRays - 0.5);
         const int face = subpixels_.FaceAlong(ray, u, v);
         if (face >= 0) Add(1.0F / kAll, Straight(face, ray), &sum);
       }

@@ -81,10 +81,9 @@ void SceneMesh::AppendCylinder(const Eigen::Vector3d& from, const Eigen::Vector3
     for (int i = 0; i < segments; i += 2) {
       std::array<Eigen::Vector3d, 4> corners;
       corners[0] = centre;
-      for (int k = 0; k < 3; ++k) {
-        const double a = 2 * M_PI * std::min(i + k, segments) / segments;
-        corners[static_cast<std::size_t>(k + 1)] =
-            centre + radius * (std::cos(a) * u + std::sin(a) * v);
+      for (std::size_t k = 1; k <= 3; ++k) {
+        const double a = 2 * M_PI * std::min(i + static_cast<int>(k) - 1, segments) / segments;
+        corners[k] = centre + radius * (std::cos(a) * u + std::sin(a) * v);
       }
       AppendQuad(corners, normal);
     }

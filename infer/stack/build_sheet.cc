@@ -404,8 +404,9 @@ void DrawSteps(const Structure& structure, const std::vector<BuildStep>& steps, 
   }
 
   for (std::size_t k = 0; k < count; ++k) {
-    Cell cell(kMargin + width * static_cast<double>(k % columns),
-              kStepsTop + height * static_cast<double>(k / columns), width, height, pixels, svg);
+    const std::size_t row = k / columns, column = k % columns;
+    Cell cell(kMargin + width * static_cast<double>(column),
+              kStepsTop + height * static_cast<double>(row), width, height, pixels, svg);
     cell.Centre(shown[k]);
     if (k == 0) {
       cell.Head("Outline on the floor",

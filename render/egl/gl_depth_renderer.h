@@ -22,7 +22,7 @@ namespace volalign {
 class GlDepthRenderer : public DepthRenderer {
  public:
   GlDepthRenderer();
-  ~GlDepthRenderer();
+  ~GlDepthRenderer() override;
   GlDepthRenderer(const GlDepthRenderer&) = delete;
   GlDepthRenderer& operator=(const GlDepthRenderer&) = delete;
 

@@ -65,6 +65,12 @@ TileFace MakeFace(const FaceInView& in_view) {
   return face;
 }
 
+/// Of an element of rows that are `width` long.
+std::size_t Index(int row, int width, int column) {
+  return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+         static_cast<std::size_t>(column);
+}
+
 }  // namespace
 
 TileRenderer::TileRenderer()
@@ -76,10 +82,10 @@ std::string TileRenderer::Describe() const {
 
 tiles::TileRays TileRenderer::Rays::Tile(int column, int row) const {
   if (is_pinhole) {
-    return {&x[static_cast<std::size_t>(column * kTileWidth)],
-            &y[static_cast<std::size_t>(row * kTilePixels)], 0, kTileWidth};
+    return {&x[static_cast<std::size_t>(column) * kTileWidth],
+            &y[static_cast<std::size_t>(row) * kTilePixels], 0, kTileWidth};
   }
-  const auto first = static_cast<std::size_t>(row * columns + column) * kTilePixels;
+  const std::size_t first = Index(row, columns, column) * kTilePixels;
   return {&x[first], &y[first], kTileWidth, kTileWidth};
 }
 
@@ -92,7 +98,7 @@ TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
   rays.rows = (height + kTileHeight - 1) / kTileHeight;
   rays.padded = (rays.columns + 15) / 16 * 16;
   rays.is_pinhole = intrinsics.distortion.empty();
-  const auto ranges = static_cast<std::size_t>(rays.rows * rays.padded);
+  const std::size_t ranges = Index(rays.rows, rays.padded, 0);
   rays.low_x.assign(ranges, kNone);
   rays.high_x = rays.low_y = rays.high_y = rays.low_x;
   rays.row_low_y.assign(static_cast<std::size_t>(rays.rows), kInfinite);
@@ -113,7 +119,7 @@ TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
         high = high.max(ray.array());
       }
       if (low.x() > high.x()) continue;  // no ray at all
-      const auto tile = static_cast<std::size_t>(row * rays.padded + column);
+      const std::size_t tile = Index(row, rays.padded, column);
       rays.low_x[tile] = low.x();
       rays.high_x[tile] = high.x();
       rays.low_y[tile] = low.y();

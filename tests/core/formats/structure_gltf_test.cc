@@ -466,7 +466,7 @@ TEST_F(StructureGltf, LimitsPoints) {
   // One buffer of zeros, which a side and a hundred thousand others could go through each.
   ExpectBadAfter(
       [](Glb& glb) {
-        glb.binary.resize(glb.binary.size() + 12 * 10001);
+        glb.binary.resize(glb.binary.size() + std::size_t{12} * 10001);
         glb.content["buffers"][0]["byteLength"] = glb.binary.size();
         json& accessor =
             glb.content["accessors"]
