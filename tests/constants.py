@@ -23,7 +23,7 @@ LIMITS = {
     "infer/view": 12,
     "infer/lens": 45,
     "infer/depth": 33,
-    "infer/initial": 175,
+    "infer/initial": 165,
     "infer/refine": 98,
     "infer/checks": 65,
     "core/geometry/depth_error_model": 1,

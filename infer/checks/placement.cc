@@ -37,13 +37,13 @@ struct OwnPose {
 
 /// The sensor's pose from its own view, everything that may be estimated being free.
 OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
-                    const Pose& to_beat, const Pose& start, const RefineOptions& options) {
+                    const Pose& start, const RefineOptions& options) {
   RefineSetup alone(options);
   alone.free.where_told = false;
   alone.schedule.threads = 1;
   const RefinedFrame refined =
       Refine(seen.capture->structure,
-             {{std::move(points), to_beat, start, start, FrameRole::kStructure, 0}}, alone,
+             {{std::move(points), start, start, start, FrameRole::kStructure, 0}}, alone,
              {seen.lenses.Of(id)})
           .frames.front();
   return {refined.structure_from_sensor,
@@ -95,12 +95,11 @@ Finding UpUnknown(const Labelled& labelled) {
 OwnPose RefineTwice(const Seen& seen, FrameId id, const LocateOptions& options) {
   const Labelled& labelled = seen.labelled[id];
   const InitialPose& initial = labelled.initial;
-  const Pose pose =
-      RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
-                  initial.from_keypoints, initial.structure_from_sensor, options.refine)
-          .structure_from_sensor;
+  const Pose pose = RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
+                                initial.structure_from_sensor, options.refine)
+                        .structure_from_sensor;
   return RefineAlone(seen, id, PointsAt(seen, id, seen.capture->structure, pose, options), pose,
-                     pose, options.refine);
+                     options.refine);
 }
 
 FrameRole RoleOf(const std::string& name, const RefineOptions& options) {
@@ -238,7 +237,7 @@ SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateRes
     if (!located) continue;
     const InitialPose& initial = seen.labelled[id].initial;
     frames[id] = {located->points,
-                  located->by_neighbours ? located->own_pose : initial.from_keypoints,
+                  located->by_neighbours ? located->own_pose : initial.structure_from_sensor,
                   located->InitialPoseOf(initial),
                   located->own_pose,
                   RoleOf((*seen.capture)[id].name, options),

@@ -6,7 +6,6 @@
 #include "infer/initial/paper_pose.h"
 #include "infer/initial/pose_candidates.h"
 #include "infer/initial/same_pose.h"
-#include "infer/initial/side_fit.h"
 #include "infer/initial/visibility_correction.h"
 
 namespace volalign {
@@ -56,16 +55,14 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
     const Agreement agreement = compare(pose);
     if (result.found && !(agreement.score() > result.agreement.score())) continue;
     result.found = true;
-    result.from_keypoints = pose;
+    result.structure_from_sensor = pose;
     result.agreement = agreement;
   }
   if (!result.found) return result;
   // Centroids on the decimated grid are a few millimetres off.
-  result.from_keypoints = CorrectForVisibility(
+  result.structure_from_sensor = CorrectForVisibility(
       view, result.patches, structure, options, kTightening,
-      std::min(options.visibility_iterations, kFullCorrections), result.from_keypoints);
-  result.structure_from_sensor =
-      FitToSides(view, result.patches, structure, options, result.from_keypoints);
+      std::min(options.visibility_iterations, kFullCorrections), result.structure_from_sensor);
   result.agreement = compare(result.structure_from_sensor);
   return result;
 }

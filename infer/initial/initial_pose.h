@@ -27,7 +27,6 @@ struct InitialPoseOptions {
   PoseMethod method = PoseMethod::kAuto;
   KeypointKind keypoints = KeypointKind::kExposed;
   int visibility_iterations = 5;
-  int side_fit_steps = 5;
   double max_keypoint_error_m = 0.2;
   double max_normal_error_deg = 30;
   SidePatchOptions patch;
@@ -49,8 +48,6 @@ struct InitialPoseOptions {
        "times that keypoints are replaced by centroids of what the structure shows from the "
        "estimated pose",
        AtLeast(0));
-    ar("side_fit_steps", side_fit_steps,
-       "robust steps, at the end, that bring labelled points onto their finite sides", AtLeast(0));
     ar("max_keypoint_error_m", max_keypoint_error_m,
        "distance between a side's keypoint and its measured one beyond which they contradict each "
        "other, m",
@@ -71,10 +68,8 @@ struct InitialPoseOptions {
 /// What one sensor's labels say about its pose.
 struct InitialPose {
   bool found = false;  ///< a pose was hypothesised; CompareWithView tells whether it is right
-  /// The initial pose: the keypoint pose, fitted to the sides.
+  /// Of the depths, only the sides' centroids and normals are fitted.
   Pose structure_from_sensor = Pose::Identity();
-  /// The keypoint pose. Of the depths, only the sides' centroids and normals are fitted.
-  Pose from_keypoints = Pose::Identity();
   /// At the initial pose, on the decimated view, with kInitialTolerance.
   Agreement agreement;
   std::vector<SidePatch> patches;  ///< all patches that were found
@@ -83,9 +78,8 @@ struct InitialPose {
 /// From labels, in all methods but the paper's: hypothesise and verify. Candidates are made from
 /// sets of patches (pose_candidates.h). The best of them are corrected for visibility
 /// (visibility_correction.h) and compete by how well measured depths and labels agree with the
-/// structure as seen from there, not by a number of pixels. The winner is the keypoint pose; fitted
-/// to the sides (side_fit.h), it is the initial pose. With `near`, that pose competes too, and only
-/// results that are about the same pose count.
+/// structure as seen from there, not by a number of pixels. With `near`, that pose competes too,
+/// and only results that are about the same pose count.
 ///
 /// With the paper's method: EstimatePaperPose (paper_pose.h).
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,

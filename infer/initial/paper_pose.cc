@@ -30,7 +30,6 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
   if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
   result.found = true;
   result.structure_from_sensor = AlignPoints(source, target).target_from_source;
-  result.from_keypoints = result.structure_from_sensor;
   result.agreement =
       CompareWithView(view, segmentation, structure, result.structure_from_sensor,
                       options.patch.min_confidence, SurfaceTolerance::AtRoughPose(view.errors));

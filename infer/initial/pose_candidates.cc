@@ -63,7 +63,7 @@ std::vector<PatchSet> StartSets(std::size_t patches) {
 
 /// Solves with the members, then with the patches that agree, until these are the members.
 std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& patches,
-                              const std::vector<PatchKeypoint>& keypoints,
+                              const std::vector<Eigen::Vector3d>& keypoints,
                               const Structure& structure, const InitialPoseOptions& options) {
   std::optional<Pose> pose;
   bool stable = false;
@@ -84,6 +84,9 @@ std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& pa
   return candidate;
 }
 
+/// How much a patch counts. A large one outweighs a sliver, but two large ones are equals.
+double Trust(const SidePatch& patch) { return patch.area / (patch.area + kHalfTrustArea); }
+
 }  // namespace
 
 std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches) {
@@ -91,19 +94,16 @@ std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches) {
   return patches;
 }
 
-std::vector<PatchKeypoint> SideKeypoints(const std::vector<SidePatch>& patches,
-                                         const Structure& structure, KeypointKind kind) {
-  std::vector<PatchKeypoint> keypoints;
+std::vector<Eigen::Vector3d> SideKeypoints(const std::vector<SidePatch>& patches,
+                                           const Structure& structure, KeypointKind kind) {
+  std::vector<Eigen::Vector3d> keypoints;
   keypoints.reserve(patches.size());
-  for (const SidePatch& patch : patches)
-    keypoints.push_back({structure.Keypoint(patch.label, kind), false});
+  for (const SidePatch& patch : patches) keypoints.push_back(structure.Keypoint(patch.label, kind));
   return keypoints;
 }
 
-double Trust(const SidePatch& patch) { return patch.area / (patch.area + kHalfTrustArea); }
-
 std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const PatchSet& members,
-                              const std::vector<PatchKeypoint>& keypoints,
+                              const std::vector<Eigen::Vector3d>& keypoints,
                               const Structure& structure) {
   std::vector<Eigen::Vector3d> source, target;
   std::vector<double> weights;
@@ -112,7 +112,7 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
   for (std::size_t i = 0; i < patches.size(); ++i) {
     if (!members[i]) continue;
     source.push_back(patches[i].centroid);
-    target.push_back(keypoints[i].point);
+    target.push_back(keypoints[i]);
     weights.push_back(Trust(patches[i]) / (kKeypointSigma * kKeypointSigma));
     total += weights.back();
     source_mean += weights.back() * source.back();
@@ -139,13 +139,13 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
 }
 
 PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
-                         const std::vector<PatchKeypoint>& keypoints, const Structure& structure,
+                         const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
                          const InitialPoseOptions& options, double max_distance_m,
                          const Pose& structure_from_sensor) {
   std::map<int, std::pair<double, std::size_t>> nearest;  // of each label: distance and patch
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const SidePatch& patch = patches[i];
-    const double distance = (structure_from_sensor * patch.centroid - keypoints[i].point).norm();
+    const double distance = (structure_from_sensor * patch.centroid - keypoints[i]).norm();
     const double cosine = (structure_from_sensor.linear() * patch.normal)
                               .dot(structure.SideOfLabel(patch.label).normal);
     const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
@@ -163,7 +163,8 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
 
 std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
                                  const InitialPoseOptions& options, const Pose* near) {
-  const std::vector<PatchKeypoint> keypoints = SideKeypoints(patches, structure, options.keypoints);
+  const std::vector<Eigen::Vector3d> keypoints =
+      SideKeypoints(patches, structure, options.keypoints);
   CandidateMap unique;
   for (const PatchSet& start : StartSets(patches.size())) {
     if (const auto candidate = Grow(start, patches, keypoints, structure, options))

@@ -22,31 +22,22 @@ using PatchSet = std::bitset<kMaxPatches>;
 /// At most kMaxPatches patches, the largest first.
 std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches);
 
-/// The point of the structure, m, with which a patch's centroid is compared.
-struct PatchKeypoint {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  bool of_visible_part = false;  ///< centroid of what a pose shows of the side, not of the side
-};
-
-/// One for each patch: its side's keypoint.
-std::vector<PatchKeypoint> SideKeypoints(const std::vector<SidePatch>& patches,
-                                         const Structure& structure, KeypointKind kind);
-
-/// How much a patch counts. A large one outweighs a sliver, but two large ones are equals.
-double Trust(const SidePatch& patch);
+/// One for each patch: its side's keypoint, with which the patch's centroid is compared, m.
+std::vector<Eigen::Vector3d> SideKeypoints(const std::vector<SidePatch>& patches,
+                                           const Structure& structure, KeypointKind kind);
 
 /// Weighted Procrustes over the members' keypoints and, as a second point of each side, its fitted
 /// normal: the centroids of four parallel sides fix no rotation. Nothing if the members fix no
 /// pose.
 std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const PatchSet& members,
-                              const std::vector<PatchKeypoint>& keypoints,
+                              const std::vector<Eigen::Vector3d>& keypoints,
                               const Structure& structure);
 
 /// The patches whose centroid lies within `max_distance_m` of its keypoint, and whose normal is
 /// within options.max_normal_error_deg and its own uncertainty of its side's; of two patches with
 /// one label the nearer one.
 PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
-                         const std::vector<PatchKeypoint>& keypoints, const Structure& structure,
+                         const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
                          const InitialPoseOptions& options, double max_distance_m,
                          const Pose& structure_from_sensor);
 

@@ -44,16 +44,16 @@ std::vector<ShownPart> ShownParts(const SensorView& view, const Structure& struc
 
 }  // namespace
 
-std::vector<PatchKeypoint> VisibleKeypoints(const SensorView& view,
-                                            const std::vector<SidePatch>& patches,
-                                            const Structure& structure, KeypointKind kind,
-                                            const Pose& structure_from_sensor) {
+std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
+                                              const std::vector<SidePatch>& patches,
+                                              const Structure& structure, KeypointKind kind,
+                                              const Pose& structure_from_sensor) {
   const std::vector<ShownPart> shown = ShownParts(view, structure, structure_from_sensor);
-  std::vector<PatchKeypoint> keypoints = SideKeypoints(patches, structure, kind);
+  std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure, kind);
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const ShownPart& part = shown[static_cast<std::size_t>(patches[i].label)];
     if (!(part.area > 0) || part.area < kMinShownShare * patches[i].area) continue;
-    keypoints[i] = {structure_from_sensor * Eigen::Vector3d(part.moment / part.area), true};
+    keypoints[i] = structure_from_sensor * Eigen::Vector3d(part.moment / part.area);
   }
   return keypoints;
 }
@@ -61,7 +61,7 @@ std::vector<PatchKeypoint> VisibleKeypoints(const SensorView& view,
 std::optional<Pose> CorrectOnceForVisibility(
     const SensorView& view, const std::vector<SidePatch>& patches, const Structure& structure,
     const InitialPoseOptions& options, double max_distance_m, const Pose& structure_from_sensor) {
-  const std::vector<PatchKeypoint> keypoints =
+  const std::vector<Eigen::Vector3d> keypoints =
       VisibleKeypoints(view, patches, structure, options.keypoints, structure_from_sensor);
   const PatchSet agreeing = AgreeingPatches(patches, keypoints, structure, options, max_distance_m,
                                             structure_from_sensor);

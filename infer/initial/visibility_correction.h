@@ -18,10 +18,10 @@ inline constexpr int kTightening = 3;
 
 /// One for each patch: the centroid, structure frame, of what the patch's side shows from the pose
 /// and the view measured; the side's keypoint where that is much less than the patch.
-std::vector<PatchKeypoint> VisibleKeypoints(const SensorView& view,
-                                            const std::vector<SidePatch>& patches,
-                                            const Structure& structure, KeypointKind kind,
-                                            const Pose& structure_from_sensor);
+std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
+                                              const std::vector<SidePatch>& patches,
+                                              const Structure& structure, KeypointKind kind,
+                                              const Pose& structure_from_sensor);
 
 /// The centroid of a half-hidden side is not that of the side. Solves again with keypoints of what
 /// the pose shows, over the patches that agree with the pose within `max_distance_m`. Nothing if

@@ -31,7 +31,7 @@ SidePatch WholeSide(const Structure& structure, const std::string& name, const P
 class PoseCandidates : public ::testing::Test {
  protected:
   void Add(const std::string& name) { patches.push_back(WholeSide(structure, name, truth)); }
-  std::vector<PatchKeypoint> Centres() const {
+  std::vector<Eigen::Vector3d> Centres() const {
     return SideKeypoints(patches, structure, KeypointKind::kCentre);
   }
   void ExpectTruth(const Pose& pose) const {
