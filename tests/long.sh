@@ -12,7 +12,7 @@ coverage() {
   install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" gcovr
   build_preset coverage all
   find build/coverage -name '*.gcda' -delete
-  ctest --preset coverage -R '^(core|render|train|infer)/' --timeout 3600 || return 1
+  ctest --preset coverage -R '^(core|render|train|infer)/' || return 1
   gcovr --root . --object-directory build/coverage --exclude-unreachable-branches --csv 2>/dev/null |
     awk -F, 'NR > 1 && $1 ~ /^(core|render|train|infer)\// {
         room = $1; sub("/[^/]*$", "", room); split(room, parts, "/")
@@ -24,7 +24,7 @@ coverage() {
 tsan() {
   install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"
   build_preset tsan quick_tests_core quick_tests_render quick_tests_train infer_calib_slow_tests
-  ctest --preset tsan --timeout 3600 -R '^(core|render|train)/.*|^infer/calib/calibrate$' -L 'quick|slow'
+  ctest --preset tsan -R '^(core|render|train)/.*|^infer/calib/calibrate$' -L 'quick|slow'
 }
 
 tests() { ./test.sh; }

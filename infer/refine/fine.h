@@ -1,6 +1,6 @@
 #pragma once
 
-// The fine stage: all parameters, as a statistical model. Not for callers of Refine.
+// The refinement: all parameters, as a statistical model. Not for callers of Refine.
 
 #include <optional>
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace volalign::refine_internal {
 
-/// Standard deviation of an edge's place in the fine stage (NoiseModel::line), given what is free:
+/// Standard deviation of an edge's place in the refinement (NoiseModel::line), given what is free:
 /// an edge of a box that is held where the structure has it strays as its faces do.
 double LineTolerance(const FreeSet& free);
 

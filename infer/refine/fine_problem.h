@@ -1,6 +1,6 @@
 #pragma once
 
-// The fine stage's terms as a problem for Ceres. Not for callers of Refine.
+// The refinement's terms as a problem for Ceres. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <vector>
@@ -12,7 +12,7 @@
 
 namespace volalign::refine_internal {
 
-/// Gates of the fine stage's associations, and of pairs. Overlap that the structure does not hold
+/// Gates of the refinement's associations, and of pairs. Overlap that the structure does not hold
 /// may be farther apart, see fine_problem.cc.
 Gates FineGates();
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// What one sensor says in the fine stage: observations and how far they can be trusted. Not for
+// What one sensor says in the refinement: observations and how far they can be trusted. Not for
 // callers of Refine.
 
 #include <Eigen/Core>

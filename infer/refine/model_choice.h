@@ -14,7 +14,7 @@
 
 namespace volalign::refine_internal {
 
-/// The fine stage's cost around a solution, as a quadratic function of all parameters.
+/// The refinement's cost around a solution, as a quadratic function of all parameters.
 struct QuadraticCost {
   NormalEquations normal;        ///< priors included, as the options have them
   Eigen::VectorXd prior_sigmas;  ///< of these priors

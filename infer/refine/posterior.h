@@ -20,7 +20,7 @@ struct NormalEquations {
   bool evaluated = true;        ///< false: they are those of the priors alone
 };
 
-/// Of the fine stage's cost at a solution, with everything free. Where the cost cannot be
+/// Of the refinement's cost at a solution, with everything free. Where the cost cannot be
 /// evaluated, of the priors alone.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
