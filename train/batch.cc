@@ -44,7 +44,8 @@ bool CopyMillimetres(const float* depth, std::size_t count, std::int16_t* out) {
     const std::uint32_t clamped = std::min(bits, most);
     float metres = 0;
     std::memcpy(&metres, &clamped, sizeof metres);
-    const int mm = static_cast<int>(metres * 1000 + 0.5F);
+    // Not negative; lround would be a call for each pixel.
+    const int mm = static_cast<int>(metres * 1000 + 0.5F);  // NOLINT(bugprone-incorrect-roundings)
     const float rounded = static_cast<float>(mm) * kMillimetre;
     std::memcpy(&again, &rounded, sizeof again);
     out[i] = static_cast<std::int16_t>(mm);

@@ -52,7 +52,7 @@ at::Tensor ClassWeights(const LossConfig& config, int num_classes) {
   if (std::all_of(weights.begin(), weights.end(), [](float w) { return w == 0; })) {
     throw ConfigError("loss.class_weights are all 0");
   }
-  const at::Tensor result = at::empty({num_classes}, at::kFloat);
+  at::Tensor result = at::empty({num_classes}, at::kFloat);
   std::copy(weights.begin(), weights.end(), result.data_ptr<float>());
   return result;
 }

@@ -32,9 +32,9 @@ std::vector<std::string> OneOrList(const JsonObject& object, const std::string& 
 }
 
 fs::path FindDepth(const std::string& file, const fs::path& extrinsics, const fs::path& capture) {
-  const fs::path beside = extrinsics.parent_path() / file;
+  fs::path beside = extrinsics.parent_path() / file;
   if (fs::exists(beside)) return beside;
-  const fs::path with_capture = capture.parent_path() / file;
+  fs::path with_capture = capture.parent_path() / file;
   if (fs::exists(with_capture)) return with_capture;
   throw IoError(fmt::format("{}: its depth file {} is neither there nor beside {}",
                             extrinsics.string(), file, capture.string()));

@@ -26,8 +26,10 @@ double LearningRate(const OptimConfig& config, std::int64_t samples, std::int64_
   switch (config.schedule) {
     case Schedule::kConstant:
       return config.lr;
-    case Schedule::kStep:
-      return config.lr * std::pow(config.step_factor, static_cast<double>(since / period));
+    case Schedule::kStep: {
+      const std::int64_t steps = since / period;
+      return config.lr * std::pow(config.step_factor, static_cast<double>(steps));
+    }
     case Schedule::kCosine:
       if (period > 0) {
         return Cosine(config, static_cast<double>(since % period) / static_cast<double>(period));

@@ -96,7 +96,7 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
 /// kMinSecondSingularValue at least. Its square is the second eigenvalue of s^T s, in closed form.
 at::Tensor SpreadEnough(const at::Tensor& s) {
   const at::Tensor products = at::bmm(s.transpose(1, 2), s).contiguous();  // [B,3,3]
-  const at::Tensor enough = at::empty({s.size(0)}, at::kBool);
+  at::Tensor enough = at::empty({s.size(0)}, at::kBool);
   for (std::int64_t i = 0; i < s.size(0); ++i) {
     const Eigen::Map<const Eigen::Matrix3d> product(products.data_ptr<double>() + 9 * i);
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;

@@ -162,12 +162,14 @@ class Feeding {
         ended = true;
         return false;
       });
-      if (stays) kept.push_back(std::move(w));
-      if (!ended) continue;
-      Attempt(w.to, [&] {
-        w.to->result = run.End();
-        return true;
-      });
+      if (stays) {
+        kept.push_back(std::move(w));
+      } else if (ended) {
+        Attempt(w.to, [&] {
+          w.to->result = run.End();
+          return true;
+        });
+      }
     }
     workers_ = std::move(kept);
     return !workers_.empty();
