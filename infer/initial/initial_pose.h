@@ -70,7 +70,7 @@ struct InitialPose {
   bool found = false;  ///< a pose was hypothesised; CompareWithView tells whether it is right
   /// Of the depths, only the sides' centroids and normals are fitted.
   Pose structure_from_sensor = Pose::Identity();
-  /// At the initial pose, on the decimated view, with kInitialTolerance.
+  /// At the initial pose, on the decimated view, within SurfaceTolerance::AtRoughPose.
   Agreement agreement;
   std::vector<SidePatch> patches;  ///< all patches that were found
 };

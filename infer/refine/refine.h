@@ -101,7 +101,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 
 /// Refines all frames together (refine/fine.h).
 ///
-/// As a statistical model: the points of an image block on a side are one measurement of
+/// It is a statistical model: the points of an image block on a side are one measurement of
 /// depth, silhouettes measure bearing alone. Depth errors are a smooth random field whose size and
 /// correlation length each sensor's residuals tell (restricted likelihood), plus a constant, a
 /// gain, and an error in concave seams; silhouettes may be shifted outwards. Together with each

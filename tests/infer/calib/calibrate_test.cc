@@ -11,6 +11,7 @@
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/long_tests.h"
+#include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_test {
@@ -390,12 +391,7 @@ TEST(FailureClasses, WrongFocalLength) {
 }
 
 TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
-  Intrinsics wide;
-  wide.width = 320;
-  wide.height = 180;
-  wide.fx = wide.fy = 235.9;
-  wide.cx = 159.3;
-  wide.cy = 88.0;
+  const Intrinsics wide = testing_infer::WideIntrinsics();
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 2; ++i)
     rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5}, wide);
