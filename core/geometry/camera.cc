@@ -27,7 +27,7 @@ void Intrinsics::Validate(const std::string& what) const {
       std::isfinite(fx) && std::isfinite(fy) && fx > 0 && fy > 0,
       fmt::format("focal lengths fx = {}, fy = {} violate 0 < fx, fy < infinity (pixels)", fx, fy));
   require(
-      cx > -width && cx < 2 * width && cy > -height && cy < 2 * height,
+      cx > -width && cx < 2.0 * width && cy > -height && cy < 2.0 * height,
       fmt::format("principal point ({}, {}) is not near the {}x{} image", cx, cy, width, height));
   const std::size_t n = distortion.size();
   require(n == 0 || n == 4 || n == 5 || n == 8,

@@ -101,6 +101,9 @@ TEST(Intrinsics, ValidateNamesWhatIsWrong) {
     k.cy = c;
     expect_bad(k, "principal point");
   }
+  k = Example();
+  k.width = k.height = std::numeric_limits<int>::max();
+  k.Validate("a");
   for (const std::size_t n : {1u, 2u, 3u, 6u, 7u, 9u, 12u}) {
     k = Example();
     k.distortion.assign(n, 0.0);
