@@ -23,11 +23,11 @@ LIMITS = {
     "infer/view": 12,
     "infer/lens": 45,
     "infer/depth": 33,
-    "infer/initial": 165,
+    "infer/initial": 163,
     "infer/refine": 98,
     "infer/checks": 65,
     "core/geometry/depth_error_model": 1,
-    "configs/intrinsics.yaml": 28,
+    "configs/intrinsics.yaml": 21,
 }
 FREE = {0, 1, 2, 0.5}
 

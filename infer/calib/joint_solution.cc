@@ -91,22 +91,6 @@ double Largest(const Moves& moves) {
   return largest;
 }
 
-/// Whether the last round has moved each frame by less than its position is known to, or nowhere to
-/// speak of.
-bool StandStill(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses,
-                const RefineResult& refined) {
-  auto found = refined.frames.begin();
-  for (const auto& [id, frame] : frames) {
-    const RefinedFrame& solution = *found++;
-    const auto pose = poses.find(id);
-    if (pose == poses.end()) continue;
-    const double moved = ComparePoses(frame.start, pose->second).translation_m;
-    if (!(moved < std::max(kLabelsStay, LargestSigmaPosition(pose->second, solution.covariance))))
-      return false;
-  }
-  return true;
-}
-
 /// The frames as they begin at these poses, labelled by them.
 SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frames,
                                   const SomeFrames<Pose>& poses, const RefineResult& refined,
@@ -138,8 +122,9 @@ LensSet WithChanges(LensSet lenses, const std::vector<RefinedLens>& refined) {
   return lenses;
 }
 
+/// `moves`: of the last round.
 Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames,
-                RefineResult refined, const SolveReport& report) {
+                const Moves& moves, RefineResult refined, SolveReport report) {
   std::vector<FrameId> ids;
   for (const auto& [id, frame] : frames) ids.push_back(id);
   const auto id_of = [&](int k) { return ids[static_cast<std::size_t>(k)]; };
@@ -152,14 +137,23 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
               refined.size_estimated,
               refined.size_scale,
               refined.sigma_size_scale,
-              report};
+              {}};
+  const bool solved = report.converged && report.moved_px < kLinearPx;
+  report.settled = solved;
   for (std::size_t k = 0; k < ids.size(); ++k) {
     FrameSolution& solution = joint.frames[ids[k]];
     solution.refined = std::move(refined.frames[k]);
+    if (const auto move = moves.find(ids[k]); move != moves.end())
+      solution.moved_m = move->second.norm();
+    const double known =
+        LargestSigmaPosition(solution.refined.structure_from_sensor, solution.refined.covariance);
+    solution.settled = solved && solution.moved_m < std::max(kLabelsStay, known);
+    report.settled = report.settled && solution.settled;
     if (!solution.refined.refused_fit) continue;
     for (const int other : solution.refined.refused_fit->contradicts)
       solution.contradicts.push_back(id_of(other));
   }
+  joint.report = report;
   const CaptureSet& capture = *joint.seen.capture;
   joint.pairs.resize(capture.stills.size());
   for (const RefinedPair& pair : refined.pairs) {
@@ -249,10 +243,10 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       if (report.moved_px > 0)
         seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
       report.converged = refined.converged;
-      report.settled =
-          report.converged && StandStill(frames, poses, refined) && report.moved_px < kLinearPx;
-      if (report.moved_px < kLinearPx || looks == kMostLooks)
-        return MakeJoint(std::move(seen), std::move(located), frames, std::move(refined), report);
+      if (report.moved_px < kLinearPx || looks == kMostLooks) {
+        return MakeJoint(std::move(seen), std::move(located), frames, moves, std::move(refined),
+                         report);
+      }
       ++looks;
       seen.lenses = MeasureLenses(seen.views, std::move(seen.lenses), options.threads);
       seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);

@@ -15,6 +15,10 @@ namespace volalign {
 struct FrameSolution {
   RefinedFrame refined;
   std::vector<FrameId> contradicts;  ///< RefusedFit::contradicts
+  double moved_m = 0;                ///< how far the last round moved it
+  /// It moved it by less than its position is known to, or nowhere to speak of, and the solution
+  /// ended by its tolerances, through lenses in which it is linear.
+  bool settled = false;
 };
 
 /// The poses of all located frames together, and what they were found from.

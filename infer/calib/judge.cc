@@ -48,12 +48,13 @@ void TakeLens(const Joint& joint, FrameId id, FrameResult* sensor) {
   sensor->lens.sigmas = refined.sigmas;
 }
 
-/// Empty where the solution has settled.
-std::string WhatMoves(const SolveReport& report) {
-  if (report.settled) return "";
-  return fmt::format("round {} moved a sensor by {:.1f} mm, the last lens a picture by {:.1f} px{}",
-                     report.rounds, 1000 * report.moved_m, report.moved_px,
-                     report.converged ? "" : ", and it ended by the number of its steps");
+/// Empty where the frame has settled.
+std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
+  if (frame.settled) return "";
+  return fmt::format(
+      "round {} moved the sensor by {:.1f} mm, the last lens a picture by {:.1f} px{}",
+      report.rounds, 1000 * frame.moved_m, report.moved_px,
+      report.converged ? "" : ", and it ended by the number of its steps");
 }
 
 /// Residuals, errors and status of a located frame at its reported pose.
@@ -86,7 +87,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
                     located.by_neighbours, labelled.other_pose,
                     labelled.twins.empty() ? 0 : labelled.twins.front().log_odds,
                     labelled.floor_would_tell, seen_through, frame.quarter_turns != kAutoTurns,
-                    located.visible_by_geometry, WhatMoves(joint.report)},
+                    located.visible_by_geometry, WhatMoves(joint.report, joint.frames.at(id))},
                    options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);

@@ -180,7 +180,7 @@ struct VerdictFacts {
   std::optional<RefutedByPair> seen_through;         ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
   std::optional<double> visible_by_geometry;         ///< LocatedFrame::visible_by_geometry
-  std::string unsettled;  ///< what the joint solution, all frames', still moved; or empty
+  std::string unsettled;  ///< how the joint solution still moved it; or empty
 };
 
 /// Of a natural logarithm: "3.2 : 1", "1 : 1.5"; from 1000 : 1 on "over 1000 : 1".

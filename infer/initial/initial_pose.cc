@@ -1,6 +1,5 @@
 #include "infer/initial/initial_pose.h"
 
-#include <algorithm>
 #include <optional>
 
 #include "infer/initial/paper_pose.h"
@@ -12,25 +11,9 @@ namespace volalign {
 
 namespace {
 
-/// Corrections with every pixel that follow those on the decimated view, at most.
-constexpr int kFullCorrections = 3;
-
-/// Corrects a pose for visibility at most `iterations` times. Keypoints have to agree
-/// `first_tightening` times better than options.max_keypoint_error_m in the first correction, and
-/// better in each further one, up to kTightening times.
-Pose CorrectForVisibility(const SensorView& view, const std::vector<SidePatch>& patches,
-                          const Structure& structure, const InitialPoseOptions& options,
-                          int first_tightening, int iterations, Pose pose) {
-  for (int i = 0; i < iterations; ++i) {
-    const double max_distance =
-        options.max_keypoint_error_m / std::min(first_tightening + i, kTightening);
-    const std::optional<Pose> next =
-        CorrectOnceForVisibility(view, patches, structure, options, max_distance, pose);
-    if (!next) break;
-    pose = *next;
-  }
-  return pose;
-}
+/// Once a pose has been corrected for visibility, keypoints agree so many times better than
+/// options.max_keypoint_error_m.
+constexpr int kTightening = 3;
 
 InitialPose SearchPose(const SensorView& view, const SegmentationResult& segmentation,
                        const Structure& structure, const InitialPoseOptions& options,
@@ -46,11 +29,15 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
                            tolerance);
   };
 
+  const auto correct = [&](const SensorView& by, double max_distance_m, const Pose& pose) {
+    return CorrectForVisibility(by, result.patches, structure, options, max_distance_m, pose)
+        .value_or(pose);
+  };
+
   std::vector<Pose> candidates = FindCandidates(result.patches, structure, options, near);
   if (near) candidates.push_back(*near);
   for (const Pose& candidate : candidates) {
-    const Pose pose = CorrectForVisibility(coarse, result.patches, structure, options, 1,
-                                           options.visibility_iterations, candidate);
+    const Pose pose = correct(coarse, options.max_keypoint_error_m, candidate);
     if (near && !SamePose(structure, pose, *near)) continue;
     const Agreement agreement = compare(pose);
     if (result.found && !(agreement.score() > result.agreement.score())) continue;
@@ -60,9 +47,8 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   }
   if (!result.found) return result;
   // Centroids on the decimated grid are a few millimetres off.
-  result.structure_from_sensor = CorrectForVisibility(
-      view, result.patches, structure, options, kTightening,
-      std::min(options.visibility_iterations, kFullCorrections), result.structure_from_sensor);
+  result.structure_from_sensor =
+      correct(view, options.max_keypoint_error_m / kTightening, result.structure_from_sensor);
   result.agreement = compare(result.structure_from_sensor);
   return result;
 }

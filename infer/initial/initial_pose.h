@@ -26,7 +26,6 @@ inline constexpr Words<KeypointKind, 2> kKeypointWords = {
 struct InitialPoseOptions {
   PoseMethod method = PoseMethod::kAuto;
   KeypointKind keypoints = KeypointKind::kExposed;
-  int visibility_iterations = 5;
   double max_keypoint_error_m = 0.2;
   double max_normal_error_deg = 30;
   SidePatchOptions patch;
@@ -44,10 +43,6 @@ struct InitialPoseOptions {
     DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
                  "point that stands for a side before its visible part is known: exposed (centroid "
                  "of the area that no other box covers) or centre (the paper)");
-    ar("visibility_iterations", visibility_iterations,
-       "times that keypoints are replaced by centroids of what the structure shows from the "
-       "estimated pose",
-       AtLeast(0));
     ar("max_keypoint_error_m", max_keypoint_error_m,
        "distance between a side's keypoint and its measured one beyond which they contradict each "
        "other, m",

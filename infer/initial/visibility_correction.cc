@@ -58,9 +58,11 @@ std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
   return keypoints;
 }
 
-std::optional<Pose> CorrectOnceForVisibility(
-    const SensorView& view, const std::vector<SidePatch>& patches, const Structure& structure,
-    const InitialPoseOptions& options, double max_distance_m, const Pose& structure_from_sensor) {
+std::optional<Pose> CorrectForVisibility(const SensorView& view,
+                                         const std::vector<SidePatch>& patches,
+                                         const Structure& structure,
+                                         const InitialPoseOptions& options, double max_distance_m,
+                                         const Pose& structure_from_sensor) {
   const std::vector<Eigen::Vector3d> keypoints =
       VisibleKeypoints(view, patches, structure, options.keypoints, structure_from_sensor);
   const PatchSet agreeing = AgreeingPatches(patches, keypoints, structure, options, max_distance_m,

@@ -12,10 +12,6 @@
 
 namespace volalign {
 
-/// Once a pose has been corrected for visibility, keypoints agree so many times better than
-/// options.max_keypoint_error_m.
-inline constexpr int kTightening = 3;
-
 /// One for each patch: the centroid, structure frame, of what the patch's side shows from the pose
 /// and the view measured; the side's keypoint where that is much less than the patch.
 std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
@@ -26,8 +22,10 @@ std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
 /// The centroid of a half-hidden side is not that of the side. Solves again with keypoints of what
 /// the pose shows, over the patches that agree with the pose within `max_distance_m`. Nothing if
 /// these fix no pose.
-std::optional<Pose> CorrectOnceForVisibility(
-    const SensorView& view, const std::vector<SidePatch>& patches, const Structure& structure,
-    const InitialPoseOptions& options, double max_distance_m, const Pose& structure_from_sensor);
+std::optional<Pose> CorrectForVisibility(const SensorView& view,
+                                         const std::vector<SidePatch>& patches,
+                                         const Structure& structure,
+                                         const InitialPoseOptions& options, double max_distance_m,
+                                         const Pose& structure_from_sensor);
 
 }  // namespace volalign

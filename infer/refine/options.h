@@ -36,7 +36,7 @@ struct PriorOptions {
 
 /// How a refinement goes about it: its rounds and their limits.
 struct RefineSchedule {
-  int inner_iterations = 6;
+  int inner_iterations = 12;
   int fine_iterations = 3;
   int max_overlap_points = 700;
   double min_overlap = 0.05;

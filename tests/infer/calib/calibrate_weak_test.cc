@@ -76,7 +76,7 @@ TEST(Weak, ARigAsItShouldBeIsNot) {
   for (const FrameResult& sensor : result.sensors) ExpectOk(sensor);
 }
 
-// Six steps suffice for the same capture; after one, the poses are still on their way.
+// The default's steps suffice for the same capture; after one, the poses are still on their way.
 TEST(Weak, Unsettled) {
   CalibrateOptions options;
   options.refine.inner_iterations = 1;

@@ -88,7 +88,7 @@ TEST(VisibleKeypoints, StayThoseOfTheSideWhereThePoseShowsNothingOfIt) {
   EXPECT_GT(hidden, 0);
 }
 
-TEST(CorrectOnceForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
+TEST(CorrectForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
   const Structure structure = PaperStructure();
   InitialPoseOptions options;
   for (const double phi : {15.0, 130.0, 250.0}) {
@@ -99,15 +99,15 @@ TEST(CorrectOnceForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
         LargestPatches(CollectPatches(view, Certain(rendered.labels), structure, {}));
     const std::vector<Pose> candidates = FindCandidates(patches, structure, options, nullptr);
     ASSERT_FALSE(candidates.empty()) << phi;
-    const auto corrected = CorrectOnceForVisibility(view, patches, structure, options,
-                                                    options.max_keypoint_error_m, candidates[0]);
+    const auto corrected = CorrectForVisibility(view, patches, structure, options,
+                                                options.max_keypoint_error_m, candidates[0]);
     ASSERT_TRUE(corrected.has_value()) << phi;
     EXPECT_LT(ComparePoses(*corrected, truth).translation_m,
               0.7 * ComparePoses(candidates[0], truth).translation_m)
         << phi;
   }
-  const auto none = CorrectOnceForVisibility(MakeSensorView(DepthImage(320, 288), Kinect()), {},
-                                             structure, options, 0.2, RingPose(20));
+  const auto none = CorrectForVisibility(MakeSensorView(DepthImage(320, 288), Kinect()), {},
+                                         structure, options, 0.2, RingPose(20));
   EXPECT_FALSE(none.has_value());
 }
 
