@@ -116,6 +116,15 @@ TEST_F(Infrared, TheLampShowsWhatIsNearInFullAndExposureFollowsTheBrightest) {
               255 * plain_.exposure, 2);
 }
 
+TEST_F(Infrared, APixelIsTheMeanOfItsRays) {
+  InfraredConfig fine = plain_;
+  fine.supersampling = 2;
+  const GreyImage one = Picture({}, plain_), four = Picture({}, fine);
+  for (const double u : {-0.15, 0.0, 0.15}) {
+    for (const double v : {-0.15, 0.0, 0.15}) EXPECT_NEAR(At(four, u, v), At(one, u, v), 2);
+  }
+}
+
 TEST_F(Infrared, BlurSpreadsEdgesAndNoiseIsThatOfTheFrame) {
   const GreyImage sharp = Picture({}, plain_);
   InfraredConfig blurred = plain_, noisy = plain_;

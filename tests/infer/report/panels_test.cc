@@ -51,6 +51,11 @@ TEST(SideResiduals, AreSignedAndZeroWhereThePoseIsRight) {
   EXPECT_LT(extremes().second, 0.0125);
   sensor.depth_offset_m = 0.01;
   EXPECT_LT(extremes().second, 0);
+  // One part in a hundred too near, 1 to 3 m away.
+  sensor.depth_offset_m = 0;
+  sensor.depth_gain = 1.01;
+  EXPECT_LT(extremes().second, -0.001);
+  EXPECT_GT(extremes().first, -0.03);
   sensor.structure_from_sensor.reset();
   for (const float residual : SideResiduals(sensor, structure)) EXPECT_TRUE(std::isnan(residual));
 }
