@@ -145,9 +145,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
     solution.refined = std::move(refined.frames[k]);
     if (const auto move = moves.find(ids[k]); move != moves.end())
       solution.moved_m = move->second.norm();
-    const double known =
-        LargestSigmaPosition(solution.refined.structure_from_sensor, solution.refined.covariance);
-    solution.settled = solved && solution.moved_m < std::max(kLabelsStay, known);
+    solution.settled = solved && StandsStill(solution.moved_m, solution.refined);
     report.settled = report.settled && solution.settled;
     if (!solution.refined.refused_fit) continue;
     for (const int other : solution.refined.refused_fit->contradicts)
@@ -179,6 +177,11 @@ SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>
     shapeless[id] = ExplainMissingShape();
   }
   return shapeless;
+}
+
+bool StandsStill(double moved_m, const RefinedFrame& refined) {
+  return moved_m < std::max(kLabelsStay, LargestSigmaPosition(refined.structure_from_sensor,
+                                                              refined.covariance));
 }
 
 SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,

@@ -61,6 +61,9 @@ using Moves = SomeFrames<Eigen::Vector3d>;
 SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,
                             const Moves& moves, const Moves& before);
 
+/// Has a round moved a frame by less than its position is known to, or nowhere to speak of?
+bool StandsStill(double moved_m, const RefinedFrame& refined);
+
 /// The frames that geometry alone has located and that stand where their views do not have the
 /// structure's shape. `refined`: of `frames`, which are the located ones.
 SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>& located,

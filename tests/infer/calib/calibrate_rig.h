@@ -6,15 +6,7 @@
 namespace volalign::testing_infer {
 
 /// Of a RealSense D415, 320x180.
-inline Intrinsics WideIntrinsics() {
-  Intrinsics wide;
-  wide.width = 320;
-  wide.height = 180;
-  wide.fx = wide.fy = 235.9;
-  wide.cx = 159.3;
-  wide.cy = 88.0;
-  return wide;
-}
+inline Intrinsics WideIntrinsics() { return {320, 180, 235.9, 235.9, 159.3, 88.0, {}}; }
 
 /// Calibrates what the rig's frames show, with its labels.
 inline CalibrationResult CalibrateRig(const Rig& rig, const CalibrateOptions& options = {}) {

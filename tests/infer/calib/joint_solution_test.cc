@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <variant>
@@ -65,6 +66,17 @@ TEST_F(Shapeless, FramesThatAreNotLocatedHaveNoPose) {
   refined_.frames.erase(refined_.frames.begin());
   refined_.frames[0].structure_from_sensor = truth_;
   EXPECT_TRUE(Find().empty());
+}
+
+TEST(StandsStill, WhereAFrameMovesByLessThanItsPositionIsKnownTo) {
+  RefinedFrame refined;
+  for (const double sigma : {0.0001, 0.005}) {
+    refined.covariance = sigma * sigma * Matrix6d::Identity();
+    const double limit = std::max(0.002, sigma);
+    EXPECT_TRUE(StandsStill(0.9 * limit, refined)) << sigma;
+    EXPECT_FALSE(StandsStill(1.1 * limit, refined)) << sigma;
+    EXPECT_FALSE(StandsStill(std::nan(""), refined)) << sigma;
+  }
 }
 
 // One goes on, one turns back, one has just begun to move.

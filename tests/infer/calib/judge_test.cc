@@ -35,7 +35,6 @@ struct Stages {
     joint.seen = testing_infer::SeenWithLabels(capture, rig.labels);
     joint.stacks.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
     joint.lenses.resize(3);
-    joint.report.settled = true;
     joint.located = MapFrames(joint.seen.views, 1, [&](FrameId id) -> LocateResult {
       if (id.frame == 1) return Finding{SensorCode::kNoStructure, "reason", "hint"};
       joint.frames[id].settled = true;

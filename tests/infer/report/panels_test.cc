@@ -51,7 +51,7 @@ TEST(SideResiduals, AreSignedAndZeroWhereThePoseIsRight) {
   EXPECT_LT(extremes().second, 0.0125);
   sensor.depth_offset_m = 0.01;
   EXPECT_LT(extremes().second, 0);
-  // One part in a hundred too near, 1 to 3 m away.
+  // Taken for 1 % farther, from 1 to 3 m: behind every side.
   sensor.depth_offset_m = 0;
   sensor.depth_gain = 1.01;
   EXPECT_LT(extremes().second, -0.001);
