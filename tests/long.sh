@@ -9,15 +9,27 @@ export VOLALIGN_LONG=1
 
 # Lines of each room that ran in the quick and slow tests of the four libraries.
 coverage() {
-  install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" gcovr
+  install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"
   build_preset coverage all
-  find build/coverage -name '*.gcda' -delete
+  rm -rf build/coverage/profiles
   ctest --preset coverage -R '^(core|render|train|infer)/' || return 1
-  gcovr --root . --object-directory build/coverage --exclude-unreachable-branches --csv 2>/dev/null |
-    awk -F, 'NR > 1 && $1 ~ /^(core|render|train|infer)\// {
-        room = $1; sub("/[^/]*$", "", room); split(room, parts, "/")
-        lines[room] += $2; ran[room] += $3; lines[parts[1]] += $2; ran[parts[1]] += $3 }
-      END { for (room in lines) printf "%-24s %5.1f %% of %d lines\n", room, 100 * ran[room] / lines[room], lines[room] }' | sort
+  llvm-profdata-14 merge -o build/coverage/all.profdata build/coverage/profiles/*.profraw
+  local programs
+  mapfile -t programs < <(find build/coverage/tests -name '*_tests' -type f -printf '-object\n%p\n')
+  llvm-cov-14 export -summary-only -instr-profile build/coverage/all.profdata "${programs[@]:1}" >build/coverage/lines.json
+  python3 - <<'PYTHON'
+import collections, json, os
+
+lines, ran = collections.Counter(), collections.Counter()
+for entry in json.load(open("build/coverage/lines.json"))["data"][0]["files"]:
+    room = os.path.dirname(os.path.relpath(entry["filename"]))
+    for name in {room, room.split("/")[0]}:
+        lines[name] += entry["summary"]["lines"]["count"]
+        ran[name] += entry["summary"]["lines"]["covered"]
+for name in sorted(lines):
+    if name.split("/")[0] in ("core", "render", "train", "infer"):
+        print(f"{name:24} {100 * ran[name] / lines[name]:5.1f} % of {lines[name]} lines")
+PYTHON
 }
 
 # Races between threads of the parts that have any.
