@@ -20,12 +20,12 @@ import re
 import sys
 
 LIMITS = {
-    "infer/view": 12,
-    "infer/lens": 45,
-    "infer/depth": 33,
-    "infer/initial": 163,
-    "infer/refine": 98,
-    "infer/checks": 65,
+    "infer/view": 24,
+    "infer/lens": 39,
+    "infer/depth": 28,
+    "infer/initial": 106,
+    "infer/refine": 68,
+    "infer/checks": 52,
     "core/geometry/depth_error_model": 1,
     "configs/intrinsics.yaml": 21,
 }

@@ -9,16 +9,16 @@
 #include <iterator>
 #include <utility>
 
+#include "infer/view/alike.h"
+
 namespace volalign {
 
 namespace {
 
-/// Boxes that are nearer to each other than this are in the same place, m.
-constexpr double kCoincident = 0.02;
 /// Edge of the cube that stands for a missing box: inside another box it is never seen, m.
 constexpr double kMissingSize = kShortestEdge;
 /// Beyond every structure, m.
-constexpr double kFar = 1e9;
+constexpr double kFar = std::numeric_limits<double>::max();
 
 Eigen::Vector3d Centre(const Box& box) { return box.structure_from_box.translation(); }
 
@@ -29,7 +29,7 @@ Eigen::Vector3d HalfExtent(const Box& box) {
 
 bool Overlap(const Box& a, const Box& b, int axis) {
   return std::abs(Centre(a)[axis] - Centre(b)[axis]) <
-         HalfExtent(a)[axis] + HalfExtent(b)[axis] - kCoincident;
+         HalfExtent(a)[axis] + HalfExtent(b)[axis] - kSamePlace;
 }
 
 /// The middle of what the footprints of all boxes share, or of the boxes' middles where they share
@@ -84,8 +84,8 @@ std::vector<Box> Settled(std::vector<Box> boxes, double floor) {
 bool Contained(const std::vector<Box>& a, const std::vector<Box>& b) {
   return std::all_of(a.begin(), a.end(), [&](const Box& box) {
     return std::any_of(b.begin(), b.end(), [&](const Box& other) {
-      return (Centre(box) - Centre(other)).norm() < kCoincident &&
-             (HalfExtent(box) - HalfExtent(other)).norm() < kCoincident;
+      return (Centre(box) - Centre(other)).norm() < kSamePlace &&
+             (HalfExtent(box) - HalfExtent(other)).norm() < kSamePlace;
     });
   });
 }
@@ -208,7 +208,7 @@ std::vector<Arrangement> Swapped(const Stack& stack) {
 std::vector<Box> VisibleBoxes(const Structure& structure) {
   std::vector<Box> visible;
   for (const Box& box : structure.boxes()) {
-    if (box.size.minCoeff() > kCoincident) visible.push_back(box);
+    if (box.size.minCoeff() > kSamePlace) visible.push_back(box);
   }
   return visible;
 }

@@ -7,6 +7,7 @@
 #include "core/base/parallel_for.h"
 #include "infer/initial/agreement.h"
 #include "infer/initial/floor.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -14,9 +15,9 @@ namespace {
 
 /// Arrangements, the best ones, that are tried with the labels of a stack that is turned by
 /// quarters.
-constexpr std::size_t kTurnedArrangements = 8;
+constexpr std::size_t kTurnedArrangements = kBeam;
 /// Sensors that are asked at most, those with the most labelled pixels.
-constexpr std::size_t kMostAsked = 8;
+constexpr std::size_t kMostAsked = kBeam;
 /// Overlap of a sensor's view from which on no turned labels are tried for it.
 constexpr double kGoodIou = 0.9;
 

@@ -10,13 +10,14 @@
 
 #include "core/base/error.h"
 #include "core/base/statistics.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
 /// m: a depth of a structure in a room, for the guess at the unit that was meant.
-constexpr double kNearRoom = 0.5, kFarRoom = 8;
+constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
 constexpr double kFarQuantile = 0.95;
 
 std::vector<float> MeasuredDepths(const DepthImage& depth) {

@@ -13,9 +13,9 @@ namespace {
 
 /// Within these two poses of one sensor from two stills are the same: each is by a single view, and
 /// a placement turns the error of one sensor's direction into another's place.
-constexpr double kSamePosition = 0.2;  // m
-constexpr double kSameDirection = 6;   // deg
-constexpr double kOpenToDoubt = 0.3;   // weight of a pose that is not the only one
+constexpr double kSamePosition = 0.2;   // m
+constexpr double kSameOrientation = 6;  // deg
+constexpr double kOpenToDoubt = 0.3;    // weight of a pose that is not the only one
 
 /// A located frame.
 struct Sighting {
@@ -35,7 +35,7 @@ using Estimates = std::map<std::size_t, std::vector<Estimate>>;  // by sensor
 
 bool IsSame(const Pose& a, const Pose& b) {
   const PoseError apart = ComparePoses(a, b);
-  return apart.translation_m < kSamePosition && apart.rotation_deg < kSameDirection;
+  return apart.translation_m < kSamePosition && apart.rotation_deg < kSameOrientation;
 }
 
 std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>& results) {

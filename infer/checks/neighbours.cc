@@ -13,6 +13,7 @@
 #include "core/base/lists.h"
 #include "core/geometry/lens.h"
 #include "infer/checks/verification.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -22,18 +23,15 @@ constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open d
 /// Share of the largest eigenvalue of the sides' normals below which a direction is open.
 constexpr double kOpen = 0.05;
 constexpr std::size_t kMostSides = 2;                      // from each of which a pose is made
-constexpr std::size_t kMostRefined = 3;                    // candidates
 constexpr std::size_t kFewProbes = 80, kManyProbes = 400;  // points of a sensor that are compared
-constexpr std::size_t kFewestShared = 40;                  // of kManyProbes
-constexpr double kSearchGate = 0.1, kRefinedGate = 0.05;   // m, between points of one surface
-constexpr double kSameFacing = 0.7;                        // cosine between their normals
+constexpr std::size_t kFewestShared = kFewProbes / 2;      // of kManyProbes
+constexpr double kSearchGate = kStep, kRefinedGate = kStep / 2;  // m, between points of one surface
 /// Of the gate, by which a point has to lie in front of what another sensor measured along the same
 /// ray, for that sensor to see through it.
 constexpr double kBehind = 2;
-constexpr double kHopeless = 0.5;   // of the best candidate's score
-constexpr double kAsGood = 0.1;     // of scores, of which neither decides
-constexpr double kUpright = 0.5;    // cosine: flatter sides do not tell the sensor's turn
-constexpr double kSamePlace = 0.1;  // m, of candidates that became one
+constexpr double kHopeless = 0.5;  // of the best candidate's score
+constexpr double kAsGood = 0.1;    // of scores, of which neither decides
+constexpr double kUpright = 0.5;   // cosine: flatter sides do not tell the sensor's turn
 
 /// A located frame of the same still.
 struct Neighbour {
@@ -72,7 +70,7 @@ bool MeasuredBehind(const SensorView& view, const Intrinsics& intrinsics, const 
                     double distance) {
   if (!(p.z() > 0)) return false;
   const Eigen::Vector2d pixel = ProjectRay(intrinsics, p.head<2>() / p.z());
-  if (!(pixel.cwiseAbs().maxCoeff() < 1e6)) return false;
+  if (!(pixel.cwiseAbs().maxCoeff() < view.width() + view.height())) return false;
   const int u = static_cast<int>(std::lround(pixel.x())),
             v = static_cast<int>(std::lround(pixel.y()));
   return view.depth.Contains(u, v) && view.depth(u, v) > p.z() + distance;
@@ -90,7 +88,7 @@ Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const
       if (nearest >= 0) {
         const CloudPoint& other =
             neighbour.sensor.points->cloud()[static_cast<std::size_t>(nearest)];
-        matched = matched || (there.linear() * point.normal).dot(other.normal) > kSameFacing;
+        matched = matched || (there.linear() * point.normal).dot(other.normal) > kFacesAlike;
       } else {
         contradicted = contradicted ||
                        MeasuredBehind(*neighbour.view, neighbour.intrinsics, p, kBehind * gate);
@@ -175,7 +173,7 @@ std::vector<Candidate> BestApart(std::vector<Candidate> all) {
   SortLargestFirst(&all, [](const Candidate& each) { return each.score; });
   std::vector<Candidate> best;
   for (const Candidate& candidate : all) {
-    if (best.size() == kMostRefined) break;
+    if (best.size() == kBeam / 2) break;
     AddIfNew(candidate, &best, [&](const Candidate& other) {
       return (candidate.pose.translation() - other.pose.translation()).norm() < 2 * kStep;
     });
@@ -258,7 +256,7 @@ std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& 
   const auto best = std::max_element(all.begin(), all.end(), better);
   if (best == all.end() || !best->good) return std::nullopt;
   for (const Refined& other : all) {
-    const bool same = (other.pose.translation() - best->pose.translation()).norm() < kSamePlace;
+    const bool same = (other.pose.translation() - best->pose.translation()).norm() < kStep;
     if (!same && other.good && other.shared.score() > best->shared.score() - kAsGood)
       return std::nullopt;
   }

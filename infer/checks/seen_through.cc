@@ -5,6 +5,7 @@
 
 #include "core/base/parallel_for.h"
 #include "infer/depth/measured_view.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -24,8 +25,8 @@ class Pairs {
     ParallelFor(size_, threads, [&](std::size_t i) {
       for (std::size_t j = 0; measured[i] && j < i; ++j) {
         if (!measured[j]) continue;
-        causes_[i * size_ + j] = causes_[j * size_ + i] = ExplainPair(
-            *measured[i], *measured[j], poses[i].inverse() * poses[j], kSigmaOfInitialPoses);
+        causes_[i * size_ + j] = causes_[j * size_ + i] =
+            ExplainPair(*measured[i], *measured[j], poses[i].inverse() * poses[j], kRoughPose);
       }
     });
   }

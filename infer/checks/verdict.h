@@ -11,6 +11,7 @@
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
 #include "infer/refine/refine.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -64,7 +65,7 @@ struct VerdictOptions {
   double weak_sigma_position_m = 0.02;
   double weak_sigma_rotation_deg = 1.5;
   double weak_visible_share = 0.75;
-  double same_place_m = 0.02;
+  double same_place_m = kSamePlace;
   double same_direction_deg = 2;
 
   template <class Archive>

@@ -12,10 +12,6 @@
 
 namespace volalign {
 
-/// m: standard deviation of the distance of two sensors' surfaces at their initial poses, which are
-/// 13 mm off in the median and up to 7 cm (docs/evaluation.md, "Network, geometry or both").
-inline constexpr double kSigmaOfInitialPoses = 0.03;
-
 /// What a sensor measured beside the structure, to be compared with what others measured: the
 /// points of one are surfaces that the other expects along its rays.
 class MeasuredView {

@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "core/geometry/depth_error_model.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -15,26 +16,25 @@ namespace volalign {
 class SurfaceTolerance {
  public:
   /// m: how far a plane is off that one normal, or a few points, gave.
-  static constexpr double kRoughPlane = 0.015;
-  /// m: how far a surface of the structure is off at a pose that is not refined.
-  static constexpr double kRoughPose = 0.03;
-  /// m: how far it is off at a refined one, by boxes that stand not as they should.
-  static constexpr double kRoughBoxes = 0.015;
+  static constexpr double kRoughPlane = kRoughPose / 2;
+  /// m: how far a surface of the structure is off at a refined pose, by boxes that stand not as
+  /// they should.
+  static constexpr double kRoughBoxes = kRoughPose / 2;
 
   /// About a plane that the same frame gave.
   static SurfaceTolerance OfPlane(const DepthErrorModel& errors) {
     return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughPlane, kSigmas * errors.WithinSurface(z)); });
+        [&](double z) { return std::hypot(kRoughPlane, kClearly * errors.WithinSurface(z)); });
   }
   /// About the structure, at a pose that is not refined.
   static SurfaceTolerance AtRoughPose(const DepthErrorModel& errors) {
     return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughPose, kSigmas * errors.Sigma(z)); });
+        [&](double z) { return std::hypot(kRoughPose, kClearly * errors.Sigma(z)); });
   }
   /// About the structure, at a refined pose.
   static SurfaceTolerance AtPose(const DepthErrorModel& errors) {
     return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughBoxes, kSigmas * errors.Sigma(z)); });
+        [&](double z) { return std::hypot(kRoughBoxes, kClearly * errors.Sigma(z)); });
   }
 
   /// Beyond the table's end as there.
@@ -46,7 +46,6 @@ class SurfaceTolerance {
   }
 
  private:
-  static constexpr double kSigmas = 3;  // of a normal variable, 997 of 1,000 lie within
   static constexpr double kStep = 0.1;  // m
   static constexpr std::size_t kSteps = 121;
 

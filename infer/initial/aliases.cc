@@ -11,21 +11,16 @@
 #include <utility>
 
 #include "core/base/lists.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Corners and sides that are nearer than this lie in the same place, m.
-constexpr double kSamePlace = 0.02;
 /// Motions by translations that differ by less are the same one, m.
 constexpr double kSameMotion = 2 * kSamePlace;
-/// Cosine of the angle between normals from which on two sides face the same way.
-constexpr double kSameDirection = 0.99;
 /// Cosine of the angle between two verticals below which a motion is called upside down.
 constexpr double kUpsideDown = -0.5;
-/// Cosine of the angle between two verticals above which a structure has the same side down.
-constexpr double kStandsUpright = 0.9;
 /// deg: a motion by less is called no turn.
 constexpr double kTurned = 5;
 /// Far above rounding errors of coordinates, far below tolerances, m.
@@ -110,7 +105,7 @@ std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const PointGri
     side_centres.VisitNear(centre, [&](int index) {
       const Side& other = structure.sides()[static_cast<std::size_t>(index)];
       if ((centre - other.centre).norm() < kSamePlace &&
-          (motion.linear() * side.normal).dot(other.normal) > kSameDirection)
+          (motion.linear() * side.normal).dot(other.normal) > kSameNormal)
         last = std::max(last, index);
     });
     if (last >= 0)
@@ -219,7 +214,7 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
 
 bool LeavesFloor(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
-  return motion.linear()(1, 1) < kStandsUpright || std::abs(motion.translation().y()) > kSameMotion;
+  return motion.linear()(1, 1) < kFacesAlike || std::abs(motion.translation().y()) > kSameMotion;
 }
 
 std::string DescribeMotion(const Pose& from, const Pose& to) {

@@ -6,6 +6,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -18,7 +19,7 @@ struct StructureAlias {
   Pose motion = Pose::Identity();         ///< of the structure, in its own frame
   std::vector<std::uint8_t> label_after;  ///< of a side after the motion, by its label; 0: of none
   int boxes = 0;                          ///< that come to lie on a box
-  bool keeps_up() const { return motion.linear()(1, 1) > 0.9; }
+  bool keeps_up() const { return motion.linear()(1, 1) > kFacesAlike; }
 };
 
 /// Every such motion except the identity, those that move the most boxes onto boxes first.

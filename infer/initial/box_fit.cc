@@ -10,7 +10,7 @@ namespace volalign {
 namespace {
 
 /// Cosine of the angle between a point's normal and that of a side that it may lie on (50 deg).
-constexpr double kFacesAlike = 0.64;
+constexpr double kNearlyFacesAlike = 0.64;
 /// The scale of the Cauchy weights, as a part of the reach.
 constexpr double kScale = 0.4;
 /// Weight of a floor point; a point that lies beside its side counts this much along the side.
@@ -66,7 +66,7 @@ const Side* NearestSide(const Target& target, const Eigen::Vector3d& p,
   const Side* nearest = nullptr;
   double best = reach * reach;
   for (const Side* side : target.sides) {
-    if (side->normal.dot(normal) < kFacesAlike) continue;
+    if (side->normal.dot(normal) < kNearlyFacesAlike) continue;
     if (std::abs(side->normal.dot(p - side->centre)) > reach) continue;
     const Eigen::Vector3d to = side->ClosestPoint(p) - p;
     if (to.squaredNorm() >= best) continue;
@@ -91,7 +91,7 @@ void AddPoint(const Target& target, const OrientedPoint& point, const Pose& pose
       equations->Add(p - target.middle, along.normalized(), along.norm(),
                      kBesideWeight * weight(gap.squaredNorm()));
     }
-  } else if (floor && normal.y() > kFacesAlike && std::abs(p.y() - target.floor) < reach) {
+  } else if (floor && normal.y() > kNearlyFacesAlike && std::abs(p.y() - target.floor) < reach) {
     const double off = target.floor - p.y();
     equations->Add(p - target.middle, Eigen::Vector3d::UnitY(), off,
                    kFloorWeight * weight(off * off));

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "core/geometry/visibility.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -11,16 +12,9 @@ namespace {
 
 /// Distance within which a point lies on the floor: depth errors grow with distance, and a pose
 /// that is off by a degree tilts a far floor. In m, and per metre of depth.
-constexpr double kTolerance = 0.03, kRelativeTolerance = 0.02;
-/// Of these tolerances, from which on a point is clearly under the floor.
-constexpr double kClearlyBelow = 3;
+constexpr double kTolerance = kRoughPose, kRelativeTolerance = 0.02;
 /// Every second pixel of every second row is looked at.
 constexpr int kStride = 2;
-/// px to each side of a point over which its surface's normal is taken, and the least cosine (of 45
-/// deg) of the angle between that of a floor and the vertical: depths are noisy.
-constexpr int kReach = 3;
-constexpr double kLevel = 0.7;
-
 /// m: a floor that is less far under the structure is no floor that a table stands on.
 constexpr double kLeastTable = 0.3;
 /// Share of the pixels that such a floor needs, and the cells of height in which it is looked for,
@@ -35,8 +29,8 @@ double FacesUp(const SensorView& view, int u, int v, const Pose& structure_from_
         x >= 0 && x < view.width() && y >= 0 && y < view.height() && view.depth(x, y) > 0;
     return measured ? view.Point(x, y) : view.Point(u, v);
   };
-  const Eigen::Vector3d along_u = point(u + kReach, v) - point(u - kReach, v);
-  const Eigen::Vector3d along_v = point(u, v + kReach) - point(u, v - kReach);
+  const Eigen::Vector3d along_u = point(u + kNormalRadius, v) - point(u - kNormalRadius, v);
+  const Eigen::Vector3d along_v = point(u, v + kNormalRadius) - point(u, v - kNormalRadius);
   Eigen::Vector3d normal = along_u.cross(along_v);
   if (!(normal.norm() > 0)) return 0;
   if (normal.dot(view.Point(u, v)) > 0) normal = -normal;
@@ -88,10 +82,10 @@ FloorFit FindFloor(const SensorView& view, const Structure& structure,
     const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
     const double height = (structure_from_sensor * measured).y() - floor;
     const auto faces_up = [&] { return FacesUp(view, u, v, structure_from_sensor); };
-    if (height < -kClearlyBelow * tolerance) {
-      low.push_back({-height, kClearlyBelow * tolerance, faces_up() >= kLevel});
+    if (height < -kClearly * tolerance) {
+      low.push_back({-height, kClearly * tolerance, faces_up() >= kFacesAlike});
     } else if (std::abs(height) < tolerance && is_off(measured, structure_from_sensor) &&
-               std::abs(faces_up()) >= kLevel &&
+               std::abs(faces_up()) >= kFacesAlike &&
                std::all_of(rivals.begin(), rivals.end(),
                            [&](const Pose& rival) { return is_off(measured, rival); })) {
       ++fit.on_floor;

@@ -14,31 +14,28 @@
 #include "infer/initial/shape_check.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Large planes of a view that may be floors, or tell which way is up.
-constexpr int kMostPlanes = 10;
 /// Candidates of one guess: those that are looked at, and those of them that are brought onto the
 /// boxes. Without a floor there are many guesses: so many of all are looked at.
-constexpr std::size_t kMostLookedAt = 16, kMostFitted = 4;
+constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
+constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
 constexpr double kCoarseCells = 5;
-constexpr std::size_t kMostOfGuess = 6, kMostOfAllGuesses = 40;
 /// Rounds in which a pose is brought onto the boxes with all rays, as long as that explains more: a
 /// pose that no floor holds may be off by degrees at first.
 constexpr int kMostRounds = 4;
-/// Poses that are verified with all rays.
-constexpr std::size_t kMostVerified = 6;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
 
 /// A plane is of the room that has so many times the most that the structure has in one plane.
 /// Planes are found with tolerances, so that sides that are turned (25 deg) or offset (m) against
 /// each other count as one.
-constexpr double kLargerThanStack = 1.3, kAlikeDirection = 0.9, kAlikePlane = 0.1;
+constexpr double kLargerThanStack = 1.3, kAlikePlane = 0.1;
 
 /// Sensors are mounted upright, on a side or overhead.
 std::vector<Eigen::Vector3d> UsualUps() {
@@ -85,7 +82,7 @@ double LargestFlat(const Structure& structure) {
   for (const Side& side : structure.sides()) {
     double area = 0;
     for (const Side& other : structure.sides()) {
-      if (other.normal.dot(side.normal) > kAlikeDirection &&
+      if (other.normal.dot(side.normal) > kOnePlane &&
           std::abs(side.normal.dot(other.centre - side.centre)) < kAlikePlane)
         area += other.exposed_area;
     }
@@ -102,7 +99,7 @@ class Search {
         table_height_m_(table_height_m),
         options_(options),
         surface_(MakeSensorSurface(view, kCoarseRays)),
-        planes_(FindRoomPlanes(PointsOf(surface_), kMostPlanes, surface_.view.errors)),
+        planes_(FindRoomPlanes(PointsOf(surface_), kBeam, surface_.view.errors)),
         outline_(MakeStackOutline(structure)) {
     floor_points_ = PointsOf(surface_);
     MarkRoom(planes_, kLargerThanStack * LargestFlat(structure), &surface_);
@@ -121,11 +118,11 @@ class Search {
 
   Poses WithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
-    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kMostPlanes, surface_.view.errors);
+    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kBeam, surface_.view.errors);
     std::vector<StackCandidate> candidates;
     for (const StandingGuess& guess :
          GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
-      Append(SearchStack(points_, coarse, {guess}, kMostOfGuess).front(), &candidates);
+      Append(SearchStack(points_, coarse, {guess}, kBeam).front(), &candidates);
     }
     KeepLargest(kMostOfAllGuesses, &candidates, [](const auto& each) { return each.votes; });
     Poses found = Verify(FitRoughly(Look(candidates), false), false);
@@ -198,7 +195,7 @@ class Search {
   /// Fitted with more points, and looked at with all rays. `floor`: with the floor's as well, where
   /// that explains more: few sides may leave a direction open, but not every floor is flat.
   Poses FitWell(Poses poses, bool floor) const {
-    if (poses.size() > kMostVerified) poses.resize(kMostVerified);
+    if (poses.size() > kBeam) poses.resize(kBeam);
     for (GeometricPose& pose : poses) {
       GeometricPose alone = FitWell(pose, points_, false);
       for (int round = 1; round < kMostRounds; ++round) {
@@ -214,7 +211,7 @@ class Search {
 
   GeometricPose FitWell(GeometricPose pose, const std::vector<OrientedPoint>& points,
                         bool floor) const {
-    const BoxFit fit{4, 1500, 0.05, 0.03, floor};
+    const BoxFit fit{4, 1500, 2 * kRoughPose, kRoughPose, floor};
     pose.structure_from_sensor = FitToBoxes(points, structure_, fit, pose.structure_from_sensor);
     pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
     return pose;
@@ -258,7 +255,7 @@ Poses Compete(Poses poses, const Structure& structure, double margin) {
 
 SensorSurface PrepareSurface(const SensorView& view, const Structure& structure) {
   SensorSurface surface = MakeSensorSurface(view, kCoarseRays);
-  MarkRoom(FindRoomPlanes(PointsOf(surface), kMostPlanes, surface.view.errors),
+  MarkRoom(FindRoomPlanes(PointsOf(surface), kBeam, surface.view.errors),
            kLargerThanStack * LargestFlat(structure), &surface);
   return surface;
 }

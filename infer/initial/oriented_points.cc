@@ -10,6 +10,7 @@
 
 #include "core/base/lists.h"
 #include "infer/depth/surface_tolerance.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -24,12 +25,6 @@ constexpr int kNeighbours = 2, kMostReach = 12;
 constexpr int kLeastNeighbours = 9;
 
 // Planes.
-/// Of these tolerances, from which on a point is clearly behind a plane.
-constexpr double kClearlyBehind = 3;
-/// Cosine of the angle between a plane's normal and a point's (25 deg).
-constexpr double kPlaneNormal = 0.9;
-/// Points that are tried as a plane's, and points that it is counted with.
-constexpr std::size_t kTrials = 80, kProbes = 800;
 /// A plane that has less, of all points' area, is none.
 constexpr double kLeastShare = 0.01;
 /// m: cells of a plane; what lies in neighbouring ones belongs together.
@@ -38,7 +33,7 @@ constexpr double kPartCell = 0.25;
 bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane,
           const SurfaceTolerance& tolerance) {
   return std::abs(plane.normal.dot(p) - plane.offset) < tolerance(p.z()) &&
-         plane.normal.dot(normal) > kPlaneNormal;
+         plane.normal.dot(normal) > kOnePlane;
 }
 
 bool Lies(const OrientedPoint& point, const RoomPlane& plane, const SurfaceTolerance& tolerance) {
@@ -58,9 +53,9 @@ void VisitSome(const std::vector<OrientedPoint>& points, const std::vector<char>
 RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
                     const SurfaceTolerance& tolerance) {
   RoomPlane best;
-  VisitSome(points, taken, kTrials, [&](const OrientedPoint& seed) {
+  VisitSome(points, taken, kPlaneTrials, [&](const OrientedPoint& seed) {
     RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0, 0};
-    VisitSome(points, taken, kProbes, [&](const OrientedPoint& point) {
+    VisitSome(points, taken, kPlaneProbes, [&](const OrientedPoint& point) {
       if (Lies(point, plane, tolerance)) plane.area += point.area;
     });
     if (plane.area > best.area) best = plane;
@@ -182,7 +177,7 @@ Eigen::Vector3d NormalAt(const SensorView& view, int u, int v) {
   if (count < kLeastNeighbours) return Eigen::Vector3d::Zero();
   Eigen::Matrix3d inverse;
   bool invertible = false;
-  squares.computeInverseWithCheck(inverse, invertible, 1e-14);
+  squares.computeInverseWithCheck(inverse, invertible);
   if (!invertible) return Eigen::Vector3d::Zero();
   const Eigen::Vector3d normal = -(inverse * moment);
   return normal.allFinite() && normal.norm() > 0 ? Eigen::Vector3d(normal.normalized())
@@ -233,8 +228,7 @@ std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, 
     plane.area = plane.behind = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const double height = plane.normal.dot(points[i].p) - plane.offset;
-      if (height < -kClearlyBehind * tolerance(points[i].p.z()))
-        plane.behind += points[i].area / all;
+      if (height < -kClearly * tolerance(points[i].p.z())) plane.behind += points[i].area / all;
       if (taken[i] || !Lies(points[i], plane, tolerance)) continue;
       plane.area += points[i].area;
       taken[i] = 1;

@@ -8,6 +8,7 @@
 #include "core/base/lists.h"
 #include "core/geometry/procrustes.h"
 #include "infer/initial/same_pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -15,7 +16,7 @@ namespace {
 
 /// Errors that the weights assume: of keypoints (visibility, labels), m, and of normals beside
 /// their own, rad.
-constexpr double kKeypointSigma = 0.03, kNormalSigma = 0.01;
+constexpr double kKeypointSigma = kRoughPose, kNormalSigma = 0.01;
 /// Area at which a patch has half of the weight that an infinite one has, m^2.
 constexpr double kHalfTrustArea = 0.03;
 /// Second largest extent of keypoints and normals, m, that fixes a rotation.
@@ -26,9 +27,7 @@ constexpr double kNormalSigmas = 2, kMaxNormalSigma = 0.5;
 /// Rounds in which a candidate is solved with the patches that agree with it.
 constexpr int kRounds = 3;
 /// Largest patches that are combined: with more, pairs and triples add nothing.
-constexpr std::size_t kCombinedPatches = 12;
-/// Candidates that are compared with the view.
-constexpr std::size_t kMostCandidates = 8;
+constexpr std::size_t kCombinedPatches = 2 * kBeam;
 
 struct Candidate {
   Pose pose = Pose::Identity();
@@ -174,7 +173,7 @@ std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const St
   for (const auto& [members, candidate] : unique) {
     if (!near || SamePose(structure, candidate.pose, *near)) candidates.push_back(candidate);
   }
-  KeepLargest(kMostCandidates, &candidates, [](const Candidate& each) { return each.area; });
+  KeepLargest(kBeam, &candidates, [](const Candidate& each) { return each.area; });
   std::vector<Pose> poses;
   poses.reserve(candidates.size());
   for (const Candidate& candidate : candidates) poses.push_back(candidate.pose);

@@ -35,11 +35,11 @@ struct PoseChoiceOptions {
     ar("floor_margin", floor_margin,
        "difference of the shares of pixels that lie on the floor, those under it counted twice "
        "against it, from which on the floor decides",
-       Between(0, 1));
+       Above(0));
     ar("score_margin", score_margin,
        "difference of agreements from which on the network's labels decide, though not about up "
        "and down",
-       Between(0, 1));
+       Above(0));
   }
 };
 

@@ -11,6 +11,7 @@
 
 #include "infer/depth/measured_view.h"
 #include "infer/initial/same_pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -202,9 +203,8 @@ class Rig {
       best_label = std::max(best_label, pose.network_score);
     }
     const Option& option = options_[i][static_cast<std::size_t>(k)];
-    const double floor = (best_floor - option.pose.floor) / std::max(limits_.floor_margin, 1e-9);
-    const double label =
-        (best_label - option.pose.network_score) / std::max(limits_.score_margin, 1e-9);
+    const double floor = (best_floor - option.pose.floor) / limits_.floor_margin;
+    const double label = (best_label - option.pose.network_score) / limits_.score_margin;
     const bool turned_over =
         TurnsOver(options_[i][best].pose.structure_from_sensor, option.pose.structure_from_sensor);
     double score = 0;
@@ -246,7 +246,7 @@ class Rig {
     // Two sensors of which nothing is open say nothing about the others.
     if (missing && (options_[i].size() > 1 || options_[j].size() > 1)) {
       known->second = ExplainPair(*measured_[i], *measured_[j],
-                                  PoseOf(i, k).inverse() * PoseOf(j, l), kSigmaOfInitialPoses);
+                                  PoseOf(i, k).inverse() * PoseOf(j, l), kRoughPose);
     }
     return known->second;
   }

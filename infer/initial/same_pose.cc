@@ -2,13 +2,15 @@
 
 #include <algorithm>
 
+#include "infer/view/alike.h"
+
 namespace volalign {
 
 namespace {
 
 /// m: what estimates of one pose differ by, however small a structure is, and the most that is
 /// asked for of a large one.
-constexpr double kLeastStep = 0.03, kMostStep = 0.2;
+constexpr double kLeastStep = kRoughPose, kMostStep = 0.2;
 constexpr double kPartOfEdge = 0.5;
 
 }  // namespace

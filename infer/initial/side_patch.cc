@@ -9,6 +9,7 @@
 #include "core/base/random.h"
 #include "core/base/statistics.h"
 #include "infer/depth/surface_tolerance.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -16,9 +17,6 @@ namespace {
 
 /// Components of fewer pixels are specks, which label errors make.
 constexpr std::size_t kSpeck = 12;
-/// RANSAC: points among which planes are tried, and how many planes.
-constexpr std::size_t kSampledPoints = 400;
-constexpr int kPlaneTrials = 80;
 /// Twice the area of a triangle over the square of its longest side, below which it is too thin.
 constexpr double kThinTriangle = 0.05;
 /// Fits to the inliers that follow.
@@ -141,7 +139,7 @@ std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
                            int min_size, RandomStream& random) {
   if (static_cast<int>(candidates.size()) < min_size) return {};
   std::vector<int> sample;
-  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kSampledPoints);
+  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kPlaneProbes);
   for (std::size_t i = step / 2; i < candidates.size(); i += step) sample.push_back(candidates[i]);
 
   std::vector<int> best;

@@ -12,11 +12,10 @@ namespace {
 
 /// Slabs of the lowest box.
 constexpr double kSlabsPerBox = 3;
-constexpr double kLeastCell = 0.015, kMostCell = 0.06;  // m
-constexpr double kLeastSlab = 0.04, kMostSlab = 0.2;    // m
-constexpr int kMostSlabs = 16;
-/// Cells along the structure's radius: what is small beside the whole need not be seen to find it.
-constexpr double kMostCellsOfRadius = 16;
+constexpr double kMostCell = 0.06, kMostSlab = 0.2;  // m
+/// Cells along the structure's radius, and slabs along its height: what is small beside the whole
+/// need not be seen to find it.
+constexpr double kMostCells = 16;
 /// Inside begins so many cells behind the surface.
 constexpr double kInsideDepth = 1.3;
 
@@ -71,10 +70,9 @@ StackOutline MakeStackOutline(const Structure& structure, double cells) {
   outline.foot = bounds.center();
   outline.foot.y() = structure.FloorHeight();
   outline.radius = std::hypot(bounds.sizes().x(), bounds.sizes().z()) / 2;
-  outline.cell = std::max(std::clamp(smallest / cells, kLeastCell, kMostCell),
-                          outline.radius / kMostCellsOfRadius);
-  outline.slab = std::clamp(lowest / kSlabsPerBox, kLeastSlab, kMostSlab);
-  outline.slab = std::max(outline.slab, structure.Height() / kMostSlabs);
+  outline.cell = std::max(std::min(smallest / cells, kMostCell), outline.radius / kMostCells);
+  outline.slab = std::min(lowest / kSlabsPerBox, kMostSlab);
+  outline.slab = std::max(outline.slab, structure.Height() / kMostCells);
   outline.slabs = static_cast<int>(std::ceil(structure.Height() / outline.slab + 0.1));
   outline.yaw_step = outline.cell / outline.radius;
   outline.pieces = Pieces(structure, outline);

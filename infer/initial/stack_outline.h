@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/geometry/structure.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -32,12 +33,12 @@ struct StackOutline {
   int SlabAt(double height) const { return static_cast<int>(std::floor(height / slab)); }
   bool Has(int slab_index) const { return slab_index >= 0 && slab_index < slabs; }
 };
-/// `cells`: along the smallest horizontal edge of any box, where that gives no extreme size.
+/// `cells`: along the smallest horizontal edge of any box, if that makes them small enough.
 StackOutline MakeStackOutline(const Structure& structure, double cells = 8);
 
 /// Upward part of a unit normal from which on a surface counts as a top, and up to which as a side;
 /// in between and below it counts as neither.
-inline constexpr double kFacesUp = 0.75, kFacesAside = 0.5;
+inline constexpr double kFacesUp = kFacesAlike, kFacesAside = 0.5;
 
 /// What a measured cell counts that lies inside the structure.
 inline constexpr double kInsideVote = -1.5;

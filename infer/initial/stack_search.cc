@@ -13,7 +13,7 @@ namespace volalign {
 namespace {
 
 /// Candidates nearer than this, in cells and in steps of the turn, are one.
-constexpr double kSameCells = 2.5, kSameSteps = 2.5;
+constexpr double kSameSteps = 2.5;
 
 std::vector<Peak> Distinct(std::vector<Peak> peaks, std::size_t most, std::size_t turns,
                            bool every_turn) {
@@ -25,7 +25,7 @@ std::vector<Peak> Distinct(std::vector<Peak> peaks, std::size_t most, std::size_
       int steps = std::abs(peak.turn - other.turn);
       if (every_turn) steps = std::min(steps, static_cast<int>(turns) - steps);
       return peak.foot == other.foot &&
-             std::hypot(peak.x - other.x, peak.z - other.z) < kSameCells &&
+             std::hypot(peak.x - other.x, peak.z - other.z) < kSameSteps &&
              (every_turn ? steps < kSameSteps : steps == 0);
     });
     if (!known) distinct.push_back(peak);

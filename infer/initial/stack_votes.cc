@@ -6,16 +6,14 @@
 #include <limits>
 #include <utility>
 
+#include "infer/view/alike.h"
+
 namespace volalign {
 
 namespace {
 
 /// A cell counts in full when so much of it was measured.
 constexpr double kFullCell = 0.5;
-/// m: nearer to the foot there is the floor.
-constexpr double kFloorDistance = 0.04;
-/// m: surfaces farther from the sensor are not looked at.
-constexpr double kFarthest = 8;
 
 /// Ways in which a surface may face: up, or one of the sectors of the horizon.
 /// The inside of a structure counts against all of them.
@@ -116,7 +114,7 @@ std::vector<OccupiedCell> FindOccupied(const std::vector<OrientedPoint>& points,
     const Eigen::Vector3d p = room * point.p;
     const double height = p.y() - foot;
     const int slab = outline.SlabAt(height);
-    if (height < kFloorDistance || !outline.Has(slab)) continue;
+    if (height < kRoughPose || !outline.Has(slab)) continue;
     const int way = WayOf(room * point.normal);
     if (way < 0) continue;
     areas.emplace_back(Key(slab * kWays + way, static_cast<int>(std::lround(p.z() / outline.cell)),

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "core/base/lists.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -13,31 +15,24 @@ namespace {
 
 /// Share of a view's surface that may lie behind a floor: reflections, a stair.
 constexpr double kMostBehind = 0.06;
-/// Most floors that are tried.
-constexpr std::size_t kMostFloors = 4;
-/// Cosines of angles between directions: alike (15 deg), and at a right angle (15 deg).
-constexpr double kAlike = 0.966, kAtRightAngle = 0.26;
-/// rad: two turns that differ by less are one.
-constexpr double kSameTurn = 8 * M_PI / 180;
+/// Cosine of the angle between directions that are at a right angle, to 15 deg.
+const double kAtRightAngle = std::sqrt(1 - kSameDirection * kSameDirection);
+/// rad: two turns that differ by less (8 deg) are one.
+const double kSameTurn = std::acos(kSameNormal);
 /// Sine of the angle between what may be up and a plane that may be upright (35 deg).
 constexpr double kUpright = 0.57;
-/// Most directions that are taken for up.
-constexpr std::size_t kMostUps = 12;
 /// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
 /// the area that the highest count has.
 constexpr double kHeightCell = 0.2, kLeastLevel = 0.15;
-constexpr std::size_t kMostLevels = 4;
 /// Feet nearer than this part of a slab are one.
 constexpr double kSameFoot = 0.3;
-/// Of a surface that is level, its normal's upward part.
-constexpr double kFacesUp = 0.9;
 
 /// Different directions in which planes face, up to their sign.
 std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
   std::vector<Eigen::Vector3d> axes;
   for (const RoomPlane& plane : planes) {
     AddIfNew(plane.normal, &axes, [&](const Eigen::Vector3d& axis) {
-      return std::abs(axis.dot(plane.normal)) > kAlike;
+      return std::abs(axis.dot(plane.normal)) > kSameDirection;
     });
   }
   return axes;
@@ -45,7 +40,7 @@ std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
 
 void AddDirection(const Eigen::Vector3d& direction, std::vector<Eigen::Vector3d>* directions) {
   AddIfNew(direction, directions,
-           [&](const Eigen::Vector3d& other) { return other.dot(direction) > kAlike; });
+           [&](const Eigen::Vector3d& other) { return other.dot(direction) > kSameDirection; });
 }
 
 std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
@@ -70,7 +65,7 @@ std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
         AddDirection((up - axis.dot(up) * axis).normalized(), &ups);
     }
   }
-  if (ups.size() > kMostUps) ups.resize(kMostUps);
+  if (ups.size() > 2 * kBeam) ups.resize(2 * kBeam);
   return ups;
 }
 
@@ -104,9 +99,9 @@ std::vector<double> Turns(const Eigen::Vector3d& up, const std::vector<RoomPlane
 std::vector<double> TopsOf(const Structure& structure) {
   std::vector<double> tops;
   for (const Side& side : structure.sides()) {
-    if (side.normal.y() < kFacesUp || !(side.exposed_area > 0)) continue;
+    if (side.normal.y() < kOnePlane || !(side.exposed_area > 0)) continue;
     const double top = side.centre.y() - structure.FloorHeight();
-    AddIfNew(top, &tops, [&](double other) { return std::abs(other - top) < 0.01; });
+    AddIfNew(top, &tops, [&](double other) { return std::abs(other - top) < kSamePlace; });
   }
   return tops;
 }
@@ -114,7 +109,7 @@ std::vector<double> TopsOf(const Structure& structure) {
 /// The lowest and the highest point's height.
 std::pair<double, double> HeightsOf(const std::vector<OrientedPoint>& points,
                                     const Eigen::Vector3d& up) {
-  double lowest = 1e9, highest = -1e9;
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const OrientedPoint& point : points) {
     lowest = std::min(lowest, up.dot(point.p));
     highest = std::max(highest, up.dot(point.p));
@@ -128,7 +123,7 @@ std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen
   const auto [lowest, highest] = HeightsOf(points, up);
   std::vector<double> areas(static_cast<std::size_t>((highest - lowest) / cell) + 3, 0);
   for (const OrientedPoint& point : points) {
-    if (up.dot(point.normal) > kFacesUp)
+    if (up.dot(point.normal) > kOnePlane)
       areas[static_cast<std::size_t>((up.dot(point.p) - lowest) / cell) + 1] += point.area;
   }
   std::vector<std::pair<double, double>> levels;  // area, height
@@ -143,7 +138,7 @@ std::vector<double> Levels(const std::vector<OrientedPoint>& points, const Eigen
   std::sort(levels.rbegin(), levels.rend());
   std::vector<double> heights;
   for (const auto& [area, height] : levels) {
-    if (area > kLeastLevel * most && heights.size() < kMostLevels) heights.push_back(height);
+    if (area > kLeastLevel * most && heights.size() < kBeam / 2) heights.push_back(height);
   }
   return heights;
 }
@@ -174,7 +169,7 @@ std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes,
   for (const RoomPlane& plane : planes) {
     if (plane.behind > kMostBehind) continue;
     guesses.push_back({plane.normal, {plane.offset + table_height_m}, {}});
-    if (guesses.size() == kMostFloors) break;
+    if (guesses.size() == kBeam / 2) break;
   }
   return guesses;
 }

@@ -12,6 +12,7 @@
 #include "infer/initial/aliases.h"
 #include "infer/initial/side_patch.h"
 #include "infer/initial/sides_fix_pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -21,7 +22,6 @@ constexpr int kPatch = 10;             // px
 constexpr double kPatchSigma = 0.005;  // m
 constexpr float kEdgeStep = 0.05F;     // m
 constexpr double kFocal = 252;         // px
-constexpr double kSameDepth = 0.02;    // m
 constexpr double kLookAlike = 0.95;    // of the pixels
 constexpr double kOpen = 1.0;          // m: standard deviation beyond which a direction is open
 
@@ -114,7 +114,7 @@ bool LookAlike(const DepthImage& a, const DepthImage& b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     if (a[i] == 0 && b[i] == 0) continue;
     ++either;
-    same += a[i] > 0 && b[i] > 0 && std::abs(a[i] - b[i]) < kSameDepth;
+    same += a[i] > 0 && b[i] > 0 && std::abs(a[i] - b[i]) < kSamePlace;
   }
   return either > 0 && same >= kLookAlike * either;
 }

@@ -7,27 +7,17 @@
 
 #include "core/geometry/visibility.h"
 #include "infer/depth/surface_tolerance.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// m: nearer to a side's border, neither a normal nor a depth behind it says anything: the pose is
-/// not refined yet.
-constexpr double kBorder = 0.03;
-/// Cosines of angles between normals: those of one surface (45 deg), and, of a surface that goes
-/// on, (25 deg).
-constexpr double kSurfaceAlike = 0.7, kGoesOnAlike = 0.9;
 /// m: how far beyond a side's border is looked for surface that goes on, and from where on.
-constexpr double kBeyondFrom = 0.02, kBeyondTo = 0.07;
-/// m: nearer to the foot the floor begins.
-constexpr double kFloorBegins = 0.05;
+constexpr double kBeyondFrom = kSamePlace, kBeyondTo = 0.07;
 /// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
 /// area, or so much of a border, as a part of its length, and less than half as much goes on there.
 constexpr double kLeastOfSide = 0.15, kLeastOfBorder = 0.25;
-/// Planes are one whose normals are no farther apart than this (8 deg), and whose places than this,
-/// m.
-constexpr double kSamePlaneNormal = 0.99, kSamePlane = 0.025;
 
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
@@ -98,8 +88,8 @@ StructurePlane PlaneBeyond(const Side& side, int border) {
 
 void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
   const auto known = std::find_if(planes->begin(), planes->end(), [&](const auto& other) {
-    return other.normal.dot(plane.normal) > kSamePlaneNormal &&
-           std::abs(other.offset - plane.offset) < kSamePlane;
+    return other.normal.dot(plane.normal) > kSameNormal &&
+           std::abs(other.offset - plane.offset) < kSamePlace;
   });
   if (known == planes->end()) {
     planes->push_back(plane);
@@ -153,7 +143,8 @@ class Measurement {
     if (!(ray.measured > 0)) return;
     const double tolerance = tolerance_(ray.measured);
     const Eigen::Vector3d p = ray.origin + ray.measured * ray.direction;
-    const bool inner = Beyond(side, hit) < -kBorder;
+    // Nearer to the border, neither a normal nor a depth behind it says anything.
+    const bool inner = Beyond(side, hit) < -kRoughPose;
     const bool near = std::abs(ray.measured - ray.expected) <= tolerance;
     const bool on_surface = near || DistanceToSurface(structure_, p).distance <= tolerance;
     if (!on_surface && ray.measured < ray.expected) {
@@ -163,7 +154,7 @@ class Measurement {
     shape.open += area;
     if (on_surface) {
       const bool known = near && inner && ray.normal.squaredNorm() > 0;
-      if (known && ray.normal.dot(side.normal) < kSurfaceAlike) {
+      if (known && ray.normal.dot(side.normal) < kFacesAlike) {
         fit_.turned += area;
       } else if (ray.room) {
         fit_.larger += area;
@@ -186,7 +177,7 @@ class Measurement {
       const Eigen::Vector3d p = ray.origin + t * ray.direction;
       int border = 0;
       const double distance = Beyond(side, p, &border);
-      if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kFloorBegins) continue;
+      if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kRoughPose) continue;
       BorderShape& beyond = shapes_[index].borders[static_cast<std::size_t>(border)];
       const double area = Area(ray, side, t);
       beyond.shown += area;
@@ -195,7 +186,7 @@ class Measurement {
       if (!(ray.measured > 0) || ray.measured > t + 2 * tolerance) {
         beyond.ends += area;
       } else if (std::abs(ray.measured - t) < tolerance &&
-                 ray.normal.dot(side.normal) > kGoesOnAlike) {
+                 ray.normal.dot(side.normal) > kOnePlane) {
         beyond.goes_on += area;
       }
     }
@@ -223,7 +214,6 @@ class Measurement {
 
  private:
   static double Area(const Ray& ray, const Side& side, double z) {
-    constexpr double kGrazing = 0.1;
     const double cosine =
         std::max(std::abs(side.normal.dot(ray.direction)), kGrazing * ray.direction.norm());
     return z * z * ray.area / cosine;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "core/geometry/factor.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
@@ -14,7 +15,7 @@ constexpr double kLeastLever = 0.2;
 /// Of the logarithm of smooth_m: real sensors of a kind lie within a factor of 2 or so
 /// (docs/sensor-models.md).
 constexpr double kSmoothSpread = 0.8;
-constexpr double kLeastSmooth = 3e-4, kMostSmooth = 0.02;  // m
+constexpr double kLeastSmooth = kStepSigma * kDepthStep, kMostSmooth = 0.02;  // m
 constexpr int kSmoothSteps = 8;
 constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};  // rad
 
@@ -27,7 +28,7 @@ double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& 
   const Eigen::VectorXd y = root->matrixL().solve(r);
   const Eigen::MatrixXd a = root->matrixL().solve(jacobian);
   Eigen::MatrixXd information = a.transpose() * a;
-  information.diagonal().array() += 1e-3 * (1 + information.diagonal().maxCoeff() * 1e-9);
+  information.diagonal().array() += 1e-3;
   const std::optional<CholeskyFactor> inner = Factor(information);
   if (!inner) return std::numeric_limits<double>::infinity();
   const Eigen::VectorXd projected = inner->matrixL().solve(a.transpose() * y);

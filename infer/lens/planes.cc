@@ -7,23 +7,21 @@
 #include <optional>
 #include <utility>
 
+#include "infer/view/alike.h"
 #include "infer/view/held_out.h"
 
 namespace volalign {
 
 namespace {
 
-constexpr int kSamples = 8;           // of a block, along each side
-constexpr double kLeastFilled = 0.7;  // share of a block's samples that have depth
-constexpr double kFlat = 0.004;       // rms distance of a patch's points from its plane, of depth
-constexpr double kLeastFlat = 0.004;  // m
-constexpr double kMostBent = 0.006;   // smallest by middle variance of a patch
-constexpr double kSameTurn = 0.966;   // cos 15 deg, between the normals of neighbours
-constexpr double kStep = 0.008;       // distance of one neighbour from the other's plane, of depth
-constexpr double kLeastStep = 0.012;  // m
-constexpr double kLeastIncidence = 0.1;  // cosine: depth errors at grazing incidence
-constexpr double kFarthest = 8;          // m
-constexpr double kPixelsPerError = 2;    // neighbouring pixels have about the same error
+constexpr int kSamples = 8;            // of a block, along each side
+constexpr double kLeastFilled = 0.7;   // share of a block's samples that have depth
+constexpr double kFlat = 0.004;        // rms distance of a patch's points from its plane, of depth
+constexpr double kLeastFlat = 0.004;   // m
+constexpr double kMostBent = 0.006;    // smallest by middle variance of a patch
+constexpr double kStep = 0.008;        // distance of one neighbour from the other's plane, of depth
+constexpr double kLeastStep = 0.012;   // m
+constexpr double kPixelsPerError = 2;  // neighbouring pixels have about the same error
 
 struct Patch {
   PlanePatch patch;
@@ -60,7 +58,7 @@ std::optional<Patch> FitPatch(const SensorView& view, int u, int v) {
   if (!(variance < flat * flat) || !(variance < kMostBent * solver.eigenvalues()[1]))
     return std::nullopt;
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);
-  if (std::abs(normal.dot(mean)) < kLeastIncidence * mean.norm()) return std::nullopt;
+  if (std::abs(normal.dot(mean)) < kGrazing * mean.norm()) return std::nullopt;
   return Patch{{mean, kPixelsPerError * variance / count}, normal, picture_area};
 }
 
@@ -69,7 +67,8 @@ bool Continues(const Patch& a, const Patch& b) {
   const double cosine = std::abs(a.normal.dot(b.normal));
   const Eigen::Vector3d d = b.patch.p - a.patch.p;
   const double step = std::max(kLeastStep, kStep * std::min(a.patch.p.z(), b.patch.p.z()));
-  return cosine > kSameTurn && std::abs(a.normal.dot(d)) < step && std::abs(b.normal.dot(d)) < step;
+  return cosine > kSameDirection && std::abs(a.normal.dot(d)) < step &&
+         std::abs(b.normal.dot(d)) < step;
 }
 
 /// The patches of an image on a grid of blocks, and which surface each belongs to.

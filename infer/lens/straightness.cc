@@ -12,6 +12,7 @@
 #include "core/base/lists.h"
 #include "core/geometry/factor.h"
 #include "infer/lens/likelihood.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -20,7 +21,6 @@ namespace {
 using refine_internal::FitSmoothError;
 using refine_internal::SmoothMovement;
 
-constexpr double kLeastSigma = 1e-3;  // m, of a patch: depth steps and the surface's own
 constexpr std::size_t kMostPatches = 80;
 /// Mean square of the residuals, in standard deviations, beyond which a surface is none of a plane.
 constexpr double kNoPlane = 2;
@@ -123,7 +123,7 @@ class WeighedPlane {
     const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with, errors);
     Eigen::VectorXd variances(at.residuals.size());
     for (std::size_t i = 0; i < patches_.size(); ++i)
-      variances[static_cast<Eigen::Index>(i)] = patches_[i].variance + kLeastSigma * kLeastSigma;
+      variances[static_cast<Eigen::Index>(i)] = patches_[i].variance + kDepthStep * kDepthStep;
     const auto factor = refine_internal::Factor(FitCovariance(at, variances, errors));
     if (!factor) return;
     root_ = factor->matrixL();

@@ -12,14 +12,13 @@
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
 constexpr double kNeighbourScale = 0.01;  // m, of the robust cost against neighbours
-constexpr double kNeighbourGate = 0.1;    // m
-constexpr double kNeighbourCosine = 0.7;  // between normals
 
 /// Is a refined pose to be taken, judged by the same points as the one to beat?
 bool IsAccepted(const JointProblem& problem, const Solution& solution, std::size_t i,
@@ -83,7 +82,7 @@ PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::si
     if (other == sensor || problem.frame_of[other].still != problem.frame_of[sensor].still)
       continue;
     for (const Match& match :
-         FindMatches(own, problem.Overlap(other, state), kNeighbourGate, kNeighbourCosine)) {
+         FindMatches(own, problem.Overlap(other, state), kFarthestOff, kFacesAlike)) {
       if (own.Cloud(match.from).use != use) continue;
       sum += RobustCost(match.residual, kNeighbourScale);
       ++count;

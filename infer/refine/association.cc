@@ -2,15 +2,18 @@
 
 #include <cmath>
 
+#include "infer/view/alike.h"
+
 namespace volalign::refine_internal {
 
 namespace {
 
-/// Cosines from which on two directions agree: of a point's or silhouette's normal with its side's,
-/// and of a silhouette with an edge.
-constexpr double kNormalAgrees = 0.7, kEdgeAgrees = 0.6;
-/// The same of a one-sided silhouette, whose direction was measured: the border of what a sensor
-/// lights, or of what hides a side and has no depth itself, seldom runs as the side's edges do.
+/// Cosine from which on a silhouette agrees with an edge (60 deg): near a corner the nearer of two
+/// edges counts.
+constexpr double kEdgeAgrees = 0.5;
+/// Cosine from which on a one-sided silhouette agrees with an edge, whose direction was measured:
+/// the border of what a sensor lights, or of what hides a side and has no depth itself, seldom runs
+/// as the side's edges do.
 constexpr double kOneSidedAgrees = 0.97;
 
 }  // namespace
@@ -41,7 +44,7 @@ bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const S
   // A label that leaks round an edge would pull its side sideways; the point's own normal gives
   // it away.
   return point.normal.isZero() ||
-         (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kNormalAgrees;
+         (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kFacesAlike;
 }
 
 bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
@@ -50,7 +53,7 @@ bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const Ed
   const Eigen::Matrix3d rotation = sensor.structure_from_sensor.linear();
   const Eigen::Vector3d p = sensor.InStructure(edge.p);
   if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return false;
-  if ((rotation * edge.normal).dot(side.normal) < kNormalAgrees) return false;
+  if ((rotation * edge.normal).dot(side.normal) < kFacesAlike) return false;
   const Eigen::Vector3d outward = rotation * edge.outward;
   return NearestEdge(side, p, outward, gate, line) &&
          (!edge.one_sided || line->direction.dot(outward) > kOneSidedAgrees);

@@ -112,11 +112,12 @@ class PriorCost : public ceres::CostFunction {
   std::vector<double> sigmas_;
 };
 
+/// m: what is farther off is no part of a surface.
+inline constexpr double kFarthestOff = 0.1;
 /// Cauchy's cost, by which held-out points are compared: log(1 + (distance / scale)^2), of
-/// distances up to 10 cm; what is farther off is no part of the surface. m.
+/// distances up to kFarthestOff. m.
 inline double RobustCost(double distance, double scale) {
-  constexpr double kFarthest = 0.1;
-  const double x = std::min(std::abs(distance), kFarthest) / scale;
+  const double x = std::min(std::abs(distance), kFarthestOff) / scale;
   return std::log1p(x * x);
 }
 

@@ -11,7 +11,7 @@ namespace {
 
 /// A parameter is observable when its posterior standard deviation is below this share of the
 /// prior's.
-constexpr double kObservable = 0.7;
+const double kObservable = M_SQRT1_2;
 constexpr double kGaugeOnly = 1e-12;  // m^2, a prior variance that is none: of a single box
 
 void Clear(std::vector<char>* flags) { std::fill(flags->begin(), flags->end(), 0); }

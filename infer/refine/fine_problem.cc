@@ -11,20 +11,19 @@
 #include "core/geometry/visibility.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kSideGate = 0.06;  // m, of a point to its side
-constexpr double kPairGate = 0.02;  // m, of matched points of a pair
-constexpr double kAngleGate = 20;   // deg, between their normals
+constexpr double kSideGate = 2 * kRoughPose;  // m, of a point to its side
+constexpr double kPairGate = kSamePlace;      // m, of matched points of a pair
 // Overlap off the structure.
-constexpr double kOverlapGate = 0.06;  // m
+constexpr double kOverlapGate = kSideGate;
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-constexpr double kLeastPairSmooth = 1e-3;  // m
 /// m: nearer to the structure than this, overlap says what the structure's own terms say already.
 constexpr double kOffStructure = 0.05;
 
@@ -45,7 +44,7 @@ struct PairMatches {
 
 /// Standard deviation, m, of a cloud point's depth.
 double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
-  return std::hypot(std::max(noise.depth.Smooth(p.z()), kLeastPairSmooth),
+  return std::hypot(std::max(noise.depth.Smooth(p.z()), kDepthStep),
                     kIntrinsicsError * p.head<2>().norm());
 }
 
@@ -243,7 +242,7 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 
 }  // namespace
 
-Gates FineGates() { return {kSideGate, kPairGate, std::cos(kAngleGate * M_PI / 180)}; }
+Gates FineGates() { return {kSideGate, kPairGate, kOnePlane}; }
 
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<FrameObservations>& observed) {

@@ -9,6 +9,7 @@
 #include "core/geometry/factor.h"
 #include "infer/lens/likelihood.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/alike.h"
 #include "infer/view/prior_errors.h"
 
 namespace volalign::refine_internal {
@@ -19,14 +20,13 @@ namespace {
 constexpr double kEdgeLength = 0.15;      // rad, correlation of silhouette errors along an edge
 constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
 constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
-constexpr double kLeastSigma = 3e-4;      // m: 1 mm steps
 
 // The fit.
 constexpr std::array<double, 3> kSeams = {0.1, 0.4, 1};              // of the kind's
 constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;  // of NoiseModel::edge
 constexpr int kEdgeSteps = 6;
 constexpr std::size_t kMostObservations = 110;  // of each kind: enough for three numbers
-constexpr Eigen::Index kFewestFaces = 12, kFewestEdges = 8;  // that tell more than the defaults
+constexpr Eigen::Index kFewestToFit = 12;       // of each kind: that tell more than the defaults
 
 Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
 
@@ -53,7 +53,7 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
         model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
     const double lateral = observed.noise.depth.lateral_rad * face.p.z();
     variances[static_cast<Eigen::Index>(i)] =
-        face.variance + (1 - cosine * cosine) * lateral * lateral + kLeastSigma * kLeastSigma;
+        face.variance + (1 - cosine * cosine) * lateral * lateral + Square(kStepSigma * kDepthStep);
   }
   return variances;
 }
@@ -190,9 +190,9 @@ void FitNoise(const BuildModel& model, const DepthErrorModel& usual,
   PoseBlock block;
   std::copy_n(parameters.pose, 7, block.values);
   const Pose pose = block.ToPose();
-  if (faces > kFewestFaces)
+  if (faces > kFewestToFit)
     observed->noise.depth = FitErrors(model, pose, sample, all.Rows(0, faces), usual);
-  if (edges > kFewestEdges) FitEdgeNoise(sample, all.Rows(faces, edges), &observed->noise);
+  if (edges > kFewestToFit) FitEdgeNoise(sample, all.Rows(faces, edges), &observed->noise);
   SetCovariance(model, pose, observed);
 }
 

@@ -9,24 +9,23 @@
 
 #include "core/base/statistics.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kRise = 0.02;         // m, that a box has to rise in front of a side for a seam
-constexpr std::size_t kFewest = 3;     // points of an observation on a face
-constexpr double kLeastSpread = 1e-3;  // m, of the points of an observation
-constexpr double kFarFromMiddle = 3;   // spreads, of points that are no part of it
+constexpr double kRise = 0.02;        // m, that a box has to rise in front of a side for a seam
+constexpr std::size_t kFewest = 3;    // points of an observation on a face
+constexpr double kFarFromMiddle = 3;  // spreads, of points that are no part of it
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
 constexpr double kPixelsPerError = 2;
 
 // The robust fit.
 constexpr int kRobustIterations = 8;
-constexpr double kRobustMultipath = 0.02;                         // m, prior of the multipath error
-constexpr double kRobustPose = 1;                                 // m and rad, prior of the pose
-constexpr double kLeastFaceScale = 0.002, kLeastEdgeScale = 0.3;  // m, px
-constexpr double kLeastFaceSpread = 1e-3, kLeastEdgeSpread = 0.3;
+constexpr double kRobustMultipath = 0.02;  // m, prior of the multipath error
+constexpr double kRobustPose = 1;          // m and rad, prior of the pose
+constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 2.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
@@ -43,7 +42,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   std::vector<double> deviations;
   deviations.reserve(distances.size());
   for (const double d : distances) deviations.push_back(std::abs(d - middle));
-  const double spread = kMadToSigma * Median(deviations) + kLeastSpread;
+  const double spread = kMadToSigma * Median(deviations) + kDepthStep;
   FaceObservation face;
   face.label = label;
   face.p.setZero();
@@ -51,7 +50,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   for (std::size_t k = 0; k < points.size(); ++k) {
     if (std::abs(distances[k] - middle) > kFarFromMiddle * spread) continue;
     // A pixel that several frames disagree about says less than the others.
-    const double weight = 1 / (1 + Square(points[k]->sigma / kLeastSpread));
+    const double weight = 1 / (1 + Square(points[k]->sigma / kDepthStep));
     face.p += weight * points[k]->p;
     squares += Square(weight * (distances[k] - middle));
     weights += weight;
@@ -119,7 +118,7 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
   for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
     const Eigen::VectorXd sizes = left.cwiseAbs().cwiseQuotient(units);
     const double face = std::max(kLeastFaceScale, Spread(sizes, 0, faces));
-    const double edge = std::max(kLeastEdgeScale, Spread(sizes, faces, edges));
+    const double edge = std::max(kStepSigma, Spread(sizes, faces, edges));
     Eigen::VectorXd weights(r.size());
     for (Eigen::Index k = 0; k < r.size(); ++k) {
       const double sigma = units[k] * (k < static_cast<Eigen::Index>(faces) ? face : edge);
@@ -205,8 +204,8 @@ void WidenOutliers(const BuildModel& model, const FrameParameters& parameters, c
       if (size > limit) *variance(k) += kWidening * (size * size - limit * limit);
     }
   };
-  widen(0, faces, kLeastFaceSpread, [&](std::size_t k) { return &observed->faces[k].variance; });
-  widen(faces, observed->edges.size(), kLeastEdgeSpread,
+  widen(0, faces, kDepthStep, [&](std::size_t k) { return &observed->faces[k].variance; });
+  widen(faces, observed->edges.size(), kStepSigma,
         [&](std::size_t k) { return &observed->edges[k].variance; });
 }
 

@@ -16,7 +16,8 @@ constexpr std::size_t kTenthsFromAround = 7;  // of the chosen points
 
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
                                      const Pose& structure_from_sensor, int most) {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(1e9), high = -low;
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
+                  high = -low;
   for (const Side& side : structure.sides()) {
     const Eigen::Vector3d reach =
         side.half_u * side.axis_u.cwiseAbs() + side.half_v * side.axis_v.cwiseAbs();

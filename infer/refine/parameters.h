@@ -47,9 +47,9 @@ struct FrameParameters {
 /// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct FrameColumns {
-  static constexpr Eigen::Index kPose = 0, kOffset = 7, kGain = 8, kNuisance = 9,
-                                kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
-                                kBoxes = kSize + 1;
+  static constexpr Eigen::Index kPose = 0, kOffset = kPose + 7, kGain = kOffset + 1,
+                                kNuisance = kGain + 1, kLens = kNuisance + kNuisances,
+                                kSize = kLens + kLensParameters, kBoxes = kSize + 1;
   /// How many columns are the sensor's own depth and silhouette errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.

@@ -7,7 +7,7 @@ bool LeftPoseManifold::Plus(const double* x, const double* delta, double* x_plus
   const Eigen::Vector3d w = step.tail<3>();
   const double angle = w.norm();
   Eigen::Quaterniond turn;
-  if (angle > 1e-12) {
+  if (angle > 0) {
     turn = Eigen::AngleAxisd(angle, w / angle);
   } else {
     turn = Eigen::Quaterniond(1, w.x() / 2, w.y() / 2, w.z() / 2);

@@ -16,6 +16,7 @@
 #include "infer/refine/model_choice.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/refine_result.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -64,7 +65,7 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
 }  // namespace
 
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
-  constexpr double kOpenTranslation = 0.03, kOpenRotation = 2 * M_PI / 180;
+  constexpr double kOpenTranslation = kRoughPose, kOpenRotation = 2 * M_PI / 180;
   std::vector<std::string> names;
   for (const bool rotation : {false, true}) {
     const Eigen::Matrix3d part =
@@ -77,9 +78,8 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
       Eigen::Index main = 0;
       axis.cwiseAbs().maxCoeff(&main);
       if (axis[main] < 0) axis = -axis;
-      constexpr double kAligned = 0.94;  // cos 20 deg
       std::string name = main == 1 ? "the vertical" : main == 0 ? "structure x" : "structure z";
-      if (axis[main] < kAligned)
+      if (axis[main] < kOnePlane)
         name = fmt::format("structure ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
       names.push_back(rotation ? fmt::format("about {} ({:.1f} deg)", name, sigma * 180 / M_PI)
                                : fmt::format("along {} ({:.2f} m)", name, sigma));

@@ -10,6 +10,7 @@
 #include "core/base/lists.h"
 #include "core/base/random.h"
 #include "infer/refine/silhouettes.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -70,11 +71,11 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
   return points;
 }
 
-std::vector<CloudPoint> SampleCloud(const SensorView& view, int stride, double max_range) {
+std::vector<CloudPoint> SampleCloud(const SensorView& view, int stride) {
   std::vector<CloudPoint> cloud;
   view.VisitMeasured(stride, [&](int u, int v) {
     CloudPoint point;
-    if (view.depth(u, v) > max_range || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
+    if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
       return;
     point.p = view.Point(u, v);
     point.use = UseOfBlock(u, v);
@@ -139,7 +140,7 @@ SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segm
   const std::vector<EdgePoint> one_sided = Thinned(silhouettes.one_sided, most_edges);
   edges.insert(edges.end(), one_sided.begin(), one_sided.end());
   return {SampleSidePoints(sides, options.max_side_points), std::move(edges),
-          SampleCloud(view, options.cloud_stride, options.max_range)};
+          SampleCloud(view, options.cloud_stride)};
 }
 
 }  // namespace volalign

@@ -49,9 +49,6 @@ struct CloudPoint {
   BlockUse use = BlockUse::kFit;
 };
 
-/// px, of the neighbourhood that the normal of a pixel is taken from.
-inline constexpr int kNormalRadius = 3;
-
 /// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
 int BlockIndex(int u, int v, int width);
 
@@ -86,10 +83,9 @@ class SensorPoints {
 
 struct SamplingOptions {
   double min_confidence = 0.5;  ///< of a label
-  int max_side_points = 3000;   ///< that are fitted; as many again of each other use
-  int max_edge_points = 600;    ///< and as many again of one-sided ones
+  int max_side_points = 0;      ///< that are fitted; as many again of each other use
+  int max_edge_points = 0;      ///< and as many again of one-sided ones
   int cloud_stride = 2;         ///< px
-  double max_range = 7;         ///< m, of cloud points
 };
 
 /// Takes the points out of a view and its labels. The same view always gives the same points.

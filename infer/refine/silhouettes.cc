@@ -7,15 +7,17 @@
 #include <map>
 #include <utility>
 
+#include "infer/view/alike.h"
+
 namespace volalign {
 
 namespace {
 
-constexpr int kMaxGrowth = 6;            // px that a label may fall short of its surface's end
-constexpr int kMaxGap = 3;               // px that a sensor may leave empty at an edge
-constexpr double kOnPlane = 0.02;        // m, of a pixel that continues a side
-constexpr double kBehind = 0.06;         // m, by which the depth has to jump at a silhouette
-constexpr double kLeastIncidence = 0.2;  // cosine: beyond it half a pixel is centimetres of side
+constexpr int kMaxGrowth = 6;               // px that a label may fall short of its surface's end
+constexpr int kMaxGap = 3;                  // px that a sensor may leave empty at an edge
+constexpr double kOnPlane = kSamePlace;     // m, of a pixel that continues a side
+constexpr double kBehind = 2 * kRoughPose;  // m, by which the depth has to jump at a silhouette
+constexpr double kLeastIncidence = 0.2;     // cosine: beyond it half a pixel is centimetres of side
 /// The pixels that are lost at an edge belong to the background more often than to the side: on
 /// real captures, edges halfway through the gap come out a pixel too far out. So only this share
 /// counts.
@@ -102,7 +104,7 @@ bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, double
   const Eigen::Vector3d across = outer * plane.Depth(outer) - inner * plane.Depth(inner);
   edge->outward = across.normalized();
   edge->normal = plane.normal;
-  edge->sigma = across.norm() / std::sqrt(12.0);
+  edge->sigma = across.norm() * kStepSigma;
   edge->pixel = across.norm() / width;
   edge->axis = walk.dv != 0;
   edge->block = BlockIndex(walk.u, walk.v, view.width());

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/error.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -16,7 +17,7 @@ constexpr double kFocalSlack = 1.02;
 /// Shortest side that the network's five resolutions leave anything of, px.
 constexpr int kMinNetworkSide = 16;
 /// Depths that differ by no more than this belong to one surface, m.
-constexpr float kSameSurface = 0.03f;
+constexpr float kSameSurface = kRoughPose;
 
 /// Frame pixel in the middle of network pixel i, and the network pixel over frame pixel i.
 int FramePixel(int i, double scale, int size) {

@@ -8,14 +8,14 @@
 
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
+#include "infer/view/alike.h"
 #include "infer/view/prior_errors.h"
 
 namespace volalign {
 
 namespace {
 
-constexpr double kGrazing = 0.087;  // cos 85 deg: pixels at larger angles count as this one
-constexpr float kNearest = 1e-3f;   // m: a corrected depth is a depth still
+constexpr float kNearest = 1e-3f;  // m: a corrected depth is a depth still
 
 /// Of finite rays; 0 elsewhere.
 Image<float> RayAreas(const Intrinsics& intrinsics, const RayTable& rays) {

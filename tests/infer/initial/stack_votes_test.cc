@@ -114,7 +114,7 @@ TEST(FindOccupied, SortsPointsIntoCells) {
   const std::vector<OrientedPoint> points = {
       PointAt({0.31, -0.85, 2.0}, up, 0.001),   PointAt({0.29, -0.82, 2.04}, up, 0.0015),
       PointAt({0.31, -0.75, 2.0}, aside, 0.02), PointAt({0.31, -0.75, 2.0}, steep, 1),
-      PointAt({0.31, -0.97, 2.0}, up, 1),  // within 4 cm of the floor
+      PointAt({0.31, -0.98, 2.0}, up, 1),  // within 3 cm of the floor
       PointAt({0.31, -0.3, 2.0}, up, 1),   // above all slabs
       PointAt({0.31, -1.1, 2.0}, up, 1),   // below them
       PointAt({0.31, -0.85, 8.1}, up, 1),  // too far away

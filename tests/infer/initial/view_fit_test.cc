@@ -149,9 +149,9 @@ TEST(MeasureShape, AreasAreThoseOfTheSurface) {
     EXPECT_EQ(fit.explained_share(), 1);
     EXPECT_EQ(fit.visible_share(), 1);
     // A band from 2 to 7 cm beyond the border, its corners included, but for what is nearer to the
-    // foot than 5 cm.
+    // foot than 3 cm.
     const double band =
-        (kWidth + 0.14) * (kHeight + 0.02) - (kWidth + 0.04) * (kHeight + 0.02 - 0.05);
+        (kWidth + 0.14) * (kHeight + 0.07 - 0.03) - (kWidth + 0.04) * (kHeight + 0.02 - 0.03);
     EXPECT_NEAR(fit.ends, band, 0.03 * band) << wall;
     // The front, and the three faces at whose edges it ends.
     EXPECT_EQ(fit.found_planes, 4);
@@ -279,7 +279,7 @@ TEST(MeasureShape, APartOfAWallIsNoSide) {
   }
   const ViewFit three = MeasureShape(longer, Crate(), Before());
   EXPECT_NEAR(three.explained, kFront, 0.02 * kFront);
-  EXPECT_NEAR(three.goes_on, 0.05 * (kHeight - 0.05), 0.03 * 0.05 * kHeight);
+  EXPECT_NEAR(three.goes_on, 0.05 * (kHeight - 0.03), 0.03 * 0.05 * kHeight);
   EXPECT_EQ(three.found_planes, 3);
 }
 
@@ -323,7 +323,7 @@ TEST(MeasureShape, WhatGoesOnFacesAsTheSideDoes) {
         &surface);
     return MeasureShape(surface, Crate(), Before()).goes_on;
   };
-  const double end = 0.05 * (kHeight - 0.05);
+  const double end = 0.05 * (kHeight - 0.03);
   EXPECT_NEAR(goes_on(20), end, 0.05 * end);
   EXPECT_EQ(goes_on(30), 0);
 }

@@ -184,7 +184,7 @@ TEST(SetCovariance, IsThatOfItsParts) {
         const Eigen::Vector3d normal =
             pose.linear().transpose() * structure.SideOfLabel(a.label).normal;
         const double sine = normal.cross(a.p.normalized()).norm();
-        expected += a.variance + std::pow(sine * 0.0003 * a.p.z(), 2) + 3e-4 * 3e-4;
+        expected += a.variance + std::pow(sine * 0.0003 * a.p.z(), 2) + 1e-6 / 12;
       }
       EXPECT_NEAR(faces(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), expected,
                   1e-11);

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cmath>
+
+namespace volalign {
+
+// When two directions, two places or two depths are taken for one.
+
+/// Cosine of the angle (45 deg) up to which a surface faces as a side does, rather than as one at
+/// right angles to it.
+inline constexpr double kFacesAlike = M_SQRT1_2;
+/// Cosine of the angle (25 deg) between normals of one plane, each from a few noisy depths.
+inline constexpr double kOnePlane = 0.9;
+/// Cosine of the angle (8 deg) between normals of a structure's sides that face the same way.
+inline constexpr double kSameNormal = 0.99;
+/// Cosine of the angle (84 deg) between a ray and a surface's normal beyond which depths say little
+/// of the surface.
+inline constexpr double kGrazing = 0.1;
+/// Cosine of the angle (15 deg) between directions of planes that face the same way.
+inline constexpr double kSameDirection = 0.966;
+/// px to each side of a pixel over which its surface's normal is taken.
+inline constexpr int kNormalRadius = 3;
+/// Of a standard deviation, or of a tolerance: 997 of 1,000 normal variables lie within.
+inline constexpr double kClearly = 3;
+/// m: places that are nearer to each other are one. Boxes that are built up by hand stand a few
+/// millimetres off, and none is as thin.
+inline constexpr double kSamePlace = 0.02;
+/// m: how far a surface of the structure is off at a pose that is not refined. Such poses are 13 mm
+/// off in the median and up to 7 cm (docs/evaluation.md, "Network, geometry or both").
+inline constexpr double kRoughPose = 0.03;
+/// m: the step in which sensors give depths.
+inline constexpr double kDepthStep = 1e-3;
+/// Standard deviation of an error of rounding to whole steps, or to whole pixels: 1 / sqrt(12).
+inline constexpr double kStepSigma = 0.28868;
+/// m: what is farther from a sensor is of no room that it is used in.
+inline constexpr double kFarthest = 8;
+
+/// RANSAC: planes that are tried, and points that they are counted with.
+inline constexpr int kPlaneTrials = 80, kPlaneProbes = 400;
+/// Of what is tried in a search: so many go on from one stage to the next.
+inline constexpr int kBeam = 8;
+
+}  // namespace volalign
