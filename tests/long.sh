@@ -5,7 +5,6 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 source cmake/packages.sh
-export VOLALIGN_LONG=1
 
 # Lines of each room that ran in the quick and slow tests of the four libraries.
 coverage() {
@@ -39,7 +38,8 @@ tsan() {
   ctest --preset tsan -R '^(core|render|train)/.*|^infer/calib/calibrate$' -L 'quick|slow'
 }
 
-tests() { ./test.sh; }
+# With all that they draw by chance.
+tests() { VOLALIGN_LONG=1 ./test.sh; }
 kills() { VOLALIGN_KILLS=200 ./test.sh -R '^(cli/stopped|train/kill|core/base/folder|infer/report/export|render/dataset)$'; }
 sanitize() { tests/sanitize.sh; }
 fuzz() { tests/fuzz/run.sh 600; }
@@ -130,7 +130,7 @@ with tempfile.TemporaryDirectory() as folder:
         sys.exit("training grows")
 PYTHON
   # 2,000 times, in one process, a calibration, its result as a dict, and two calls that fail.
-  PYTHONPATH=build/release/bindings/python /usr/bin/python3 -m pytest -q -rP -p no:cacheprovider tests/bindings/python/process_test.py -k nothing_leaks
+  VOLALIGN_LONG=1 PYTHONPATH=build/release/bindings/python /usr/bin/python3 -m pytest -q -rP -p no:cacheprovider tests/bindings/python/process_test.py -k nothing_leaks
 }
 
 all=(coverage tsan tests kills sanitize tidy fuzz mutations figures flat pip)

@@ -146,7 +146,7 @@ void ExpectWholeOrNothing(const fs::path& result, const std::string& last,
 
 int Kills() {
   const char* wanted = std::getenv("VOLALIGN_KILLS");
-  return wanted ? std::atoi(wanted) : std::getenv("VOLALIGN_LONG") ? 200 : 5;
+  return wanted ? std::atoi(wanted) : 5;
 }
 
 TEST_F(Stopped, WhatIsKilledLeavesAWholeResultOrNone) {
