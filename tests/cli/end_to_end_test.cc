@@ -330,9 +330,9 @@ TEST_F(RealCaptures, FourAzureKinects) {
 }
 
 // What finds the first pose is not to matter: everything after it labels points by the pose. Where
-// the solution goes from one choice of estimates to another and does not settle, or has set a
-// sensor aside, which its own view alone holds then, both are as far apart as their sigmas let
-// them.
+// the solution goes from one choice of estimates to another and does not settle, has set a sensor
+// aside, which its own view alone holds then, or has set one aside (KAX1, whose contradiction is
+// one of about a thousand) but with one of the two, both are as far apart as their sigmas let them.
 TEST_F(RealCaptures, AreThoseOfTheModelWithoutOne) {
   const auto kinects = [](const std::vector<std::string>& names, const std::string& kind) {
     std::vector<SensorFrame> frames;
@@ -357,6 +357,11 @@ TEST_F(RealCaptures, AreThoseOfTheModelWithoutOne) {
     by_labels.initial.method = PoseMethod::kNetwork;
     const CalibrationResult with = CalibrateFrames(frames, by_labels);
     const CalibrationResult without = CalibrateWithoutAModel(frames);
+    const bool same_aside =
+        std::equal(with.sensors.begin(), with.sensors.end(), without.sensors.begin(),
+                   [](const FrameResult& a, const FrameResult& b) {
+                     return a.together.has_value() == b.together.has_value();
+                   });
     for (std::size_t i = 0; i < frames.size(); ++i) {
       const FrameResult &a = with.sensors[i], &b = without.sensors[i];
       ASSERT_TRUE(a.structure_from_sensor && b.structure_from_sensor) << b.name << ": " << b.reason;
@@ -368,8 +373,9 @@ TEST_F(RealCaptures, AreThoseOfTheModelWithoutOne) {
                             LargestSigmaPosition(*b.structure_from_sensor, b.covariance);
       const double sigmas_deg =
           LargestSigmaRotationDeg(a.covariance) + LargestSigmaRotationDeg(b.covariance);
-      const bool refined = with.solve.settled && without.solve.settled && a.refinement_accepted &&
-                           b.refinement_accepted && !a.together && !b.together;
+      const bool refined = same_aside && with.solve.settled && without.solve.settled &&
+                           a.refinement_accepted && b.refinement_accepted && !a.together &&
+                           !b.together;
       EXPECT_LT(apart.translation_m, refined ? 0.01 : 2 * sigmas) << b.name;
       EXPECT_LT(apart.rotation_deg, refined ? 0.5 : 2 * sigmas_deg) << b.name;
     }
