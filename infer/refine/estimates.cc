@@ -1,6 +1,7 @@
 #include "infer/refine/estimates.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "infer/refine/model_choice.h"
@@ -10,8 +11,8 @@ namespace volalign::refine_internal {
 namespace {
 
 /// A parameter is observable when its posterior standard deviation is below this share of the
-/// prior's.
-const double kObservable = M_SQRT1_2;
+/// prior's: when a capture says more of it than the prior does.
+constexpr double kObservable = M_SQRT1_2;
 constexpr double kGaugeOnly = 1e-12;  // m^2, a prior variance that is none: of a single box
 
 void Clear(std::vector<char>* flags) { std::fill(flags->begin(), flags->end(), 0); }

@@ -83,7 +83,7 @@ class SensorPoints {
 
 struct SamplingOptions {
   double min_confidence = 0.5;  ///< of a label
-  int max_side_points = 0;      ///< that are fitted; as many again of each other use
+  int max_side_points = 0;      ///< that are fitted, at most; as many again of each other use
   int max_edge_points = 0;      ///< and as many again of one-sided ones
   int cloud_stride = 2;         ///< px
 };
