@@ -3,12 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <string>
 
 #include "core/base/error.h"
+#include "core/base/parallel_for.h"
 #include "core/geometry/kd_tree.h"
 
 namespace volalign {
+
+namespace {
+
+constexpr std::size_t kPointsOfTask = 4096;
+
+}  // namespace
 
 double MeanIou(const LabelImage& predicted, const LabelImage& truth, const DepthImage& depth,
                const MiouOptions& options) {
@@ -44,21 +52,24 @@ double MeanIou(const LabelImage& predicted, const LabelImage& truth, const Depth
   return counted == 0 ? 1.0 : sum / counted;
 }
 
-double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
+double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                   int threads) {
   if (a.empty() || b.empty()) throw Error("RmsDistance: a point set is empty");
   const KdTree tree(b);
-  double sum = 0;
-  for (const auto& p : a) {
-    sum += tree.Nearest(p).squared_distance;
-  }
-  return std::sqrt(sum / static_cast<double>(a.size()));
+  std::vector<double> sums(a.size() / kPointsOfTask + 1, 0);
+  ParallelFor(sums.size(), threads, [&](std::size_t task) {
+    const std::size_t end = std::min(a.size(), (task + 1) * kPointsOfTask);
+    for (std::size_t i = task * kPointsOfTask; i < end; ++i)
+      sums[task] += tree.Nearest(a[i]).squared_distance;
+  });
+  return std::sqrt(std::accumulate(sums.begin(), sums.end(), 0.0) / static_cast<double>(a.size()));
 }
 
 SetDistances CompareSets(const std::vector<Eigen::Vector3d>& a,
-                         const std::vector<Eigen::Vector3d>& b) {
+                         const std::vector<Eigen::Vector3d>& b, int threads) {
   SetDistances distances;
-  distances.d1 = RmsDistance(a, b);
-  distances.d2 = std::max(distances.d1, RmsDistance(b, a));
+  distances.d1 = RmsDistance(a, b, threads);
+  distances.d2 = std::max(distances.d1, RmsDistance(b, a, threads));
   return distances;
 }
 

@@ -23,14 +23,15 @@ double MeanIou(const LabelImage& predicted, const LabelImage& truth, const Depth
 
 /// sqrt(mean over a in A of min over b in B |a - b|^2), the paper's dist(A, B) (Results, eq. RMS).
 /// Both sets non-empty, else Error. Nearest neighbours with nanoflann's kd-tree.
-double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b);
+double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                   int threads = 1);
 
 struct SetDistances {
   double d1 = 0;  ///< dist(A, B), m
   double d2 = 0;  ///< max(dist(A, B), dist(B, A)), m
 };
 SetDistances CompareSets(const std::vector<Eigen::Vector3d>& a,
-                         const std::vector<Eigen::Vector3d>& b);
+                         const std::vector<Eigen::Vector3d>& b, int threads = 1);
 
 /// Mean, standard deviation (population), relative standard deviation, as the paper's tables give
 /// them.

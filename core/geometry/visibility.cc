@@ -121,9 +121,13 @@ ExpectedView CastView(const Structure& structure, const RayTable& rays,
 SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vector3d& p) {
   SurfaceDistance best;
   for (std::size_t i = 0; i < structure.sides().size(); ++i) {
-    const double distance = (structure.sides()[i].ClosestPoint(p) - p).norm();
-    if (distance < best.distance) best = {distance, static_cast<int>(i)};
+    const Side& side = structure.sides()[i];
+    const double off_plane = side.normal.dot(p - side.centre);
+    if (off_plane * off_plane >= best.distance) continue;
+    const double squared = (side.ClosestPoint(p) - p).squaredNorm();
+    if (squared < best.distance) best = {squared, static_cast<int>(i)};
   }
+  best.distance = std::sqrt(best.distance);
   return best;
 }
 

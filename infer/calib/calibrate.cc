@@ -27,11 +27,11 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   const bool estimated = ParseEstimate(options.refine.estimate).lens;
   const LensSet assumed =
       estimated ? AssumeLenses(capture, options.refine.lens_per_sensor) : GivenLenses(capture);
-  LensSet lenses = FindLenses(capture, assumed, threads);
+  FoundLenses found = FindLenses(capture, assumed, threads);
   clock.Lap("lenses");
 
   begin("first poses");
-  Seen seen = Look(capture, std::move(lenses), segmenter, options, &clock);
+  Seen seen = Look(capture, std::move(found), segmenter, options, &clock);
   const StackFinding stack = InspectStack(
       seen, options.assembly, {options.initial, options.refine, options.verdict, threads});
   clock.Lap("assembly");

@@ -207,6 +207,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
   const LocateOptions locate{options.initial, options.refine, options.verdict, options.threads};
   const auto locate_all = [&] {
     begin("each sensor by itself");
+    seen.clouds = MapFrames(seen.views, options.threads,
+                            [&](FrameId id) { return SampleCloud(seen.views[id]); });
     Located located = Locate(seen, stack, locate);
     clock->Lap("placement");
     begin("all sensors together");

@@ -108,16 +108,18 @@ void JudgeTwins(const VerdictOptions& options, std::vector<FrameResult>* sensors
 }
 
 std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& sensors,
-                                                const Structure& built) {
+                                                const Structure& built, int threads) {
+  std::vector<std::vector<Eigen::Vector3d>> of_sensor(sensors.size());
+  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
+    const FrameResult& sensor = sensors[i];
+    if (!sensor.structure_from_sensor) return;
+    of_sensor[i] = LabelledPoints(Corrected(sensor.view, sensor.depth_gain, sensor.depth_offset_m),
+                                  sensor.segmentation.labels, *sensor.structure_from_sensor);
+  });
   std::vector<Eigen::Vector3d> captured;
-  for (const FrameResult& sensor : sensors) {
-    if (!sensor.structure_from_sensor) continue;
-    const std::vector<Eigen::Vector3d> points =
-        LabelledPoints(Corrected(sensor.view, sensor.depth_gain, sensor.depth_offset_m),
-                       sensor.segmentation.labels, *sensor.structure_from_sensor);
+  for (const std::vector<Eigen::Vector3d>& points : of_sensor)
     captured.insert(captured.end(), points.begin(), points.end());
-  }
-  return CompareWithSurface(captured, built);
+  return CompareWithSurface(captured, built, threads);
 }
 
 /// Of each frame of a still. One whose pose a person has chosen takes part, but nothing is said of
@@ -220,15 +222,15 @@ std::vector<RigTwin> TwinsOf(const Joint& joint, std::size_t still,
 
 /// A still with its frames' results.
 StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
-                        std::optional<AssemblyReport> assembly, const VerdictOptions& verdict,
+                        std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                         Joint* joint) {
   RefinedPlacement& stack = joint->stacks[still];
-  JudgeTwins(verdict, &sensors);
+  JudgeTwins(options.verdict, &sensors);
   StillResult result;
   result.name = joint->seen.capture->stills[still].name;
   result.first_from_placement = stack.first_from_placement;
   result.covariance = stack.covariance;
-  result.metrics = MeasureSetDistances(sensors, stack.built);
+  result.metrics = MeasureSetDistances(sensors, stack.built, options.threads);
   result.pairs = std::move(joint->pairs[still]);
   result.twins = TwinsOf(*joint, still, sensors);
   result.sensors = std::move(sensors);
@@ -256,8 +258,7 @@ CalibrationResult Judge(Joint joint, const StackFinding& stack,
   });
   std::vector<StillResult> stills;
   for (std::size_t s = 0; s < sensors.stills(); ++s) {
-    stills.push_back(
-        GatherStill(s, std::move(sensors.OfStill(s)), stack[s], options.verdict, &joint));
+    stills.push_back(GatherStill(s, std::move(sensors.OfStill(s)), stack[s], options, &joint));
   }
   CalibrationResult result = CombineStills(*joint.seen.capture, std::move(stills), joint.frames);
   result.size_estimated = joint.size_estimated;

@@ -60,11 +60,12 @@ void RequireTwin(const Seen& seen, const SensorNumber& asked) {
 
 }  // namespace
 
-Seen Look(const CaptureSet& capture, LensSet lenses, Segmenter* segmenter,
+Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock) {
   Seen seen;
   seen.capture = &capture;
-  seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
+  seen.lenses = std::move(found.lenses);
+  seen.views = std::move(found.views);
   std::vector<std::vector<DepthFinding>> depths;
   for (std::size_t s = 0; s < capture.stills.size(); ++s) {
     const std::vector<SensorFrame>& frames = capture.stills[s].frames;
@@ -82,7 +83,7 @@ Seen Look(const CaptureSet& capture, LensSet lenses, Segmenter* segmenter,
 }
 
 Seen WithLenses(Seen seen, LensSet lenses, int threads) {
-  seen.views = LookThrough(*seen.capture, lenses, threads);
+  seen.views = LookThrough(*seen.capture, lenses, std::move(seen.views), seen.lenses, threads);
   seen.lenses = std::move(lenses);
   return seen;
 }

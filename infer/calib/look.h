@@ -3,14 +3,15 @@
 #include "core/base/stage_clock.h"
 #include "infer/calib/calibrate.h"
 #include "infer/checks/placement.h"
+#include "infer/lens/find_lenses.h"
 #include "infer/view/frames.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign {
 
-/// Looks at a capture, which has to outlive the result, through lenses: rays, what depths say by
+/// Looks at a capture, which has to outlive the result, through its lenses: what depths say by
 /// themselves, labels and initial poses. `segmenter` may be null. Adds to `clock` what takes time.
-Seen Look(const CaptureSet& capture, LensSet lenses, Segmenter* segmenter,
+Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock);
 
 /// The same with the rays that frames have through other lenses; labels and poses stay.

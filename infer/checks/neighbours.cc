@@ -79,15 +79,15 @@ bool MeasuredBehind(const SensorView& view, const Intrinsics& intrinsics, const 
 Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
                double gate, std::size_t probes) {
   Shared shared;
-  for (const CloudPoint& point : Thinned(lost.points->cloud(), probes)) {
+  for (const CloudPoint& point : Thinned(lost.points->cloud.points(), probes)) {
     bool matched = false, contradicted = false;
     for (const Neighbour& neighbour : neighbours) {
       const Pose there = neighbour.sensor.start.inverse() * pose;
       const Eigen::Vector3d p = there * point.p;
-      const int nearest = neighbour.sensor.points->Nearest(p, gate);
+      const int nearest = neighbour.sensor.points->cloud.Nearest(p, gate);
       if (nearest >= 0) {
         const CloudPoint& other =
-            neighbour.sensor.points->cloud()[static_cast<std::size_t>(nearest)];
+            neighbour.sensor.points->cloud.points()[static_cast<std::size_t>(nearest)];
         matched = matched || (there.linear() * point.normal).dot(other.normal) > kFacesAlike;
       } else {
         contradicted = contradicted ||
@@ -101,7 +101,7 @@ Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const
   for (const Neighbour& neighbour : neighbours) {
     const Pose here = pose.inverse() * neighbour.sensor.start;
     for (const CloudPoint& point :
-         Thinned(neighbour.sensor.points->cloud(), probes / neighbours.size())) {
+         Thinned(neighbour.sensor.points->cloud.points(), probes / neighbours.size())) {
       const bool behind =
           MeasuredBehind(lost.view, lost.intrinsics, here * point.p, kBehind * gate);
       shared.contradicted += behind ? 1 : 0;

@@ -175,6 +175,7 @@ std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
   sampling.max_edge_points = options.refine.max_edge_points;
   SensorPoints points =
       SamplePoints(seen.views[id], segmentation, seen.capture->structure, sampling);
+  points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
   points.lens = seen.lenses.Of(id).change;
   return std::make_shared<const SensorPoints>(std::move(points));

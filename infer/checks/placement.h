@@ -28,6 +28,7 @@ struct Seen {
   PerFrame<SensorView> views;
   PerFrame<DepthFinding> depths;
   PerFrame<Labelled> labelled;
+  PerFrame<SampledCloud> clouds;  ///< SampleCloud of each view; needed from LocateAlone on
 };
 
 /// A frame whose own view fixes its pose, or that view together with its neighbours'.

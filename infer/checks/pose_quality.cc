@@ -86,14 +86,14 @@ std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelI
 }
 
 std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
-                                               const Structure& structure) {
+                                               const Structure& structure, int threads) {
   std::vector<Eigen::Vector3d> near;
   const std::size_t step = points.size() / kMostPoints + 1;
   for (std::size_t i = 0; i < points.size(); i += step) {
     if (DistanceToSurface(structure, points[i]).distance < kRmsDistance) near.push_back(points[i]);
   }
   if (near.empty()) return std::nullopt;
-  return CompareSets(near, SampleExposedSurface(structure, kSurfaceStep));
+  return CompareSets(near, SampleExposedSurface(structure, kSurfaceStep), threads);
 }
 
 }  // namespace volalign

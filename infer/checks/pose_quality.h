@@ -48,7 +48,7 @@ std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideP
 /// taken, of those within 10 cm of the structure, and its exposed surface sampled at 5 mm. Nothing
 /// where no point is near. `points`: structure frame, m.
 std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
-                                               const Structure& structure);
+                                               const Structure& structure, int threads = 1);
 
 /// The points of the pixels with a side label and depth, structure frame, m.
 std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelImage& labels,

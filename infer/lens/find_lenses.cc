@@ -103,16 +103,17 @@ LensSet MeasureLenses(const PerFrame<SensorView>& views, LensSet lenses, int thr
   return lenses;
 }
 
-LensSet FindLenses(const CaptureSet& capture, LensSet lenses, int threads) {
+FoundLenses FindLenses(const CaptureSet& capture, LensSet lenses, int threads) {
+  PerFrame<SensorView> views = LookThrough(capture, lenses, threads);
   for (int round = 0; round < kMostRounds; ++round) {
-    const PerFrame<SensorPlanes> planes =
-        FindPlanes(LookThrough(capture, lenses, threads), lenses, threads);
+    const PerFrame<SensorPlanes> planes = FindPlanes(views, lenses, threads);
     const LensSet before = lenses;
     ParallelFor(lenses.lenses.size(), threads,
                 [&](std::size_t lens) { FindLens(planes, lens, round == 0, &lenses); });
+    views = LookThrough(capture, lenses, std::move(views), before, threads);
     if (LargestShift(before, lenses) < kMovedPx) break;
   }
-  return lenses;
+  return {std::move(lenses), std::move(views)};
 }
 
 }  // namespace volalign

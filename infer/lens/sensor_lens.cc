@@ -124,6 +124,15 @@ PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lense
                    [&](FrameId id) { return MakeSensorView(capture[id], lenses.Effective(id)); });
 }
 
+PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses,
+                                 PerFrame<SensorView> views, const LensSet& before, int threads) {
+  return MapFrames(lenses.of_frame, threads, [&](FrameId id) {
+    const Intrinsics intrinsics = lenses.Effective(id);
+    return intrinsics == before.Effective(id) ? std::move(views[id])
+                                              : MakeSensorView(capture[id], intrinsics);
+  });
+}
+
 LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
   LensSet set = GivenLenses(capture);
   set.lenses.clear();

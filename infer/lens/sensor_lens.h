@@ -113,6 +113,10 @@ struct LensSet {
 /// Every frame seen through its lens.
 PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses, int threads);
 
+/// The same, `views` being what is seen through the lenses `before`.
+PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses,
+                                 PerFrame<SensorView> views, const LensSet& before, int threads);
+
 /// Standard deviations of a lens of which nothing is known but that the images show no bend.
 Eigen::Vector3d SigmasWithoutBend();
 

@@ -4,6 +4,8 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
 #include <utility>
 
 #include "infer/refine/parameters.h"
@@ -11,6 +13,8 @@
 namespace volalign::refine_internal {
 
 namespace {
+
+constexpr double kLossScale = 2;  // standard deviations, where Cauchy's loss bends
 
 using Row7 = Eigen::Matrix<double, 1, 7>;
 
@@ -100,45 +104,67 @@ bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,
   return true;
 }
 
-MeasuredOverlapCost::MeasuredOverlapCost(const LensPoint& a, const LensPoint& b,
-                                         const Eigen::Vector3d& n_b, double weight, bool shared)
-    : a_(a), b_(b), n_(n_b), weight_(weight), shared_(shared) {
-  set_num_residuals(1);
+RobustResidual MakeRobust(double residual, double share) {
+  const double x = residual * residual / (kLossScale * kLossScale);
+  const double loss = x > 0 ? std::log1p(x) / x : 1;  // as a share of the square
+  return {residual * std::sqrt(share * loss), std::sqrt(share / loss) / (1 + x)};
+}
+
+MeasuredOverlapCost::MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share,
+                                         bool shared)
+    : matches_(std::move(matches)), share_(share), shared_(shared) {
+  set_num_residuals(static_cast<int>(matches_.size()));
   *mutable_parameter_block_sizes() = {7, 7, 1, 1, 1, 1, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
 bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* residuals,
                                    double** jacobians) const {
+  const std::vector<std::int32_t>& sizes = parameter_block_sizes();
+  for (std::size_t i = 0; i < matches_.size(); ++i) {
+    std::array<double*, 8> rows{};  // of the Jacobians
+    for (std::size_t k = 0; jacobians && k < sizes.size(); ++k) {
+      if (jacobians[k]) rows[k] = jacobians[k] + i * static_cast<std::size_t>(sizes[k]);
+    }
+    EvaluateMatch(matches_[i], parameters, &residuals[i], jacobians ? rows.data() : nullptr);
+    const RobustResidual robust = MakeRobust(residuals[i], share_);
+    residuals[i] = robust.value;
+    for (std::size_t k = 0; jacobians && k < sizes.size(); ++k) {
+      for (std::int32_t j = 0; rows[k] && j < sizes[k]; ++j) rows[k][j] *= robust.slope;
+    }
+  }
+  return true;
+}
+
+void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
+                                        double* residual, double** jacobians) const {
   constexpr int kOffset = 2, kGain = 4, kLens = 6;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
-  const Eigen::Vector3d seen_a = a_.Through(parameters[kLens]),
-                        seen_b = b_.Through(parameters[lens_b]);
+  const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens]),
+                        seen_b = match.b.Through(parameters[lens_b]);
   const auto corrected = [&](const Eigen::Vector3d& seen, int b) {
     return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0]);
   };
   const Eigen::Vector3d p = corrected(seen_a, 0), q = corrected(seen_b, 1);
   const double gain = 1 + (parameters[kGain][0] + parameters[kGain + 1][0]) / 2;
-  const double weight = weight_ / gain;
-  if (!OverlapCost(p, q, n_, weight).Evaluate(parameters, residuals, jacobians)) return false;
-  if (!jacobians) return true;
+  const double weight = match.weight / gain;
+  OverlapCost(p, q, match.n_b, weight).Evaluate(parameters, residual, jacobians);
+  if (!jacobians) return;
   if (shared_ && jacobians[kLens]) std::fill_n(jacobians[kLens], kLensParameters, 0.0);
   // `by_point`: derivative by where the corrected point is.
   const auto add = [&](const Eigen::RowVector3d& by_point, const LensPoint& point,
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_point.dot(seen) / seen.z();
-    if (jacobians[kGain + b])
-      jacobians[kGain + b][0] = by_point.dot(seen) - residuals[0] / (2 * gain);
+    if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
     if (!jacobians[lens]) return;
     Eigen::Map<Eigen::RowVector3d> by_lens(jacobians[lens]);
     if (!shared_) by_lens.setZero();
     by_lens += true_depth * by_point.head<2>() * point.by_lens;
   };
   const Eigen::Vector3d normal_in_a =
-      Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], n_);
-  add(weight * normal_in_a.transpose(), a_, seen_a, p.z(), 0, kLens);
-  add(-weight * n_.transpose(), b_, seen_b, q.z(), 1, lens_b);
-  return true;
+      Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], match.n_b);
+  add(weight * normal_in_a.transpose(), match.a, seen_a, p.z(), 0, kLens);
+  add(-weight * match.n_b.transpose(), match.b, seen_b, q.z(), 1, lens_b);
 }
 
 LensEvidenceCost::LensEvidenceCost(const LensEvidence& evidence) {

@@ -45,21 +45,38 @@ struct LensPoint {
   }
 };
 
-/// OverlapCost of points as the sensors' own errors have them, divided by the mean of the gains
-/// (see Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1
-/// (see Corrected), and their lenses, a single one where `shared`. The normal stays as it was
-/// measured.
+/// A value and its derivative.
+struct RobustResidual {
+  double value, slope;
+};
+/// Of a residual r in standard deviations: its square is `share` times Cauchy's loss of r^2, which
+/// bends at two.
+RobustResidual MakeRobust(double residual, double share);
+
+/// OverlapCost's point and plane, as they were measured.
+struct MeasuredMatch {
+  LensPoint a, b;
+  Eigen::Vector3d n_b;
+  double weight;
+};
+
+/// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
+/// of points as the sensors' own errors have them, divided by the mean of the gains (see
+/// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
+/// Corrected), and their lenses, a single one where `shared`. Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
-  MeasuredOverlapCost(const LensPoint& a, const LensPoint& b, const Eigen::Vector3d& n_b,
-                      double weight, bool shared);
+  MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share, bool shared);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
-  LensPoint a_, b_;
-  Eigen::Vector3d n_;
-  double weight_;
+  /// Of one match, not made robust. Jacobians, and each of them, may be null.
+  void EvaluateMatch(const MeasuredMatch& match, double const* const* parameters, double* residual,
+                     double** jacobians) const;
+
+  std::vector<MeasuredMatch> matches_;
+  double share_;
   bool shared_;
 };
 

@@ -69,8 +69,9 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t s
 
 bool SolveFine(const JointProblem& problem, Solution* solution) {
   State state = solution->state;
+  solution->overlaps = FindOverlaps(problem, solution->observed, solution->held, state);
   const CeresProblem ceres =
-      BuildFineProblem(problem, solution->observed, solution->held,
+      BuildFineProblem(problem, solution->observed, solution->overlaps, solution->held,
                        problem.layout.Constant(solution->free, solution->held), &state);
   const Minimum minimum = Minimise(problem.setup.schedule, ceres.problem.get());
   if (!minimum.usable) return false;
@@ -113,6 +114,7 @@ Solution IterateFine(const JointProblem& problem, Solution solution) {
     }
     if (SolveFine(problem, &solution)) continue;
     for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
+    solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
     break;
   }
   return solution;

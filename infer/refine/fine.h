@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "infer/refine/frame_observations.h"
+#include "infer/refine/pair_overlap.h"
 #include "infer/refine/problem.h"
 
 namespace volalign::refine_internal {
@@ -29,6 +30,7 @@ struct Solution {
   /// Frames that stay at their fallbacks: there is no better pose of them.
   std::vector<char> held;
   std::optional<EstimateChoice> choice = {};  ///< that `free` follows from
+  std::vector<PairOverlap> overlaps = {};     ///< where the last SolveFine began
 };
 
 /// Fits the observations' covariances to what is free now, at the solution's poses.
@@ -37,8 +39,8 @@ void UpdateLineTolerance(const JointProblem& problem, Solution* solution);
 /// Does a frame of a still, other than those at their fallbacks, see a side of a box?
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box);
 
-/// Moves what is free to its most probable values. False, and nothing is moved, if they cannot be
-/// computed.
+/// Finds what overlaps, and moves what is free to its most probable values. False, and nothing is
+/// moved, if they cannot be computed.
 bool SolveFine(const JointProblem& problem, Solution* solution);
 
 /// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?

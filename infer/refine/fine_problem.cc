@@ -1,137 +1,46 @@
 #include "infer/refine/fine_problem.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "core/base/parallel_for.h"
-#include "core/base/statistics.h"
-#include "core/geometry/visibility.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/residuals.h"
-#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kSideGate = 2 * kRoughPose;  // m, of a point to its side
-constexpr double kPairGate = kSamePlace;      // m, of matched points of a pair
-// Overlap off the structure.
-constexpr double kOverlapGate = kSideGate;
-/// Share of its distance from the optical axis by which a point is off for errors of the
-/// intrinsics, which the structure, in the middle of the frame, hardly shows.
-constexpr double kIntrinsicsError = 0.002;
-/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
-constexpr double kOffStructure = 0.05;
-
-/// A point of one sensor of a pair, and what the other one measured of the same surface.
-struct PairMatch {
-  std::size_t from, to;  // frames
-  const CloudPoint *point, *plane;
-  double sigma;     // m
-  double residual;  // m
-};
-
-/// The matches of two frames, both ways, that say more than the structure does, and how many
-/// independent measurements they are.
-struct PairMatches {
-  std::vector<PairMatch> matches;
-  double cells = 0;
-};
-
-/// Standard deviation, m, of a cloud point's depth.
-double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
-  return std::hypot(std::max(noise.depth.Smooth(p.z()), kDepthStep),
-                    kIntrinsicsError * p.head<2>().norm());
-}
-
-/// One sensor's part in a pair, and what its errors are in the points that matched: the sum of
-/// their variances, m^2, and the cells of one correlation length that they lie in.
-struct PairEnd {
-  std::size_t frame;
-  OverlapEnd view;
-  const NoiseModel& noise;
-  double variance = 0;
-  std::set<std::pair<int, int>> cells = {};
-
-  void Count(const Eigen::Vector3d& p) {
-    const double sigma = PointSigma(noise, p);
-    variance += sigma * sigma;
-    const Eigen::Vector2d at = p.head<2>() / p.z() / noise.depth.smooth_rad;
-    cells.insert({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y()))});
-  }
-};
-
-PairMatches InformativeMatches(const JointProblem& problem,
-                               const std::vector<FrameObservations>& observed, const State& state,
-                               std::size_t a, std::size_t b) {
-  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
-  PairEnd end_a{a, problem.Overlap(a, state), observed[a].noise};
-  PairEnd end_b{b, problem.Overlap(b, state), observed[b].noise};
-  const SharedPoints shared =
-      FindShared(end_a.view, end_b.view, kOverlapGate, FineGates().min_cosine);
-  PairMatches informative;
-  if (!shared.IsPair(problem.setup.schedule.min_overlap)) return informative;
-  const auto add = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches) {
-    for (const Match& match : matches) {
-      const CloudPoint& from = from_end->view.Cloud(match.from);
-      const CloudPoint& to = to_end->view.Cloud(match.to);
-      if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
-      const double sigma =
-          std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
-      if (both_on_structure) {
-        if (sigma > kOverlapGate / 2) continue;
-        const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
-        if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
-      }
-      informative.matches.push_back(
-          {from_end->frame, to_end->frame, &from, &to, sigma, match.residual});
-      from_end->Count(from.p);
-      to_end->Count(to.p);
-    }
-  };
-  add(&end_a, &end_b, shared.of_a);
-  add(&end_b, &end_a, shared.of_b);
-  if (informative.matches.empty()) return informative;
-  // As many independent residuals have a mean as uncertain as that of these, each sensor's errors
-  // being independent from cell to cell.
-  const auto of_mean = [](const PairEnd& end) {
-    return end.variance / static_cast<double>(end.cells.size());
-  };
-  informative.cells = (end_a.variance + end_b.variance) / (of_mean(end_a) + of_mean(end_b));
-  return informative;
-}
-
-/// Points that two sensors see, and that the structure does not hold already. Errors within a
-/// correlation length are one error.
-void AddOverlapTerms(const JointProblem& problem, const PairMatches& pair, State* state,
+/// Overlap that the structure does not hold already: of one frame's points against what the other
+/// measured. Errors within a correlation length are one error.
+void AddOverlapTerms(const JointProblem& problem, const PairOverlap& pair, State* state,
                      CeresProblem* ceres) {
-  const auto& [matches, cells] = pair;
-  if (matches.size() < kFewestMatches) return;  // for their spread
-  std::vector<double> sizes;
-  sizes.reserve(matches.size());
-  for (const PairMatch& match : matches) sizes.push_back(std::abs(match.residual) / match.sigma);
-  const double excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
-  ceres::LossFunction* loss = ceres->Weighted(cells / static_cast<double>(matches.size()));
+  const std::size_t size = pair.of_a.size() + pair.of_b.size();
+  if (size < kFewestMatches) return;  // for their spread
+  const double share = pair.cells / static_cast<double>(size);
   const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
     const SensorPoints& points = *problem.frames[i].points;
     return LensPoint{p, points.RayByLensAt(p), points.lens};
   };
-  for (const PairMatch& match : matches) {
-    const std::size_t i = match.from, j = match.to;
+  const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
+    if (matches.empty()) return;
+    std::vector<MeasuredMatch> measured;
+    measured.reserve(matches.size());
+    for (const PairMatch& match : matches) {
+      measured.push_back({through_lens(i, match.point->p), through_lens(j, match.plane->p),
+                          match.plane->normal, 1 / (pair.excess * match.sigma)});
+    }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {
         state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
         state->Gain(i),         state->Gain(j),         state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
-    ceres->problem->AddResidualBlock(
-        new MeasuredOverlapCost(through_lens(i, match.point->p), through_lens(j, match.plane->p),
-                                match.plane->normal, 1 / (excess * match.sigma), shared),
-        loss, blocks);
-  }
+    ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
+                                     nullptr, blocks);
+  };
+  add(pair.a, pair.b, pair.of_a);
+  add(pair.b, pair.a, pair.of_b);
 }
 
 /// Priors of a block whose columns begin at `column`.
@@ -242,8 +151,6 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 
 }  // namespace
 
-Gates FineGates() { return {kSideGate, kPairGate, kOnePlane}; }
-
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<FrameObservations>& observed) {
   std::vector<double> multipath;
@@ -254,6 +161,7 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 
 CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<FrameObservations>& observed,
+                              const std::vector<PairOverlap>& overlaps,
                               const std::vector<char>& held, const std::vector<char>& constant,
                               State* state) {
   CeresProblem ceres;
@@ -281,19 +189,7 @@ CeresProblem BuildFineProblem(const JointProblem& problem,
   AddLensTerms(problem, sigmas, state, &ceres);
   AddBuild(layout, sigmas, state, &ceres);
   HoldConstant(layout, constant, state, &ceres);
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t a = 0; a < problem.size(); ++a) {
-    for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      const bool left_out =
-          problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b]);
-      if (!left_out && problem.OverlapCounts(a, b)) pairs.emplace_back(a, b);
-    }
-  }
-  std::vector<PairMatches> matches(pairs.size());
-  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
-    matches[k] = InformativeMatches(problem, observed, *state, pairs[k].first, pairs[k].second);
-  });
-  for (const PairMatches& of_pair : matches) AddOverlapTerms(problem, of_pair, state, &ceres);
+  for (const PairOverlap& pair : overlaps) AddOverlapTerms(problem, pair, state, &ceres);
   return ceres;
 }
 

@@ -5,16 +5,12 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "infer/refine/association.h"
 #include "infer/refine/frame_observations.h"
+#include "infer/refine/pair_overlap.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/solver.h"
 
 namespace volalign::refine_internal {
-
-/// Gates of the refinement's associations, and of pairs. Overlap that the structure does not hold
-/// may be farther apart, see fine_problem.cc.
-Gates FineGates();
 
 /// Prior standard deviations of all parameters, under the noise models of `observed`, as the
 /// options have them.
@@ -23,10 +19,10 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 
 /// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
 /// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
-/// constant has no terms of its own. `held`: sensors whose overlap with others no longer
-/// counts.
+/// constant has no terms of its own. `held`: frames that are not tied to others of their sensor.
 CeresProblem BuildFineProblem(const JointProblem& problem,
                               const std::vector<FrameObservations>& observed,
+                              const std::vector<PairOverlap>& overlaps,
                               const std::vector<char>& held, const std::vector<char>& constant,
                               State* state);
 

@@ -28,8 +28,8 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   low.array() -= kAround;
   high.array() += kAround;
   std::vector<int> near, far;
-  for (std::size_t j = 0; j < points.cloud().size(); ++j) {
-    const Eigen::Vector3d p = structure_from_sensor * points.cloud()[j].p;
+  for (std::size_t j = 0; j < points.cloud.points().size(); ++j) {
+    const Eigen::Vector3d p = structure_from_sensor * points.cloud.points()[j].p;
     const bool inside = (p.array() >= low.array()).all() && (p.array() <= high.array()).all();
     (inside ? near : far).push_back(static_cast<int>(j));
   }
@@ -56,7 +56,7 @@ std::vector<Match> FindMatches(const OverlapEnd& a, const OverlapEnd& b, double 
     const CloudPoint& from = a.Cloud(i);
     const Eigen::Vector3d p = b_from_a * a.state.Corrected(from.p);
     if (p.z() <= 0) continue;
-    const int j = b.points->Nearest(b.state.AsMeasured(p), gate);
+    const int j = b.points->cloud.Nearest(b.state.AsMeasured(p), gate);
     if (j < 0) continue;
     const CloudPoint& to = b.Cloud(j);
     if ((b_from_a.linear() * from.normal).dot(to.normal) < min_cosine) continue;

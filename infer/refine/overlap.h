@@ -21,7 +21,9 @@ struct OverlapEnd {
   const std::vector<int>* chosen;  ///< indices into the cloud
   FrameState state;
 
-  const CloudPoint& Cloud(int i) const { return points->cloud()[static_cast<std::size_t>(i)]; }
+  const CloudPoint& Cloud(int i) const {
+    return points->cloud.points()[static_cast<std::size_t>(i)];
+  }
 };
 
 /// Two cloud points of the same surface.

@@ -37,7 +37,7 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accepted,
                             const std::vector<char>& unsolved, const Posterior& posterior,
                             const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, observed, held, choice] = accepted.solution;
+  const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
   const ParameterLayout& layout = problem.layout;
   RefinedFrame frame;
   frame.accepted = !held[i];
@@ -134,7 +134,7 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
                         const std::vector<char>& unsolved, const Posterior& posterior,
                         const Agreed& agreed, std::size_t given_lenses) {
-  const auto& [free, state, observed, held, choice] = accepted.solution;
+  const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
     result.frames.push_back(RefinedFrameOf(problem, accepted, unsolved, posterior, agreed, i));

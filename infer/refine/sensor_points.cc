@@ -16,6 +16,7 @@ namespace volalign {
 
 namespace {
 
+constexpr int kCloudStride = 2;     // px
 constexpr double kMostBent = 0.08;  // smallest by middle variance of a flat neighbourhood
 
 template <class Key>
@@ -71,19 +72,6 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
   return points;
 }
 
-std::vector<CloudPoint> SampleCloud(const SensorView& view, int stride) {
-  std::vector<CloudPoint> cloud;
-  view.VisitMeasured(stride, [&](int u, int v) {
-    CloudPoint point;
-    if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
-      return;
-    point.p = view.Point(u, v);
-    point.use = UseOfBlock(u, v);
-    cloud.push_back(point);
-  });
-  return cloud;
-}
-
 }  // namespace
 
 int BlockIndex(int u, int v, int width) {
@@ -94,21 +82,29 @@ bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector
   const double z = view.depth(u, v);
   if (!(z > 0)) return false;
   const Eigen::Vector3d centre = view.Point(u, v);
+  const double most_apart = radius * DepthJump(z);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
   int count = 0;
   for (int y = std::max(0, v - radius); y <= std::min(view.height() - 1, v + radius); ++y) {
     for (int x = std::max(0, u - radius); x <= std::min(view.width() - 1, u + radius); ++x) {
       const double other = view.depth(x, y);
-      if (!(other > 0) || std::abs(other - z) > radius * DepthJump(z)) continue;
+      if (!(other > 0) || std::abs(other - z) > most_apart) continue;
       const Eigen::Vector3d d = view.Point(x, y) - centre;
       sum += d;
-      squares += d * d.transpose();
+      xx += d.x() * d.x();
+      xy += d.x() * d.y();
+      xz += d.x() * d.z();
+      yy += d.y() * d.y();
+      yz += d.y() * d.z();
+      zz += d.z() * d.z();
       ++count;
     }
   }
   if (2 * count < (2 * radius + 1) * (2 * radius + 1)) return false;
   sum /= count;
+  Eigen::Matrix3d squares;
+  squares << xx, xy, xz, xy, yy, yz, xz, yz, zz;
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(squares / count - sum * sum.transpose());
   if (!(solver.eigenvalues()[0] <= kMostBent * solver.eigenvalues()[1])) return false;
@@ -117,17 +113,31 @@ bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector
   return normal->allFinite();
 }
 
-SensorPoints::SensorPoints(std::vector<SidePoint> sides, std::vector<EdgePoint> edges,
-                           std::vector<CloudPoint> cloud)
-    : side_points(std::move(sides)), edge_points(std::move(edges)), cloud_(std::move(cloud)) {
+const std::vector<CloudPoint> SampledCloud::kNone;
+
+SampledCloud::SampledCloud(std::vector<CloudPoint> points) {
+  if (points.empty()) return;
   std::vector<Eigen::Vector3d> positions;
-  positions.reserve(cloud_.size());
-  for (const CloudPoint& point : cloud_) positions.push_back(point.p);
-  if (!positions.empty()) tree_.emplace(std::move(positions));
+  positions.reserve(points.size());
+  for (const CloudPoint& point : points) positions.push_back(point.p);
+  points_ = std::make_shared<const Points>(Points{std::move(points), KdTree(std::move(positions))});
 }
 
-int SensorPoints::Nearest(const Eigen::Vector3d& p, double max_distance) const {
-  return tree_ ? tree_->Nearest(p, max_distance).index : -1;
+int SampledCloud::Nearest(const Eigen::Vector3d& p, double max_distance) const {
+  return points_ ? points_->tree.Nearest(p, max_distance).index : -1;
+}
+
+SampledCloud SampleCloud(const SensorView& view) {
+  std::vector<CloudPoint> cloud;
+  view.VisitMeasured(kCloudStride, [&](int u, int v) {
+    CloudPoint point;
+    if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
+      return;
+    point.p = view.Point(u, v);
+    point.use = UseOfBlock(u, v);
+    cloud.push_back(point);
+  });
+  return cloud;
 }
 
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
@@ -136,11 +146,12 @@ SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segm
                              options.min_confidence};
   const auto most_edges = static_cast<std::size_t>(options.max_edge_points);
   const Silhouettes silhouettes = FindSilhouettes(sides);
-  std::vector<EdgePoint> edges = Thinned(silhouettes.two_sided, most_edges);
+  SensorPoints points;
+  points.side_points = SampleSidePoints(sides, options.max_side_points);
+  points.edge_points = Thinned(silhouettes.two_sided, most_edges);
   const std::vector<EdgePoint> one_sided = Thinned(silhouettes.one_sided, most_edges);
-  edges.insert(edges.end(), one_sided.begin(), one_sided.end());
-  return {SampleSidePoints(sides, options.max_side_points), std::move(edges),
-          SampleCloud(view, options.cloud_stride)};
+  points.edge_points.insert(points.edge_points.end(), one_sided.begin(), one_sided.end());
+  return points;
 }
 
 }  // namespace volalign

@@ -1,7 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/geometry/kd_tree.h"
@@ -49,19 +50,41 @@ struct CloudPoint {
   BlockUse use = BlockUse::kFit;
 };
 
+/// SampledCloud points that the nearest to a place is found of. They are shared by copies.
+class SampledCloud {
+ public:
+  SampledCloud() = default;
+  SampledCloud(std::vector<CloudPoint> points);  // NOLINT(google-explicit-constructor)
+
+  const std::vector<CloudPoint>& points() const { return points_ ? points_->all : kNone; }
+  /// Index of the point nearest to p within `max_distance`, or -1.
+  int Nearest(const Eigen::Vector3d& p, double max_distance) const;
+
+ private:
+  struct Points {
+    std::vector<CloudPoint> all;
+    KdTree tree;
+  };
+  static const std::vector<CloudPoint> kNone;
+  std::shared_ptr<const Points> points_;  // null: none
+};
+
 /// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
 int BlockIndex(int u, int v, int width);
 
 /// The points of one sensor that refinement works on. Those of some image blocks never enter the
 /// solution, see BlockUse.
-class SensorPoints {
- public:
+struct SensorPoints {
   SensorPoints() = default;
   SensorPoints(std::vector<SidePoint> sides, std::vector<EdgePoint> edges,
-               std::vector<CloudPoint> cloud);
+               SampledCloud other_points)
+      : side_points(std::move(sides)),
+        edge_points(std::move(edges)),
+        cloud(std::move(other_points)) {}
 
   std::vector<SidePoint> side_points;
   std::vector<EdgePoint> edge_points;
+  SampledCloud cloud;  ///< that other sensors' points are matched with, whatever the labels
   /// The lens that they were seen through: its intrinsics (an image of 0 x 0 px where it is none
   /// that could be changed), and how these differ from the assumed ones.
   Intrinsics intrinsics;
@@ -71,24 +94,18 @@ class SensorPoints {
     if (intrinsics.width == 0) return RayByLensMatrix::Zero();
     return RayByLens(intrinsics, p.head<2>() / p.z());
   }
-  const std::vector<CloudPoint>& cloud() const { return cloud_; }
-
-  /// Index of the cloud point nearest to p within `max_distance`, or -1.
-  int Nearest(const Eigen::Vector3d& p, double max_distance) const;
-
- private:
-  std::vector<CloudPoint> cloud_;
-  std::optional<KdTree> tree_;
 };
 
 struct SamplingOptions {
   double min_confidence = 0.5;  ///< of a label
   int max_side_points = 0;      ///< that are fitted, at most; as many again of each other use
   int max_edge_points = 0;      ///< and as many again of one-sided ones
-  int cloud_stride = 2;         ///< px
 };
 
-/// Takes the points out of a view and its labels. The same view always gives the same points.
+/// The points of a view that have a normal: of every second pixel of every second row.
+SampledCloud SampleCloud(const SensorView& view);
+
+/// The labelled points of a view, without a cloud. The same view always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const SamplingOptions& options);
 

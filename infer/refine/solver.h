@@ -2,7 +2,6 @@
 
 // A Ceres problem with what it refers to. Not for callers of Refine.
 
-#include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 #include <ceres/problem.h>
 
@@ -17,14 +16,9 @@ namespace volalign::refine_internal {
 struct CeresProblem {
   CeresProblem();
 
-  std::unique_ptr<ceres::LossFunction> loss;  ///< of terms over single points, in sigmas
-  std::vector<std::unique_ptr<ceres::LossFunction>> weighted;
   std::unique_ptr<LeftPoseManifold> manifold;  ///< of poses
   std::vector<std::unique_ptr<ceres::Manifold>> subsets;
   std::unique_ptr<ceres::Problem> problem;  ///< last: it refers to the others
-
-  /// `loss` times a factor, for points that say less than as many independent ones would.
-  ceres::LossFunction* Weighted(double factor);
 
   /// Holds those elements of a block that are not a pose constant.
   void HoldConstant(double* block, int size, const std::vector<int>& elements);

@@ -8,7 +8,9 @@
 // the boxes as far as they go, and the best that the other structure has in the same frames. Of two
 // sensors, one has such a pose. One line each: "view" or "pair", "right" or "wrong", what it is of,
 // cells of surface, before, behind and missing, and of a view cells that the model, which knows the
-// structure, has named so and otherwise.
+// structure, has named so and otherwise. Lines of "sensor" have, for the right pose and each wrong
+// one of this structure, what each factor says: log odds by the depths and by the labels of the
+// view, and by its pairs with all others at theirs, and the share of the pixels on the floor.
 
 #include <fmt/format.h>
 
@@ -23,6 +25,7 @@
 #include "infer/depth/measured_view.h"
 #include "infer/initial/aliases.h"
 #include "infer/initial/box_fit.h"
+#include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/same_pose.h"
 #include "infer/report/extrinsics.h"
@@ -83,7 +86,9 @@ bool IsAlias(const Structure& structure, const Pose& from, const Pose& to) {
   });
 }
 
-void MeasureViews(const Sensor& sensor, const Structure& structure, const Structure& other) {
+/// Returns the wrong poses of this structure.
+std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
+                               const Structure& other) {
   const auto print = [&](const std::string& what, const Structure& seen, const Pose& pose) {
     const ViewExplanation view =
         ExplainView(sensor.view, &seen == &structure ? sensor.segmentation.get() : nullptr, seen,
@@ -106,6 +111,35 @@ void MeasureViews(const Sensor& sensor, const Structure& structure, const Struct
   const std::vector<GeometricPose> found =
       FindPosesByGeometry(sensor.view, other, {}, 0, {0.5, 0.2, 0.5, 0.1, 0.12});
   if (!found.empty()) print("view\twrong", other, found.front().structure_from_sensor);
+  return wrong;
+}
+
+/// Of one sensor, all others being where they are.
+void MeasureSensor(const std::vector<Sensor>& sensors, std::size_t i,
+                   const std::vector<Pose>& wrong, const Structure& structure) {
+  const Sensor& sensor = sensors[i];
+  std::vector<Pose> poses{sensor.pose};
+  poses.insert(poses.end(), wrong.begin(), wrong.end());
+  const MeasuredView own(sensor.view, structure, poses);
+  std::vector<CauseShares> between(poses.size());
+  for (std::size_t j = 0; j < sensors.size(); ++j) {
+    if (j == i) continue;
+    const MeasuredView other(sensors[j].view, structure, {sensors[j].pose});
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      const CauseShares pair =
+          ExplainPair(own, other, poses[k].inverse() * sensors[j].pose, kSigmaOfInitialPoses);
+      for (std::size_t cause = 0; cause < kCauses; ++cause) between[k][cause] += pair[cause];
+    }
+  }
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    const ViewExplanation view =
+        ExplainView(sensor.view, sensor.segmentation.get(), structure, poses[k], kSigmaOfBoxes,
+                    SidePatchOptions().min_confidence);
+    fmt::print("sensor\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\n", k == 0 ? "right" : "wrong",
+               sensor.name, view.LogOddsByDepth(), view.LogOddsByLabels(),
+               LogOddsOfPairs(between[k]),
+               FindFloor(sensor.view, structure, poses[k], 0, poses).share());
+  }
 }
 
 void MeasurePairs(const std::vector<Sensor>& sensors, const Structure& structure) {
@@ -147,7 +181,8 @@ int Run(const std::vector<std::string>& arguments) {
           segmenter->Segment(frame.depth, placed.intrinsics, placed.quarter_turns));
     }
   }
-  for (const Sensor& sensor : sensors) MeasureViews(sensor, structure, other);
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    MeasureSensor(sensors, i, MeasureViews(sensors[i], structure, other), structure);
   MeasurePairs(sensors, structure);
   return 0;
 }

@@ -6,7 +6,8 @@
 CAUSE_SHARES is the program of tests/bench/cause_shares.cc, ACCURACY_FOLDER what tests/accuracy.py has left for a program
 (out/accuracy/HASH, after --parts foreign,real). Frames of an independent simulator and real ones are asked, those in VOLALIGN_CAPTURES.
 Printed: the mean shares of the causes at right poses; for each share by which right and wrong poses are told apart, the parameters of its
-two beta distributions and how well it tells them. Needs NumPy; runs from the root of the project.
+two beta distributions and how well it tells them; and what each factor of the likelihood is worth where a sensor's right pose competes with
+its wrong ones, the others being where they are. Needs NumPy; runs from the root of the project.
 
 The parameters are the most probable ones under the prior of Gelman et al., "Bayesian Data Analysis", section 5.3, which is proportional
 to (a + b)^-5/2: without a prior, shares that never vary by more than few cells do would be taken not to vary at all.
@@ -70,6 +71,31 @@ def quantiles(values, digits):
     return " / ".join(f"{v:.{digits}f}" for v in np.quantile(values, (0, 0.05, 0.5, 0.95, 1)))
 
 
+FACTORS = ["depths", "labels", "pairs", "floor"]
+FLOOR_MARGIN = 0.05  # orientation.choice.floor_margin: counts as 100 : 1
+
+
+def ablation(rows):
+    """Log odds of each sensor's right pose against each wrong one, by each factor, and what is left without one."""
+    right, sensors, against = None, [], []
+    for row in (row for row in rows if row[0] == "sensor"):
+        odds = np.array([float(x) for x in row[3:7]])
+        odds[3] *= math.log(100) / FLOOR_MARGIN
+        if row[1] == "right":
+            right = odds
+            sensors.append(len(sensors))
+        else:
+            against.append((sensors[-1], right - odds))
+    sensor, odds = np.array([of for of, _ in against]), np.stack([each for _, each in against])
+    print(f"{len(set(sensor))} sensors, {len(odds)} wrong poses; log odds of the right one: 1 / 5 / 50 %; wrong poses preferred, not refuted at "
+          "100 : 1; sensors with a wrong pose preferred")
+    kinds = [("all", [0, 1, 2, 3])] + [(f"without {name}", [k for k in range(4) if k != without]) for without, name in enumerate(FACTORS)]
+    for name, factors in kinds + [(f"{name} alone", [k]) for k, name in enumerate(FACTORS)]:
+        total = odds[:, factors].sum(1)
+        print(f"  {name:16} {' / '.join(f'{x:.1f}' for x in np.quantile(total, (0.01, 0.05, 0.5)))}; {(total < 0).sum()}, "
+              f"{(total < math.log(100)).sum()}; {len(set(sensor[total < 0]))}")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("program")
@@ -106,6 +132,7 @@ def main():
             odds = log_probability(parameters["right"], of) - log_probability(parameters["wrong"], of)
             print(f"  {len(of)} {pose}: % against {quantiles(100 * of[:, 1] / of.sum(1), 2)}; log odds {quantiles(odds, 1)}; "
                   f"% below -ln 100: {100 * np.mean(odds < -math.log(100)):.1f}")
+    ablation(rows)
 
 
 if __name__ == "__main__":

@@ -66,8 +66,10 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
   for (const std::size_t i : placed) {
     const SensorView& view = still.views[i];
     FrameInput frame;
-    frame.points = std::make_shared<const SensorPoints>(SamplePoints(
-        view, LabelsAt(view, still.still.structure, *initial[i]), still.still.structure, {}));
+    SensorPoints points = SamplePoints(view, LabelsAt(view, still.still.structure, *initial[i]),
+                                       still.still.structure, {});
+    points.cloud = SampleCloud(view);
+    frame.points = std::make_shared<const SensorPoints>(std::move(points));
     frame.to_beat = frame.fallback = frame.start = *initial[i];
     frames.push_back(frame);
   }

@@ -38,7 +38,7 @@ std::vector<SensorFrame> FramesThrough(const Intrinsics& lens, std::uint64_t see
 LensSet Find(std::vector<SensorFrame> frames, const std::string& kind, bool per_sensor = false) {
   for (SensorFrame& frame : frames) frame.sensor = kind;
   const CaptureSet capture({{"", std::move(frames)}}, {});
-  return FindLenses(capture, AssumeLenses(capture, per_sensor), 2);
+  return FindLenses(capture, AssumeLenses(capture, per_sensor), 2).lenses;
 }
 
 /// Radius, on the plane z = 1, that a lens shows where the true one shows `radius`.
@@ -80,7 +80,7 @@ TEST(FindLenses, AKnownKindIsAtItsCurve) {
 TEST(FindLenses, KnownLensesStay) {
   const std::vector<SensorFrame> frames = FramesThrough(KinectWithLens());
   const CaptureSet capture({{"", frames}}, {});
-  const LensSet lenses = FindLenses(capture, GivenLenses(capture), 1);
+  const LensSet lenses = FindLenses(capture, GivenLenses(capture), 1).lenses;
   for (std::size_t i = 0; i < frames.size(); ++i)
     EXPECT_TRUE(lenses.Effective({0, i}) == frames[i].intrinsics);
   // The planes say what they say all the same.

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <functional>
 #include <vector>
 
@@ -126,6 +128,16 @@ TEST(RefineCosts, PosePriorDerivative) {
   }
 }
 
+TEST(RefineCosts, ARobustResidualIsTheRootOfCauchysLossAndItsDerivative) {
+  const auto root = [](double r) { return MakeRobust(r, 0.3); };
+  for (const double r : {-30.0, -2.0, -0.1, 0.0, 1e-9, 0.5, 7.0}) {
+    EXPECT_NEAR(root(r).value * root(r).value, 0.3 * 4 * std::log1p(r * r / 4), 1e-12);
+    EXPECT_EQ(std::signbit(root(r).value), std::signbit(r));
+    constexpr double kStep = 1e-5;
+    EXPECT_NEAR(root(r).slope, (root(r + kStep).value - root(r - kStep).value) / (2 * kStep), 1e-8);
+  }
+}
+
 /// Where a point is when its sensor's lens has changed and its depth is off: the pixel's ray, at
 /// the true depth.
 Eigen::Vector3d TruePoint(const LensPoint& point, double offset, double gain_error,
@@ -152,18 +164,23 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const Eigen::Vector3d lens_b = shared ? lens_a : RandomVector(random, 0.01);
     others.emplace_back(lens_a.data(), lens_a.data() + 3);
     if (!shared) others.emplace_back(lens_b.data(), lens_b.data() + 3);
-    const MeasuredOverlapCost cost(a, b, normal, 1.7, shared);
+    const LensPoint other = point();
+    const MeasuredOverlapCost cost({{a, b, normal, 1.7}, {other, b, normal, 1.7}}, 0.3, shared);
 
     const PoseBlock block_a(poses[0]), block_b(poses[1]);
     std::vector<const double*> parameters = {block_a.values, block_b.values};
     for (const std::vector<double>& block : others) parameters.push_back(block.data());
-    double residual = 0;
-    ASSERT_TRUE(cost.Evaluate(parameters.data(), &residual, nullptr));
-    const Eigen::Vector3d p = poses[0] * TruePoint(a, 0.004, 0.006, lens_a),
-                          q = poses[1] * TruePoint(b, -0.003, -0.002, lens_b);
-    // The mean of the gains is 1.002.
-    EXPECT_NEAR(residual, 1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 1e-12);
-    ExpectDerivatives(cost, poses, others, 1);
+    std::array<double, 2> residuals{};
+    ASSERT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), nullptr));
+    const Eigen::Vector3d q = poses[1] * TruePoint(b, -0.003, -0.002, lens_b);
+    const auto expected = [&](const LensPoint& of) {
+      const Eigen::Vector3d p = poses[0] * TruePoint(of, 0.004, 0.006, lens_a);
+      // The mean of the gains is 1.002.
+      return MakeRobust(1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 0.3).value;
+    };
+    EXPECT_NEAR(residuals[0], expected(a), 1e-12);
+    EXPECT_NEAR(residuals[1], expected(other), 1e-12);
+    ExpectDerivatives(cost, poses, others, 2);
   }
 }
 

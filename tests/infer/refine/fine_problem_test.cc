@@ -8,6 +8,7 @@
 #include "infer/refine/fine.h"
 #include "infer/refine/posterior.h"
 #include "tests/infer/refine/points_and_observations.h"
+#include "tests/infer/refine/strip.h"
 
 namespace volalign::refine_internal::fine_problem_test {
 namespace {
@@ -15,6 +16,16 @@ namespace {
 using testing_infer::Neighbours;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
+using testing_infer::SigmaOfPair;
+using testing_infer::Strip;
+using testing_infer::TwoFrames;
+
+/// The problem at `state`, with the overlap that there is at it.
+CeresProblem Build(const JointProblem& problem, const std::vector<FrameObservations>& observed,
+                   const FreeSet& free, State* state, const std::vector<char>& held = {0, 0}) {
+  return BuildFineProblem(problem, observed, FindOverlaps(problem, observed, held, *state), held,
+                          problem.layout.Constant(free, held), state);
+}
 
 /// Residual blocks of overlap: those that two poses have in common.
 std::vector<ceres::ResidualBlockId> OverlapBlocks(const CeresProblem& ceres, const State& state) {
@@ -31,7 +42,10 @@ std::vector<ceres::ResidualBlockId> OverlapBlocks(const CeresProblem& ceres, con
 }
 
 int OverlapTerms(const CeresProblem& ceres, const State& state) {
-  return static_cast<int>(OverlapBlocks(ceres, state).size());
+  int terms = 0;
+  for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state))
+    terms += ceres.problem->GetCostFunctionForResidualBlock(block)->num_residuals();
+  return terms;
 }
 
 TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
@@ -43,43 +57,12 @@ TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
     State state = NominalState(made.rig.structure, made.poses);
     const FreeSet free = AskedFor({}, problem.priors, 2, 4);
     const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
-    const CeresProblem ceres =
-        BuildFineProblem(problem, observed, {0, 0}, problem.layout.Constant(free), &state);
+    const CeresProblem ceres = Build(problem, observed, free, &state);
     return OverlapTerms(ceres, state);
   };
   EXPECT_GT(terms(0.05), 20);
   EXPECT_EQ(terms(0.05), terms(0.01));
   EXPECT_EQ(terms(0.95), 0) << "neighbours do not see nearly all of each other's view";
-}
-
-/// Two rows of points of a plane that faces the sensor, along the image's x or y axis: 1.2 m, of 2
-/// m away four correlation lengths of 0.15 rad.
-std::vector<CloudPoint> Strip(bool along_x, double z, int count = 15) {
-  std::vector<CloudPoint> cloud;
-  for (int i = 0; i < count; ++i) {
-    for (const double across : {0.02, 0.1}) {
-      const double along = 0.01 + 1.162 / (count - 1) * i;
-      CloudPoint point;
-      point.p = along_x ? Eigen::Vector3d(along, across, z) : Eigen::Vector3d(across, along, z);
-      point.normal = {0, 0, -1};
-      point.use = BlockUse::kFit;
-      cloud.push_back(point);
-    }
-  }
-  return cloud;
-}
-
-/// Of two frames whose smooth errors have that length.
-std::vector<FrameObservations> TwoFrames() {
-  std::vector<FrameObservations> observed(2);
-  for (FrameObservations& of : observed) of.noise.depth.smooth_rad = 0.15;
-  return observed;
-}
-
-/// Standard deviation of the difference of two points at 2 m, m: of the smooth error of both, and
-/// of two thousandths of their distances from the optical axis.
-double SigmaOfPair(const Eigen::Vector3d& p, double warp = 0.005) {
-  return std::sqrt(2 * (warp * warp + 0.002 * 0.002 * p.head<2>().squaredNorm()));
 }
 
 TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
@@ -97,8 +80,7 @@ TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
     State state = NominalState(structure, {pose, pose});
     const FreeSet free = AskedFor({}, problem.priors, 2, 4);
     const std::vector<FrameObservations> observed = TwoFrames();
-    const CeresProblem ceres =
-        BuildFineProblem(problem, observed, {0, 0}, problem.layout.Constant(free), &state);
+    const CeresProblem ceres = Build(problem, observed, free, &state);
     double cost = 0;
     for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state)) {
       double of_block = 0;
@@ -107,7 +89,7 @@ TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
     }
     // Both ways together, 60 matches count as four.
     double expected = 0;
-    for (const CloudPoint& point : a.cloud()) {
+    for (const CloudPoint& point : a.cloud.points()) {
       const double sigma = SigmaOfPair(point.p);
       expected += 0.5 * kApart * kApart / (sigma * sigma) * 4 / 30;
     }
@@ -135,9 +117,8 @@ TEST(BuildFineProblem, APairCountsBothWaysOrNot) {
     RefineOptions options;
     options.min_overlap = min_overlap;
     const JointProblem problem(structure, frames, options);
-    const CeresProblem ceres =
-        BuildFineProblem(problem, std::vector<FrameObservations>(2), {0, 0},
-                         problem.layout.Constant(AskedFor({}, problem.priors, 2, 4)), &state);
+    const CeresProblem ceres = Build(problem, std::vector<FrameObservations>(2),
+                                     AskedFor({}, problem.priors, 2, 4), &state);
     return OverlapTerms(ceres, state);
   };
   EXPECT_EQ(terms(0.1), 60) << "60 of 460";
@@ -159,14 +140,12 @@ TEST(BuildFineProblem, OverlapIsOfCorrectedDepths) {
   state.gains[0] = 0.003;
   state.offsets[1] = 0.004;
   const FreeSet free = AskedFor(ParseEstimate("depth_gain,depth_offset"), problem.priors, 2, 4);
-  const std::vector<FrameObservations> observed(2);
-  const CeresProblem ceres =
-      BuildFineProblem(problem, observed, {0, 0}, problem.layout.Constant(free), &state);
+  const std::vector<FrameObservations> observed = TwoFrames();
+  const CeresProblem ceres = Build(problem, observed, free, &state);
   const std::vector<ceres::ResidualBlockId> blocks = OverlapBlocks(ceres, state);
-  ASSERT_GT(blocks.size(), 20u);
-  double cost = 0;
+  ASSERT_EQ(OverlapTerms(ceres, state), 60);
   const auto sum = [&] {
-    double all = 0;
+    double all = 0, cost = 0;
     for (const ceres::ResidualBlockId& block : blocks) {
       EXPECT_TRUE(ceres.problem->EvaluateResidualBlock(block, false, &cost, nullptr, nullptr));
       all += cost;
@@ -175,36 +154,12 @@ TEST(BuildFineProblem, OverlapIsOfCorrectedDepths) {
   };
   EXPECT_NEAR(sum(), 0, 1e-9);
   state.gains[0] = 0;
-  EXPECT_GT(sum(), 5) << "60 times 6 mm, of a standard deviation of 7";
-}
-
-TEST(GatherObservations, TrustsTheKindWhereNothingIsMeasured) {
-  // Two sensors without structure terms.
-  const Structure structure = PaperStructure();
-  const Pose pose = RingPose(40);
-  const SensorPoints a({}, {}, Strip(true, 2)), b({}, {}, Strip(true, 2));
-  const std::vector<FrameInput> frames = {
-      {testing_infer::Borrowed(a), pose, pose, pose, FrameRole::kOverlap, 0},
-      {testing_infer::Borrowed(b), pose, pose, pose, FrameRole::kOverlap, 0}};
-  const RefineOptions options;
-  SensorLens lens;
-  for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect"}) {
-    lens.sensor = kind;
-    const JointProblem problem(structure, frames, options, {lens});
-    State state = NominalState(structure, {pose, pose});
-    const FreeSet free = AskedFor({}, problem.priors, 2, 4);
-    const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
-    const CeresProblem ceres =
-        BuildFineProblem(problem, observed, {0, 0}, problem.layout.Constant(free), &state);
-    // A step back of the first, m, in standard deviations of the first match, on the axis.
-    constexpr double kStep = 0.001;
-    state.offsets[0] = kStep;
-    double residual = 0;
-    ASSERT_TRUE(ceres.problem->EvaluateResidualBlock(OverlapBlocks(ceres, state).front(), false,
-                                                     nullptr, &residual, nullptr));
-    const double expected = kStep / SigmaOfPair({0, 0, 2}, ErrorsOf("").smooth_m);
-    EXPECT_NEAR(std::abs(residual), expected, 0.02 * expected) << kind;
+  double expected = 0;  // 6 mm at each point, of four cells
+  for (const CloudPoint& point : a.cloud.points()) {
+    const double r = 0.006 / SigmaOfPair(point.p);
+    expected += 4 * 2 * std::log1p(r * r / 4) / static_cast<double>(a.cloud.points().size());
   }
+  EXPECT_NEAR(sum(), expected, 0.02 * expected);
 }
 
 TEST(BuildFineProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
@@ -223,16 +178,17 @@ TEST(BuildFineProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
     State state = NominalState(structure, {pose, pose});
     const FreeSet free = AskedFor({}, problem.priors, 2, 4);
     const std::vector<FrameObservations> observed = TwoFrames();
-    const CeresProblem ceres =
-        BuildFineProblem(problem, observed, {0, 0}, problem.layout.Constant(free), &state);
-    const std::vector<ceres::ResidualBlockId> blocks = OverlapBlocks(ceres, state);
-    const double share = 4 / static_cast<double>(blocks.size());
+    const std::vector<PairOverlap> overlaps = FindOverlaps(problem, observed, {0, 0}, state);
+    const CeresProblem ceres = Build(problem, observed, free, &state);
+    ASSERT_EQ(overlaps.size(), 1u);
+    std::vector<PairMatch> matches = overlaps[0].of_a;
+    matches.insert(matches.end(), overlaps[0].of_b.begin(), overlaps[0].of_b.end());
+    const double share = 4 / static_cast<double>(matches.size());
+    double expected = 0;
     int outliers = 0;
-    for (const ceres::ResidualBlockId& block : blocks) {
-      double residual = 0, plain = 0, robust = 0;
-      ASSERT_TRUE(ceres.problem->EvaluateResidualBlock(block, false, &plain, &residual, nullptr));
-      ASSERT_TRUE(ceres.problem->EvaluateResidualBlock(block, true, &robust, nullptr, nullptr));
-      EXPECT_NEAR(robust, share * 2 * std::log1p(residual * residual / 4), 1e-9);
+    for (const PairMatch& match : matches) {
+      const double residual = match.residual / match.sigma;
+      expected += share * 2 * std::log1p(residual * residual / 4);
       if (std::abs(residual) < 1e-6) continue;
       ++outliers;
       // In sigmas: most on the axis, and less at the border.
@@ -240,6 +196,13 @@ TEST(BuildFineProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
       EXPECT_LT(std::abs(residual), kOff / SigmaOfPair({0, 0, 2}) * 1.03);
     }
     EXPECT_GT(outliers, count / 9);
+    double cost = 0;
+    for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state)) {
+      double of_block = 0;
+      ASSERT_TRUE(ceres.problem->EvaluateResidualBlock(block, false, &of_block, nullptr, nullptr));
+      cost += of_block;
+    }
+    EXPECT_NEAR(cost, expected, 1e-9);
   }
 }
 
@@ -254,14 +217,15 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
         {testing_infer::Borrowed(b), pose, pose, pose, FrameRole::kOverlap}};
     const RefineOptions options;
     const JointProblem problem(structure, frames, options);
-    const Solution solution{AskedFor({}, problem.priors, 2, 4),
-                            NominalState(structure, {pose, pose}),
-                            TwoFrames(),
-                            {0, 0}};
+    Solution solution{AskedFor({}, problem.priors, 2, 4),
+                      NominalState(structure, {pose, pose}),
+                      TwoFrames(),
+                      {0, 0}};
+    solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
     double expected = 1 / (problem.priors.offset * problem.priors.offset);
-    for (const CloudPoint& point : a.cloud()) {
+    for (const CloudPoint& point : a.cloud.points()) {
       const double sigma = SigmaOfPair(point.p);
-      expected += 4 / (sigma * sigma) / static_cast<double>(a.cloud().size());
+      expected += 4 / (sigma * sigma) / static_cast<double>(a.cloud.points().size());
     }
     const Eigen::Index column = problem.layout.Offset(0);
     EXPECT_NEAR(ComputeNormalEquations(problem, solution).information(column, column), expected,
@@ -278,8 +242,7 @@ TEST(BuildFineProblem, HoldsWhatIsNotFree) {
   free.size = true;
   free.offset[1] = 1;
   const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
-  const CeresProblem ceres =
-      BuildFineProblem(problem, observed, {1, 0}, problem.layout.Constant(free, {1, 0}), &state);
+  const CeresProblem ceres = Build(problem, observed, free, &state, {1, 0});
   EXPECT_TRUE(ceres.problem->IsParameterBlockConstant(state.poses[0].values));
   EXPECT_TRUE(ceres.problem->IsParameterBlockConstant(state.nuisances[0].data()));
   EXPECT_FALSE(ceres.problem->IsParameterBlockConstant(state.poses[1].values));

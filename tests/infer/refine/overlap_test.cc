@@ -31,7 +31,7 @@ FrameState At(double x) {
 }
 
 std::vector<int> All(const SensorPoints& points) {
-  std::vector<int> all(points.cloud().size());
+  std::vector<int> all(points.cloud.points().size());
   std::iota(all.begin(), all.end(), 0);
   return all;
 }
@@ -41,7 +41,7 @@ TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   const std::vector<int> all = All(a);
   const OverlapEnd view_a{&a, &all, At(0)}, view_b{&b, &all, At(0.5)};
   const std::vector<Match> matches = FindMatches(view_a, view_b, 0.015, 0.9);
-  ASSERT_EQ(matches.size(), a.cloud().size() / 2) << "b is half a metre further";
+  ASSERT_EQ(matches.size(), a.cloud.points().size() / 2) << "b is half a metre further";
   for (const Match& match : matches) {
     // In front of the plane is positive; a sees it 1 cm too far.
     EXPECT_NEAR(match.residual, -0.01, 1e-12);
@@ -64,7 +64,7 @@ TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   EXPECT_GT(scaled_back.size(), 400u);
   for (const Match& match : scaled_back) EXPECT_NEAR(match.residual, 0, 1e-12);
   // A wall's back is another surface.
-  std::vector<CloudPoint> turned = b.cloud();
+  std::vector<CloudPoint> turned = b.cloud.points();
   for (CloudPoint& point : turned) point.normal = -point.normal;
   const SensorPoints back({}, {}, turned);
   EXPECT_TRUE(FindMatches(view_a, {&back, &all, At(0.5)}, 0.015, 0.9).empty());

@@ -110,8 +110,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
                       FrameRole::kStructure, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
-  RefineOptions options;
-  options.max_overlap_points = 0;  // its terms have a loss, whose Jacobian Ceres bends
+  const RefineOptions options;
   const JointProblem problem(rig.structure, frames, options, lenses, 2);
   State state = NominalState(rig.structure, {frames[0].start, frames[1].start, frames[2].start},
                              lenses, problem.frame_of, {Pose::Identity(), placement});
@@ -120,7 +119,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
       GatherObservations(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
-  const CeresProblem ceres = BuildFineProblem(problem, observed, {0, 0, 0}, none, &state);
+  const CeresProblem ceres = BuildFineProblem(problem, observed, {}, {0, 0, 0}, none, &state);
 
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : layout.Blocks(&state))

@@ -48,8 +48,9 @@ inline SamplingOptions UsualSampling() {
 inline std::vector<SensorPoints> PointsOf(const Rig& rig) {
   std::vector<SensorPoints> points;
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-    points.push_back(SamplePoints(MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics),
-                                  Certain(rig.labels[i]), rig.structure, UsualSampling()));
+    const SensorView view = MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics);
+    points.push_back(SamplePoints(view, Certain(rig.labels[i]), rig.structure, UsualSampling()));
+    points.back().cloud = SampleCloud(view);
   }
   return points;
 }

@@ -53,16 +53,6 @@ TEST(Minimise, SaysWhetherItEndedByItsToleranceOrByTheNumberOfItsSteps) {
   }
 }
 
-TEST(CeresProblem, WeightedLossBendsWhereTheLossDoes) {
-  CeresProblem ceres;
-  for (const double square : {0.01, 4.0, 100.0}) {
-    double of_loss[3], of_weighted[3];
-    ceres.loss->Evaluate(square, of_loss);
-    ceres.Weighted(0.1)->Evaluate(square, of_weighted);
-    for (int k = 0; k < 3; ++k) EXPECT_NEAR(of_weighted[k], 0.1 * of_loss[k], 1e-12);
-  }
-}
-
 TEST(CeresVersion, BeginsWithItsNumber) {
   const std::string number =
       std::to_string(CERES_VERSION_MAJOR) + "." + std::to_string(CERES_VERSION_MINOR) + ".";

@@ -1,0 +1,112 @@
+#include "infer/refine/pair_overlap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "core/base/parallel_for.h"
+#include "core/base/statistics.h"
+#include "core/geometry/visibility.h"
+#include "infer/view/alike.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+constexpr double kSideGate = 2 * kRoughPose;  // m, of a point to its side
+constexpr double kPairGate = kSamePlace;      // m, of matched points of a pair
+// Overlap off the structure.
+constexpr double kOverlapGate = kSideGate;
+/// Share of its distance from the optical axis by which a point is off for errors of the
+/// intrinsics, which the structure, in the middle of the frame, hardly shows.
+constexpr double kIntrinsicsError = 0.002;
+/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
+constexpr double kOffStructure = 0.05;
+
+/// Standard deviation, m, of a cloud point's depth.
+double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
+  return std::hypot(std::max(noise.depth.Smooth(p.z()), kDepthStep),
+                    kIntrinsicsError * p.head<2>().norm());
+}
+
+/// One frame's part in a pair, and what its errors are in the points that matched: the sum of
+/// their variances, m^2, and the cells of one correlation length that they lie in.
+struct PairEnd {
+  OverlapEnd view;
+  const NoiseModel& noise;
+  double variance = 0;
+  std::set<std::pair<int, int>> cells = {};
+
+  void Count(const Eigen::Vector3d& p) {
+    const double sigma = PointSigma(noise, p);
+    variance += sigma * sigma;
+    const Eigen::Vector2d at = p.head<2>() / p.z() / noise.depth.smooth_rad;
+    cells.insert({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y()))});
+  }
+};
+
+PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservations>& observed,
+                    const State& state, std::size_t a, std::size_t b) {
+  PairOverlap pair{a, b};
+  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
+  PairEnd end_a{problem.Overlap(a, state), observed[a].noise};
+  PairEnd end_b{problem.Overlap(b, state), observed[b].noise};
+  const SharedPoints shared =
+      FindShared(end_a.view, end_b.view, kOverlapGate, FineGates().min_cosine);
+  if (!shared.IsPair(problem.setup.schedule.min_overlap)) return pair;
+  std::vector<double> sizes;
+  const auto take = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches,
+                        std::vector<PairMatch>* taken) {
+    for (const Match& match : matches) {
+      const CloudPoint& from = from_end->view.Cloud(match.from);
+      const CloudPoint& to = to_end->view.Cloud(match.to);
+      if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
+      const double sigma =
+          std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
+      if (both_on_structure) {
+        if (sigma > kOverlapGate / 2) continue;
+        const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
+        if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
+      }
+      taken->push_back({&from, &to, sigma, match.residual});
+      sizes.push_back(std::abs(match.residual) / sigma);
+      from_end->Count(from.p);
+      to_end->Count(to.p);
+    }
+  };
+  take(&end_a, &end_b, shared.of_a, &pair.of_a);
+  take(&end_b, &end_a, shared.of_b, &pair.of_b);
+  if (sizes.empty()) return pair;
+  // As many independent residuals have a mean as uncertain as that of these, each sensor's errors
+  // being independent from cell to cell.
+  const auto of_mean = [](const PairEnd& end) {
+    return end.variance / static_cast<double>(end.cells.size());
+  };
+  pair.cells = (end_a.variance + end_b.variance) / (of_mean(end_a) + of_mean(end_b));
+  pair.excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
+  return pair;
+}
+
+}  // namespace
+
+Gates FineGates() { return {kSideGate, kPairGate, kOnePlane}; }
+
+std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
+                                      const std::vector<FrameObservations>& observed,
+                                      const std::vector<char>& held, const State& state) {
+  std::vector<PairOverlap> pairs;
+  for (std::size_t a = 0; a < problem.size(); ++a) {
+    for (std::size_t b = a + 1; b < problem.size(); ++b) {
+      const bool left_out =
+          problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b]);
+      if (!left_out && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
+    }
+  }
+  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
+    pairs[k] = Measure(problem, observed, state, pairs[k].a, pairs[k].b);
+  });
+  return pairs;
+}
+
+}  // namespace volalign::refine_internal

@@ -1,0 +1,44 @@
+#pragma once
+
+// Two frames that see one plane, for tests of what they have in common.
+
+#include <Eigen/Core>
+#include <cmath>
+#include <vector>
+
+#include "infer/refine/frame_observations.h"
+#include "infer/refine/sensor_points.h"
+
+namespace volalign::testing_infer {
+
+/// Two rows of points of a plane that faces the sensor, along the image's x or y axis: 1.2 m, of 2
+/// m away four correlation lengths of 0.15 rad.
+inline std::vector<CloudPoint> Strip(bool along_x, double z, int count = 15) {
+  std::vector<CloudPoint> cloud;
+  for (int i = 0; i < count; ++i) {
+    for (const double across : {0.02, 0.1}) {
+      const double along = 0.01 + 1.162 / (count - 1) * i;
+      CloudPoint point;
+      point.p = along_x ? Eigen::Vector3d(along, across, z) : Eigen::Vector3d(across, along, z);
+      point.normal = {0, 0, -1};
+      point.use = BlockUse::kFit;
+      cloud.push_back(point);
+    }
+  }
+  return cloud;
+}
+
+/// Of two frames whose smooth errors have that length.
+inline std::vector<refine_internal::FrameObservations> TwoFrames() {
+  std::vector<refine_internal::FrameObservations> observed(2);
+  for (refine_internal::FrameObservations& of : observed) of.noise.depth.smooth_rad = 0.15;
+  return observed;
+}
+
+/// Standard deviation of the difference of two points at 2 m, m: of the smooth error of both, and
+/// of two thousandths of their distances from the optical axis.
+inline double SigmaOfPair(const Eigen::Vector3d& p, double warp = 0.005) {
+  return std::sqrt(2 * (warp * warp + 0.002 * 0.002 * p.head<2>().squaredNorm()));
+}
+
+}  // namespace volalign::testing_infer
