@@ -31,15 +31,17 @@ LEAST_CELLS = 2  # less says nothing
 
 def runs(captures, folder):
     """Arguments of the program."""
+    def with_model(name):
+        return next(folder.glob(f"{name}_{'[0-9a-f]' * 12}.json"))
     for rig in sorted((captures / "foreign").iterdir()):
         own = rig / "boxes.yaml"
         capture = rig / "capture.json" if (rig / "capture.json").exists() else rig / "p0" / "capture.json"
         if own.exists():
             yield own, PAPER, capture, folder / f"foreign_{rig.name}_no_model.json"
         else:
-            yield PAPER, captures / OTHER, capture, folder / f"foreign_{rig.name}.json", MODEL
+            yield PAPER, captures / OTHER, capture, with_model(f"foreign_{rig.name}"), MODEL
     for name in ("kinects", "d415"):
-        yield PAPER, captures / OTHER, folder.parent / f"real_{name}" / "capture.json", folder / f"real_{name}.json", MODEL
+        yield PAPER, captures / OTHER, folder.parent / f"real_{name}" / "capture.json", with_model(f"real_{name}"), MODEL
 
 
 log_gamma = np.vectorize(math.lgamma)
