@@ -231,8 +231,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       before = std::move(moves);
       frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
       // Points are associated anew in each round.
-      setup.schedule.fine_iterations =
-          poses.size() == frames.size() ? 1 : options.refine.fine_iterations;
+      setup.schedule.associations = poses.size() == frames.size() ? 1 : options.refine.associations;
       if (++labelled == kChoices) setup.choice = refined.choice;
       if (labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
       continue;

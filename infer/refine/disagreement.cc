@@ -249,7 +249,7 @@ std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& aske
   solution.free = asked_for;
   std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
   solution.state.scales = PriorScales();
-  Solution alone = IterateFine(problem, std::move(solution));
+  Solution alone = AssociateAndSolve(problem, std::move(solution));
   if (alone.held[frame]) return std::nullopt;
   return std::move(alone.state);
 }
@@ -260,7 +260,7 @@ std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& as
   solution.free = asked_for;
   solution.state.scales = PriorScales();
   UpdateLineTolerance(problem, &solution);
-  if (!SolveFine(problem, &solution)) return std::nullopt;
+  if (!Solve(problem, &solution)) return std::nullopt;
   return ChooseEstimates(problem, std::move(solution));
 }
 

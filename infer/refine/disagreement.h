@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "infer/refine/fine.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
 

@@ -23,7 +23,7 @@ std::optional<Solution> SolveWith(const JointProblem& problem, const FreeSet& fr
   solution.free = free;
   problem.layout.SetNominal(free, &solution.state);
   UpdateLineTolerance(problem, &solution);
-  if (!SolveFine(problem, &solution)) return std::nullopt;
+  if (!Solve(problem, &solution)) return std::nullopt;
   return solution;
 }
 
@@ -102,7 +102,7 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   if (scales->gain == 0) Clear(&chosen.free.gain);
   if (scales->offset == 0) Clear(&chosen.free.offset);
   problem.layout.SetNominal(chosen.free, &chosen.state);
-  if (!SolveFine(problem, &chosen)) return *kept;
+  if (!Solve(problem, &chosen)) return *kept;
   return chosen;
 }
 

@@ -3,8 +3,8 @@
 // What no measurement tells: all boxes may move as one, and everything with them. Not for callers
 // of Refine.
 
-#include "infer/refine/fine.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
 

@@ -8,7 +8,7 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
-#include "infer/refine/fine_problem.h"
+#include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
 

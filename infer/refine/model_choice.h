@@ -7,10 +7,10 @@
 #include <optional>
 #include <vector>
 
-#include "infer/refine/fine.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
 

@@ -37,7 +37,7 @@ struct PriorOptions {
 /// How a refinement goes about it: its rounds and their limits.
 struct RefineSchedule {
   int inner_iterations = 12;
-  int fine_iterations = 3;
+  int associations = 3;
   int max_overlap_points = 700;
   double min_overlap = 0.05;
   int threads = 2;
@@ -88,8 +88,9 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "from one to another (warmth)",
        Above(0));
     ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
-    ar("fine_iterations", fine_iterations,
-       "associations of points with surfaces, each followed by a Ceres solution", AtLeast(1));
+    ar("associations", associations,
+       "associations of points with surfaces, each followed by a Ceres solution", AtLeast(1),
+       FormerlyNamed("fine_iterations"));
     ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
     ar("max_edge_points", max_edge_points,
        "most silhouette points of a sensor, and as many again of those with no depth behind",

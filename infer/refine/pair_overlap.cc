@@ -53,7 +53,7 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   PairEnd end_a{problem.Overlap(a, state), observed[a].noise};
   PairEnd end_b{problem.Overlap(b, state), observed[b].noise};
   const SharedPoints shared =
-      FindShared(end_a.view, end_b.view, kOverlapGate, FineGates().min_cosine);
+      FindShared(end_a.view, end_b.view, kOverlapGate, AssociationGates().min_cosine);
   if (!shared.IsPair(problem.setup.schedule.min_overlap)) return pair;
   std::vector<double> sizes;
   const auto take = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches,
@@ -90,7 +90,7 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
 
 }  // namespace
 
-Gates FineGates() { return {kSideGate, kPairGate, kOnePlane}; }
+Gates AssociationGates() { return {kSideGate, kPairGate, kOnePlane}; }
 
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
                                       const std::vector<FrameObservations>& observed,

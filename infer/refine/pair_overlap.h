@@ -13,7 +13,7 @@ namespace volalign::refine_internal {
 
 /// Gates of the refinement's associations, and of pairs. Overlap that the structure does not hold
 /// may be farther apart, see pair_overlap.cc.
-Gates FineGates();
+Gates AssociationGates();
 
 /// A point of one frame, and what the other one measured of the same surface.
 struct PairMatch {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "core/geometry/factor.h"
-#include "infer/refine/fine_problem.h"
+#include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
 
@@ -81,7 +81,7 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   state.scales = PriorScales();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
   const CeresProblem ceres =
-      BuildFineProblem(problem, solution.observed, solution.overlaps, solution.held, none, &state);
+      BuildCeresProblem(problem, solution.observed, solution.overlaps, solution.held, none, &state);
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : problem.layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);

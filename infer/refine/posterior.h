@@ -8,8 +8,8 @@
 #include <cmath>
 #include <vector>
 
-#include "infer/refine/fine.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
 

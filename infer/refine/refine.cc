@@ -11,11 +11,11 @@
 #include "infer/refine/acceptance.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
-#include "infer/refine/fine.h"
 #include "infer/refine/gauge.h"
 #include "infer/refine/model_choice.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/refine_result.h"
+#include "infer/refine/solution.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -106,7 +106,7 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
                                      placements.size() * structure.boxes().size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
-  solution = IterateFine(problem, std::move(solution));
+  solution = AssociateAndSolve(problem, std::move(solution));
   const std::vector<char> unsolved = solution.held;
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};

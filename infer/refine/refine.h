@@ -99,7 +99,7 @@ struct RefineResult {
 /// as "along structure x (0.12 m)" or "about the vertical (4.1 deg)".
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 
-/// Refines all frames together (refine/fine.h).
+/// Refines all frames together (refine/solution.h).
 ///
 /// It is a statistical model: the points of an image block on a side are one measurement of
 /// depth, silhouettes measure bearing alone. Depth errors are a smooth random field whose size and

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "infer/refine/fine.h"
+#include "infer/refine/solution.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::acceptance_test {

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "infer/refine/fine_problem.h"
 #include "infer/refine/residuals.h"
+#include "infer/refine/terms.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::disagreement_test {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/geometry/sensor_kind.h"
-#include "infer/refine/fine.h"
+#include "infer/refine/solution.h"
 #include "tests/infer/refine/points_and_observations.h"
 #include "tests/infer/refine/strip.h"
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "infer/refine/fine.h"
-#include "infer/refine/fine_problem.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/solution.h"
+#include "infer/refine/terms.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::parameters_test {
@@ -119,7 +119,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
       GatherObservations(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
   const std::vector<char> none(static_cast<std::size_t>(layout.size()), 0);
-  const CeresProblem ceres = BuildFineProblem(problem, observed, {}, {0, 0, 0}, none, &state);
+  const CeresProblem ceres = BuildCeresProblem(problem, observed, {}, {0, 0, 0}, none, &state);
 
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : layout.Blocks(&state))

@@ -68,7 +68,7 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
     }
     // Each association leaves about two thirds of the way.
     RefineSetup setup;
-    setup.schedule.fine_iterations = 10;
+    setup.schedule.associations = 10;
     const RefineResult result = Refine(rig.structure, frames, setup);
     const PoseError error =
         ComparePoses(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth);

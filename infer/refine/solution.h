@@ -30,7 +30,7 @@ struct Solution {
   /// Frames that stay at their fallbacks: there is no better pose of them.
   std::vector<char> held;
   std::optional<EstimateChoice> choice = {};  ///< that `free` follows from
-  std::vector<PairOverlap> overlaps = {};     ///< where the last SolveFine began
+  std::vector<PairOverlap> overlaps = {};     ///< where the last Solve began
 };
 
 /// Fits the observations' covariances to what is free now, at the solution's poses.
@@ -41,7 +41,7 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t s
 
 /// Finds what overlaps, and moves what is free to its most probable values. False, and nothing is
 /// moved, if they cannot be computed.
-bool SolveFine(const JointProblem& problem, Solution* solution);
+bool Solve(const JointProblem& problem, Solution* solution);
 
 /// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
 bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
@@ -49,9 +49,9 @@ bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t
 /// Puts a frame at its fallback pose, to stay there.
 void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution);
 
-/// From `solution.state` on, RefineSchedule::fine_iterations times: gathers observations and
+/// From `solution.state` on, RefineSchedule::associations times: gathers observations and
 /// solves. Frames that are not usable are kept at their fallbacks and say nothing; all of them
 /// where even that does not make the problem solvable.
-Solution IterateFine(const JointProblem& problem, Solution solution);
+Solution AssociateAndSolve(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

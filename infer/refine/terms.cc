@@ -1,4 +1,4 @@
-#include "infer/refine/fine_problem.h"
+#include "infer/refine/terms.h"
 
 #include <cmath>
 #include <map>
@@ -159,11 +159,11 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
   return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
 }
 
-CeresProblem BuildFineProblem(const JointProblem& problem,
-                              const std::vector<FrameObservations>& observed,
-                              const std::vector<PairOverlap>& overlaps,
-                              const std::vector<char>& held, const std::vector<char>& constant,
-                              State* state) {
+CeresProblem BuildCeresProblem(const JointProblem& problem,
+                               const std::vector<FrameObservations>& observed,
+                               const std::vector<PairOverlap>& overlaps,
+                               const std::vector<char>& held, const std::vector<char>& constant,
+                               State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
   const Eigen::VectorXd sigmas = PriorSigmas(problem, observed)

@@ -1,13 +1,13 @@
-#include "infer/refine/fine.h"
+#include "infer/refine/solution.h"
 
 #include <utility>
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/sensor_kind.h"
-#include "infer/refine/fine_problem.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
+#include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
 
@@ -30,7 +30,7 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   observed.resize(problem.size());
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
-  const Gates gates = FineGates();
+  const Gates gates = AssociationGates();
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     const std::optional<NoiseModel>& earlier = problem.frames[i].noise;
@@ -67,12 +67,12 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t s
   return false;
 }
 
-bool SolveFine(const JointProblem& problem, Solution* solution) {
+bool Solve(const JointProblem& problem, Solution* solution) {
   State state = solution->state;
   solution->overlaps = FindOverlaps(problem, solution->observed, solution->held, state);
   const CeresProblem ceres =
-      BuildFineProblem(problem, solution->observed, solution->overlaps, solution->held,
-                       problem.layout.Constant(solution->free, solution->held), &state);
+      BuildCeresProblem(problem, solution->observed, solution->overlaps, solution->held,
+                        problem.layout.Constant(solution->free, solution->held), &state);
   const Minimum minimum = Minimise(problem.setup.schedule, ceres.problem.get());
   if (!minimum.usable) return false;
   state.converged = minimum.converged;
@@ -101,18 +101,18 @@ void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solut
   state.gains[state.SensorOf(frame)] = 0;
 }
 
-Solution IterateFine(const JointProblem& problem, Solution solution) {
+Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {
   const auto exclude = [&](std::size_t i) {
     KeepInitial(problem, i, &solution);
     solution.observed[i].Forget();
   };
-  for (int iteration = 0; iteration < problem.setup.schedule.fine_iterations; ++iteration) {
+  for (int iteration = 0; iteration < problem.setup.schedule.associations; ++iteration) {
     solution.observed =
         GatherObservations(problem, solution.state, solution.free, std::move(solution.observed));
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (solution.held[i] || !IsUsable(problem, solution, i)) exclude(i);
     }
-    if (SolveFine(problem, &solution)) continue;
+    if (Solve(problem, &solution)) continue;
     for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
     solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
     break;

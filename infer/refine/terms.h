@@ -20,10 +20,10 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 /// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
 /// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
 /// constant has no terms of its own. `held`: frames that are not tied to others of their sensor.
-CeresProblem BuildFineProblem(const JointProblem& problem,
-                              const std::vector<FrameObservations>& observed,
-                              const std::vector<PairOverlap>& overlaps,
-                              const std::vector<char>& held, const std::vector<char>& constant,
-                              State* state);
+CeresProblem BuildCeresProblem(const JointProblem& problem,
+                               const std::vector<FrameObservations>& observed,
+                               const std::vector<PairOverlap>& overlaps,
+                               const std::vector<char>& held, const std::vector<char>& constant,
+                               State* state);
 
 }  // namespace volalign::refine_internal

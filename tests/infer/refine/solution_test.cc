@@ -1,4 +1,4 @@
-#include "infer/refine/fine.h"
+#include "infer/refine/solution.h"
 
 #include <gtest/gtest.h>
 
@@ -7,12 +7,12 @@
 
 #include "tests/infer/refine/points_and_observations.h"
 
-namespace volalign::refine_internal::fine_test {
+namespace volalign::refine_internal::solution_test {
 namespace {
 
 using testing_infer::Neighbours;
 
-TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
+TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
   const Neighbours made;
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
@@ -20,11 +20,11 @@ TEST(SolveFine, GivesNothingWhereTheCostIsNotFinite) {
       AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
   solution.observed = GatherObservations(problem, solution.state, solution.free, {});
   EXPECT_TRUE(IsUsable(problem, solution, 0));
-  EXPECT_TRUE(SolveFine(problem, &solution));
+  EXPECT_TRUE(Solve(problem, &solution));
   solution.observed[0].face_root(0, 0) = std::nan("");
   EXPECT_FALSE(IsUsable(problem, solution, 0));
   EXPECT_TRUE(IsUsable(problem, solution, 1));
-  EXPECT_FALSE(SolveFine(problem, &solution));
+  EXPECT_FALSE(Solve(problem, &solution));
 }
 
 TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
@@ -47,16 +47,16 @@ TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
     EXPECT_EQ(kept[i].noise.depth.smooth_m, 2 * fitted[i].noise.depth.smooth_m) << "not fitted";
 }
 
-TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
+TEST(AssociateAndSolve, GoesOnWithoutASensorThatHasNoPose) {
   Neighbours made;
   made.frames[0].start.translation().x() = std::nan("");
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
-  const Solution solution =
-      IterateFine(problem, {AskedFor({}, problem.priors, 2, 4),
-                            NominalState(made.rig.structure, {made.frames[0].start, made.poses[1]}),
-                            {},
-                            {0, 0}});
+  const Solution solution = AssociateAndSolve(
+      problem, {AskedFor({}, problem.priors, 2, 4),
+                NominalState(made.rig.structure, {made.frames[0].start, made.poses[1]}),
+                {},
+                {0, 0}});
   EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
   EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its fallback";
   EXPECT_TRUE(solution.observed[0].faces.empty());
@@ -64,4 +64,4 @@ TEST(IterateFine, GoesOnWithoutASensorThatHasNoPose) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::fine_test
+}  // namespace volalign::refine_internal::solution_test

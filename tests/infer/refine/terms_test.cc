@@ -1,16 +1,16 @@
-#include "infer/refine/fine_problem.h"
+#include "infer/refine/terms.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <vector>
 
-#include "infer/refine/fine.h"
 #include "infer/refine/posterior.h"
+#include "infer/refine/solution.h"
 #include "tests/infer/refine/points_and_observations.h"
 #include "tests/infer/refine/strip.h"
 
-namespace volalign::refine_internal::fine_problem_test {
+namespace volalign::refine_internal::terms_test {
 namespace {
 
 using testing_infer::Neighbours;
@@ -23,8 +23,8 @@ using testing_infer::TwoFrames;
 /// The problem at `state`, with the overlap that there is at it.
 CeresProblem Build(const JointProblem& problem, const std::vector<FrameObservations>& observed,
                    const FreeSet& free, State* state, const std::vector<char>& held = {0, 0}) {
-  return BuildFineProblem(problem, observed, FindOverlaps(problem, observed, held, *state), held,
-                          problem.layout.Constant(free, held), state);
+  return BuildCeresProblem(problem, observed, FindOverlaps(problem, observed, held, *state), held,
+                           problem.layout.Constant(free, held), state);
 }
 
 /// Residual blocks of overlap: those that two poses have in common.
@@ -48,7 +48,7 @@ int OverlapTerms(const CeresProblem& ceres, const State& state) {
   return terms;
 }
 
-TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
+TEST(BuildCeresProblem, CountsOverlapFromMinOverlapOn) {
   const Neighbours made;
   const auto terms = [&](double min_overlap) {
     RefineOptions options;
@@ -65,7 +65,7 @@ TEST(BuildFineProblem, CountsOverlapFromMinOverlapOn) {
   EXPECT_EQ(terms(0.95), 0) << "neighbours do not see nearly all of each other's view";
 }
 
-TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
+TEST(BuildCeresProblem, ErrorsWithinACorrelationLengthAreOneError) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
   constexpr double kApart = 0.0005;  // m
@@ -97,7 +97,7 @@ TEST(BuildFineProblem, ErrorsWithinACorrelationLengthAreOneError) {
   }
 }
 
-TEST(BuildFineProblem, APairCountsBothWaysOrNot) {
+TEST(BuildCeresProblem, APairCountsBothWaysOrNot) {
   // a sees nothing but what b sees, too; that is a fourteenth of what b sees.
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
@@ -125,7 +125,7 @@ TEST(BuildFineProblem, APairCountsBothWaysOrNot) {
   EXPECT_EQ(terms(0.2), 0);
 }
 
-TEST(BuildFineProblem, OverlapIsOfCorrectedDepths) {
+TEST(BuildCeresProblem, OverlapIsOfCorrectedDepths) {
   // Two sensors in one place see one plane at 2 m, each with a depth error that is known.
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
@@ -162,7 +162,7 @@ TEST(BuildFineProblem, OverlapIsOfCorrectedDepths) {
   EXPECT_NEAR(sum(), expected, 0.02 * expected);
 }
 
-TEST(BuildFineProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
+TEST(BuildCeresProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
   constexpr double kOff = 0.03;  // m, of one point in nine
@@ -233,7 +233,7 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
   }
 }
 
-TEST(BuildFineProblem, HoldsWhatIsNotFree) {
+TEST(BuildCeresProblem, HoldsWhatIsNotFree) {
   const Neighbours made;
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
@@ -255,4 +255,4 @@ TEST(BuildFineProblem, HoldsWhatIsNotFree) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::fine_problem_test
+}  // namespace volalign::refine_internal::terms_test
