@@ -23,7 +23,7 @@ LIMITS = {
     "infer/view": 24,
     "infer/lens": 39,
     "infer/depth": 28,
-    "infer/initial": 106,
+    "infer/initial": 103,
     "infer/refine": 68,
     "infer/checks": 52,
     "core/geometry/depth_error_model": 1,

@@ -33,7 +33,6 @@ constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
 
 /// Two choices between which less than this lies, in margins, are as good as each other.
 constexpr double kNothingTells = 0.25;
-constexpr int kMostSweeps = 10;
 /// The side of the picture that is up where it stands upright, and where it lies on its side.
 constexpr std::array<std::array<std::size_t, 2>, 4> kUprightSides = {
     {{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
@@ -170,8 +169,8 @@ class Rig {
   /// From `choice` on, sensor by sensor, until no other pose of one of them is better. Those that
   /// are `fixed` stay as they are.
   Choice Improve(Choice choice, const Choice& fixed, Count count) {
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-      bool changed = false;
+    for (bool changed = true; changed;) {
+      changed = false;
       for (std::size_t i = 0; i < size(); ++i) {
         if (fixed[i] >= 0 || options_[i].size() < 2) continue;
         Choice best = choice;
@@ -187,7 +186,6 @@ class Rig {
         }
         choice = std::move(best);
       }
-      if (!changed) break;
     }
     return choice;
   }

@@ -30,8 +30,8 @@ Intrinsics PlainIntrinsics() {
   intrinsics.width = 320;
   intrinsics.height = 288;
   intrinsics.fx = intrinsics.fy = kFocal;
-  intrinsics.cx = 159.5;
-  intrinsics.cy = 143.5;
+  intrinsics.cx = (intrinsics.width - 1) / 2.0;
+  intrinsics.cy = (intrinsics.height - 1) / 2.0;
   return intrinsics;
 }
 
