@@ -14,7 +14,7 @@ namespace volalign {
 
 namespace {
 
-constexpr std::size_t kPointsOfTask = 4096;
+constexpr std::size_t kPointsOfTask = 4096;  // whose nearest one thread finds at a time
 
 }  // namespace
 

@@ -6,12 +6,12 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
+#include "infer/refine/association.h"
 #include "infer/refine/costs.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
 #include "infer/refine/solution.h"
-#include "infer/refine/terms.h"
 #include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
@@ -100,7 +100,7 @@ std::vector<FrameObservations> GatherHeldOut(const JointProblem& problem,
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kAccept,
-                       {pose, problem.frames[i].to_beat}, AssociationGates(), &held_out[i]);
+                       {pose, problem.frames[i].to_beat}, Gates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
     held_out[i].noise = solution.observed[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);

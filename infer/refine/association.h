@@ -7,14 +7,16 @@
 #include "core/geometry/structure.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
-/// How near things have to be to be taken for the same.
+/// How near things have to be to be taken for the same. Overlap that is to hold poses, where the
+/// structure does not, may be farther apart: pair_overlap.cc.
 struct Gates {
-  double side;        ///< m, distance of a labelled point to its side
-  double overlap;     ///< m, distance of matched points of two sensors
-  double min_cosine;  ///< between their normals
+  double side = 2 * kRoughPose;   ///< m, distance of a labelled point to its side
+  double overlap = kSamePlace;    ///< m, distance of matched points of two sensors
+  double min_cosine = kOnePlane;  ///< between their normals
 };
 
 /// One of the four edge lines of a side: direction . p = offset, direction pointing out of the

@@ -14,10 +14,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kSideGate = 2 * kRoughPose;  // m, of a point to its side
-constexpr double kPairGate = kSamePlace;      // m, of matched points of a pair
-// Overlap off the structure.
-constexpr double kOverlapGate = kSideGate;
+constexpr double kOverlapGate = 2 * kRoughPose;  // m, of matched points
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
@@ -52,8 +49,7 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
   PairEnd end_a{problem.Overlap(a, state), observed[a].noise};
   PairEnd end_b{problem.Overlap(b, state), observed[b].noise};
-  const SharedPoints shared =
-      FindShared(end_a.view, end_b.view, kOverlapGate, AssociationGates().min_cosine);
+  const SharedPoints shared = FindShared(end_a.view, end_b.view, kOverlapGate, kOnePlane);
   if (!shared.IsPair(problem.setup.schedule.min_overlap)) return pair;
   std::vector<double> sizes;
   const auto take = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches,
@@ -89,8 +85,6 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
 }
 
 }  // namespace
-
-Gates AssociationGates() { return {kSideGate, kPairGate, kOnePlane}; }
 
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
                                       const std::vector<FrameObservations>& observed,

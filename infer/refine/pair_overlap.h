@@ -5,15 +5,10 @@
 #include <cstddef>
 #include <vector>
 
-#include "infer/refine/association.h"
 #include "infer/refine/frame_observations.h"
 #include "infer/refine/problem.h"
 
 namespace volalign::refine_internal {
-
-/// Gates of the refinement's associations, and of pairs. Overlap that the structure does not hold
-/// may be farther apart, see pair_overlap.cc.
-Gates AssociationGates();
 
 /// A point of one frame, and what the other one measured of the same surface.
 struct PairMatch {
@@ -24,10 +19,10 @@ struct PairMatch {
 
 /// What two frames measured of the same surfaces and the structure does not say already.
 struct PairOverlap {
-  std::size_t a, b;
-  std::vector<PairMatch> of_a, of_b;  ///< a's points that b sees, and b's that a sees
-  double cells = 0;                   ///< how many independent measurements all of them are
-  double excess = 1;                  ///< their spread in sigmas, at least 1
+  std::size_t a = 0, b = 0;
+  std::vector<PairMatch> of_a = {}, of_b = {};  ///< a's points that b sees, and b's that a sees
+  double cells = 0;   ///< how many independent measurements all of them are
+  double excess = 1;  ///< their spread in sigmas, at least 1
 };
 
 /// Of the pairs of frames that count, as they lie at `state`, but for those that the structure

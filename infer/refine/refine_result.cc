@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
+#include "infer/refine/association.h"
 #include "infer/refine/solution.h"
-#include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
 
@@ -92,7 +92,7 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
 }
 
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
-  const Gates gates = AssociationGates();
+  const Gates gates;
   std::vector<std::vector<RefinedPair>> of_first(problem.size());
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {

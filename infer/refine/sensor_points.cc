@@ -16,7 +16,6 @@ namespace volalign {
 
 namespace {
 
-constexpr int kCloudStride = 2;     // px
 constexpr double kMostBent = 0.08;  // smallest by middle variance of a flat neighbourhood
 
 template <class Key>
@@ -113,8 +112,6 @@ bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector
   return normal->allFinite();
 }
 
-const std::vector<CloudPoint> SampledCloud::kNone;
-
 SampledCloud::SampledCloud(std::vector<CloudPoint> points) {
   if (points.empty()) return;
   std::vector<Eigen::Vector3d> positions;
@@ -123,13 +120,18 @@ SampledCloud::SampledCloud(std::vector<CloudPoint> points) {
   points_ = std::make_shared<const Points>(Points{std::move(points), KdTree(std::move(positions))});
 }
 
+const std::vector<CloudPoint>& SampledCloud::points() const {
+  static const std::vector<CloudPoint> none;
+  return points_ ? points_->all : none;
+}
+
 int SampledCloud::Nearest(const Eigen::Vector3d& p, double max_distance) const {
   return points_ ? points_->tree.Nearest(p, max_distance).index : -1;
 }
 
 SampledCloud SampleCloud(const SensorView& view) {
   std::vector<CloudPoint> cloud;
-  view.VisitMeasured(kCloudStride, [&](int u, int v) {
+  view.VisitMeasured(2, [&](int u, int v) {
     CloudPoint point;
     if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
       return;
@@ -137,7 +139,7 @@ SampledCloud SampleCloud(const SensorView& view) {
     point.use = UseOfBlock(u, v);
     cloud.push_back(point);
   });
-  return cloud;
+  return SampledCloud(std::move(cloud));
 }
 
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,

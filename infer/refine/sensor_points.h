@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include "core/geometry/kd_tree.h"
@@ -50,13 +49,13 @@ struct CloudPoint {
   BlockUse use = BlockUse::kFit;
 };
 
-/// SampledCloud points that the nearest to a place is found of. They are shared by copies.
+/// Cloud points, among which the nearest to a place is found. Copies share them.
 class SampledCloud {
  public:
   SampledCloud() = default;
-  SampledCloud(std::vector<CloudPoint> points);  // NOLINT(google-explicit-constructor)
+  explicit SampledCloud(std::vector<CloudPoint> points);
 
-  const std::vector<CloudPoint>& points() const { return points_ ? points_->all : kNone; }
+  const std::vector<CloudPoint>& points() const;
   /// Index of the point nearest to p within `max_distance`, or -1.
   int Nearest(const Eigen::Vector3d& p, double max_distance) const;
 
@@ -65,7 +64,6 @@ class SampledCloud {
     std::vector<CloudPoint> all;
     KdTree tree;
   };
-  static const std::vector<CloudPoint> kNone;
   std::shared_ptr<const Points> points_;  // null: none
 };
 
@@ -75,19 +73,14 @@ int BlockIndex(int u, int v, int width);
 /// The points of one sensor that refinement works on. Those of some image blocks never enter the
 /// solution, see BlockUse.
 struct SensorPoints {
-  SensorPoints() = default;
-  SensorPoints(std::vector<SidePoint> sides, std::vector<EdgePoint> edges,
-               SampledCloud other_points)
-      : side_points(std::move(sides)),
-        edge_points(std::move(edges)),
-        cloud(std::move(other_points)) {}
-
   std::vector<SidePoint> side_points;
   std::vector<EdgePoint> edge_points;
-  SampledCloud cloud;  ///< that other sensors' points are matched with, whatever the labels
+  /// What is matched with other sensors' clouds, whatever the labels are. One that is refined alone
+  /// needs none.
+  SampledCloud cloud;
   /// The lens that they were seen through: its intrinsics (an image of 0 x 0 px where it is none
   /// that could be changed), and how these differ from the assumed ones.
-  Intrinsics intrinsics;
+  Intrinsics intrinsics = {};
   LensChange lens = LensChange::Zero();
   /// Of the ray of a point.
   RayByLensMatrix RayByLensAt(const Eigen::Vector3d& p) const {

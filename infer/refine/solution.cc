@@ -4,6 +4,7 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/sensor_kind.h"
+#include "infer/refine/association.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
@@ -30,7 +31,7 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   observed.resize(problem.size());
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
-  const Gates gates = AssociationGates();
+  const Gates gates;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     if (!problem.HasStructureTerms(i)) return;
     const std::optional<NoiseModel>& earlier = problem.frames[i].noise;

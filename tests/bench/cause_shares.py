@@ -79,15 +79,14 @@ FLOOR_MARGIN = 0.05  # orientation.choice.floor_margin: counts as 100 : 1
 
 def ablation(rows):
     """Log odds of each sensor's right pose against each wrong one, by each factor, and what is left without one."""
-    right, sensors, against = None, [], []
+    right, number, against = None, 0, []
     for row in (row for row in rows if row[0] == "sensor"):
         odds = np.array([float(x) for x in row[3:7]])
         odds[3] *= math.log(100) / FLOOR_MARGIN
         if row[1] == "right":
-            right = odds
-            sensors.append(len(sensors))
+            right, number = odds, number + 1
         else:
-            against.append((sensors[-1], right - odds))
+            against.append((number, right - odds))
     sensor, odds = np.array([of for of, _ in against]), np.stack([each for _, each in against])
     print(f"{len(set(sensor))} sensors, {len(odds)} wrong poses; log odds of the right one: 1 / 5 / 50 %; wrong poses preferred, not refuted at "
           "100 : 1; sensors with a wrong pose preferred")

@@ -129,6 +129,13 @@ TEST(RmsDistance, AgreesWithBruteForce) {
   }
 }
 
+TEST(RmsDistance, IsTheSameOnAnyNumberOfThreads) {
+  RandomStream random(1, 3, "rms");
+  const Points a = RandomPoints(random, 9000), b = RandomPoints(random, 20);
+  EXPECT_NEAR(RmsDistance(a, b, 3), BruteForceDistance(a, b), 1e-12);
+  EXPECT_EQ(RmsDistance(a, b, 3), RmsDistance(a, b, 1));
+}
+
 TEST(RmsDistance, RepeatedPointsAndSubsets) {
   const Points b(100, Eigen::Vector3d(1, 2, 3));
   EXPECT_NEAR(RmsDistance({{1, 2, 5}}, b), 2, 1e-15);

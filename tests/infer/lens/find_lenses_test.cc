@@ -35,10 +35,16 @@ std::vector<SensorFrame> FramesThrough(const Intrinsics& lens, std::uint64_t see
   return rig.frames;
 }
 
+/// Checks that the views are through the lenses that are found.
 LensSet Find(std::vector<SensorFrame> frames, const std::string& kind, bool per_sensor = false) {
   for (SensorFrame& frame : frames) frame.sensor = kind;
   const CaptureSet capture({{"", std::move(frames)}}, {});
-  return FindLenses(capture, AssumeLenses(capture, per_sensor), 2).lenses;
+  FoundLenses found = FindLenses(capture, AssumeLenses(capture, per_sensor), 2);
+  for (const FrameId id : found.views.Ids()) {
+    const SensorView view = MakeSensorView(capture[id], found.lenses.Effective(id));
+    EXPECT_EQ(found.views[id].rays.rays, view.rays.rays);
+  }
+  return std::move(found.lenses);
 }
 
 /// Radius, on the plane z = 1, that a lens shows where the true one shows `radius`.

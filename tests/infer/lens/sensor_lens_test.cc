@@ -43,6 +43,28 @@ TEST(RayByLens, IsTheDerivativeOfTheRayOfAFixedPixel) {
   }
 }
 
+TEST(LookThrough, MakesAnewWhatIsSeenThroughAnotherLens) {
+  const DepthImage depth(Kinect().width, Kinect().height, 2.0F);
+  std::vector<SensorFrame> frames(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    frames[i].name = i == 0 ? "stays" : "changes";
+    frames[i].depth = depth;
+    frames[i].intrinsics = Kinect();
+  }
+  const CaptureSet capture({{"", frames}}, {});
+  const LensSet before = GivenLenses(capture);
+  PerFrame<SensorView> views = LookThrough(capture, before, 1);
+  constexpr float kMark = 7;
+  for (const FrameId id : views.Ids()) views[id].depth(0, 0) = kMark;
+  LensSet after = before;
+  after.lenses[after.of_frame[{0, 1}]].change = kChange;
+  const PerFrame<SensorView> again = LookThrough(capture, after, views, before, 2);
+  EXPECT_EQ((again[{0, 0}].depth(0, 0)), kMark) << "the same view";
+  EXPECT_EQ((again[{0, 1}].depth(0, 0)), depth(0, 0));
+  EXPECT_EQ((again[{0, 1}].rays.rays),
+            MakeSensorView(frames[1], after.Effective({0, 1})).rays.rays);
+}
+
 TEST(SamePixelRay, SeesTheSamePixelThroughAnotherLens) {
   for (const Intrinsics& from : Lenses()) {
     for (const Intrinsics& to : Lenses()) {

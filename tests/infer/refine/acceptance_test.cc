@@ -223,7 +223,8 @@ TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
   AddPlane(0.5, 2.2, facing, BlockUse::kFit, &others);
   AddPlane(1, 2, facing, BlockUse::kFit, &own);
   AddPlane(1, 2.03, facing, BlockUse::kFit, &others);
-  const SensorPoints own_points({}, {}, own), other_points({}, {}, others);
+  const SensorPoints own_points{{}, {}, SampledCloud(own)},
+      other_points{{}, {}, SampledCloud(others)};
   const Pose pose = RingPose(40);
   std::vector<FrameInput> frames;
   for (const SensorPoints* of : {&own_points, &other_points})

@@ -26,7 +26,7 @@ constexpr int kBox = 2;           // the one that stands elsewhere
 /// One sensor that has seen, from where it is thought to be, the stack with a box out of its place.
 struct OneBoxElsewhere {
   Structure structure = PaperStructure();
-  SensorPoints points{{}, {}, {}};
+  SensorPoints points;
   Pose pose = RingPose(35);
   std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose, pose, pose}};
   RefineOptions options;
@@ -140,7 +140,7 @@ TEST(Disagrees, IsUnlikelyAndPlainToSeeOrVeryUnlikely) {
 /// Two sensors that see the stack as it is described, and one that saw a box elsewhere.
 struct OddOne {
   Structure structure = PaperStructure();
-  SensorPoints points{{}, {}, {}};
+  SensorPoints points;
   std::vector<Pose> poses{RingPose(35), RingPose(70), RingPose(180)};
   std::vector<FrameInput> frames;
   RefineOptions options;

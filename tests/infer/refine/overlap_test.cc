@@ -21,7 +21,7 @@ SensorPoints Wall(double farther) {
     for (int j = -5; j < 5; ++j)
       cloud.push_back({{0.02 * i, 0.02 * j, 2 + farther}, {0, 0, -1}, BlockUse::kFit});
   }
-  return SensorPoints({}, {}, cloud);
+  return SensorPoints{{}, {}, SampledCloud(cloud)};
 }
 
 FrameState At(double x) {
@@ -66,7 +66,7 @@ TEST(FindMatches, AreTheNearestPointsThatFaceTheSameWay) {
   // A wall's back is another surface.
   std::vector<CloudPoint> turned = b.cloud.points();
   for (CloudPoint& point : turned) point.normal = -point.normal;
-  const SensorPoints back({}, {}, turned);
+  const SensorPoints back{{}, {}, SampledCloud(turned)};
   EXPECT_TRUE(FindMatches(view_a, {&back, &all, At(0.5)}, 0.015, 0.9).empty());
 }
 
@@ -109,7 +109,7 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   cloud.reserve(1000);
   for (int i = 0; i < 1000; ++i)
     cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, BlockUse::kFit});
-  const SensorPoints points({}, {}, cloud);
+  const SensorPoints points{{}, {}, SampledCloud(cloud)};
   const std::vector<int> chosen = ChooseOverlapPoints(structure, points, Pose::Identity(), 100);
   ASSERT_EQ(chosen.size(), 100u);
   int near = 0;
@@ -119,7 +119,7 @@ TEST(ChooseOverlapPoints, TakesMostFromAroundTheStructure) {
   // Where few are near, the rest comes from farther away.
   cloud.resize(20);
   while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, BlockUse::kFit});
-  const SensorPoints mostly_far({}, {}, cloud);
+  const SensorPoints mostly_far{{}, {}, SampledCloud(cloud)};
   EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100).size(), 100u);
 }
 

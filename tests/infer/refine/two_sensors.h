@@ -1,13 +1,17 @@
 #pragma once
 
-// Two frames that see one plane, for tests of what they have in common.
+// Two sensors that see one plane, for tests of what they have in common.
 
 #include <Eigen/Core>
 #include <cmath>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "infer/refine/frame_observations.h"
+#include "infer/refine/problem.h"
 #include "infer/refine/sensor_points.h"
+#include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::testing_infer {
 
@@ -40,5 +44,24 @@ inline std::vector<refine_internal::FrameObservations> TwoFrames() {
 inline double SigmaOfPair(const Eigen::Vector3d& p, double warp = 0.005) {
   return std::sqrt(2 * (warp * warp + 0.002 * 0.002 * p.head<2>().squaredNorm()));
 }
+
+/// Two sensors in one place, which only overlap holds. All is as the options have it, but for what
+/// a test changes before it asks for the problem, which refers to this.
+struct TwoSensors {
+  Structure structure = PaperStructure();
+  Pose pose = RingPose(40);
+  SensorPoints a, b;
+  RefineOptions options;
+  std::vector<FrameInput> frames = {{Borrowed(a), pose, pose, pose, FrameRole::kOverlap},
+                                    {Borrowed(b), pose, pose, pose, FrameRole::kOverlap}};
+  refine_internal::State state = refine_internal::NominalState(structure, {pose, pose});
+
+  TwoSensors(std::vector<CloudPoint> of_a, std::vector<CloudPoint> of_b) {
+    a.cloud = SampledCloud(std::move(of_a));
+    b.cloud = SampledCloud(std::move(of_b));
+    a.intrinsics = b.intrinsics = Kinect();
+  }
+  refine_internal::JointProblem Problem() const { return {structure, frames, options}; }
+};
 
 }  // namespace volalign::testing_infer
