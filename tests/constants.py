@@ -25,7 +25,7 @@ LIMITS = {
     "infer/depth": 28,
     "infer/initial": 103,
     "infer/refine": 68,
-    "infer/checks": 52,
+    "infer/checks": 51,
     "core/geometry/depth_error_model": 1,
     "configs/intrinsics.yaml": 21,
 }

@@ -1,5 +1,6 @@
 #include "infer/checks/pose_quality.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -10,10 +11,9 @@ namespace volalign {
 
 namespace {
 
-constexpr double kRmsDistance = 0.1;         // m: what is farther off is not the structure
-constexpr double kConfirmedShare = 0.6;      // of a patch's pixels, on their side
-constexpr std::size_t kMostPoints = 100000;  // that d1 and d2 compare
-constexpr double kSurfaceStep = 0.005;       // m, of the surface's samples
+constexpr double kRmsDistance = 0.1;     // m: what is farther off is not the structure
+constexpr double kConfirmedShare = 0.6;  // of a patch's pixels, on their side
+constexpr double kSurfaceStep = 0.01;    // m, of the surface's samples
 
 }  // namespace
 
@@ -88,12 +88,17 @@ std::vector<Eigen::Vector3d> LabelledPoints(const SensorView& view, const LabelI
 std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
                                                const Structure& structure, int threads) {
   std::vector<Eigen::Vector3d> near;
-  const std::size_t step = points.size() / kMostPoints + 1;
-  for (std::size_t i = 0; i < points.size(); i += step) {
-    if (DistanceToSurface(structure, points[i]).distance < kRmsDistance) near.push_back(points[i]);
+  double squares = 0;
+  for (const Eigen::Vector3d& p : points) {
+    const double distance = DistanceToSurface(structure, p).distance;
+    if (distance >= kRmsDistance) continue;
+    near.push_back(p);
+    squares += distance * distance;
   }
   if (near.empty()) return std::nullopt;
-  return CompareSets(near, SampleExposedSurface(structure, kSurfaceStep), threads);
+  const double d1 = std::sqrt(squares / static_cast<double>(near.size()));
+  return SetDistances{
+      d1, std::max(d1, RmsDistance(SampleExposedSurface(structure, kSurfaceStep), near, threads))};
 }
 
 }  // namespace volalign

@@ -44,9 +44,9 @@ PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& seg
 std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,
                                  const Structure& structure, const Pose& structure_from_sensor);
 
-/// d1 and d2 of the paper (section "Results") between at most 100,000 of these points, evenly
-/// taken, of those within 10 cm of the structure, and its exposed surface sampled at 5 mm. Nothing
-/// where no point is near. `points`: structure frame, m.
+/// d1 and d2 of the paper (section "Results"), of the points within 10 cm of the structure: to its
+/// surface, and for d2 from its exposed surface, sampled at 1 cm. Nothing where no point is near.
+/// `points`: structure frame, m.
 std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
                                                const Structure& structure, int threads = 1);
 

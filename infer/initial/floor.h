@@ -20,7 +20,7 @@ namespace volalign {
 /// floor says anything. At 0, the structure may stand on a table all the same: what is seen between
 /// its foot and a level surface far under it speaks against nothing.
 struct FloorFit {
-  int pixels = 0;    ///< looked at: one in four of those with depth
+  int pixels = 0;    ///< looked at: of those with depth, as many as kCoarseRays leaves
   int on_floor = 0;  ///< of those: level, on the plane that the structure stands on, off the
                      ///< structure
   /// Of those: clearly under that plane, or under the floor that a table may stand on, where no
@@ -34,11 +34,12 @@ struct FloorFit {
     return pixels > 0 ? std::max(0.0, static_cast<double>(balance()) / pixels) : 0;
   }
 };
-/// What lies on the structure at any of `rivals`, poses that compete with this one, is no floor: a
-/// pose that is off by a box may have a level side of it where the floor would be.
 FloorFit FindFloor(const SensorView& view, const Structure& structure,
-                   const Pose& structure_from_sensor, double table_height_m = 0,
-                   const std::vector<Pose>& rivals = {});
+                   const Pose& structure_from_sensor, double table_height_m = 0);
+/// Of poses that compete: what lies on the structure at any of them is no floor, since one that is
+/// off by a box may have a level side of it where the floor would be.
+std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& structure,
+                                 const std::vector<Pose>& poses, double table_height_m = 0);
 
 /// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
 /// FloorFit::share; 1 without aliases.

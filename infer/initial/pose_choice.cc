@@ -92,19 +92,16 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
   }
 }
 
-/// Floor and labels at the pose.
-void Score(const SensorView& view, const DecimatedTrials& coarse, const Structure& structure,
-           const std::vector<StructureAlias>& aliases, const std::vector<Pose>& rivals,
-           const InitialPoseOptions& initial, PoseCandidate* pose) {
-  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
+/// The labels at the pose.
+void ScoreLabels(const DecimatedTrials& coarse, const Structure& structure,
+                 const std::vector<StructureAlias>& aliases, const InitialPoseOptions& initial,
+                 PoseCandidate* pose) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(coarse.view.errors);
   const auto score = [&](const SegmentationResult& labels) {
     return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
                            initial.patch.min_confidence, tolerance)
         .score();
   };
-  pose->floor =
-      FindFloor(view, structure, pose->structure_from_sensor, initial.table_height_m, rivals)
-          .share();
   for (const SegmentationResult& labels : coarse.labels)
     pose->network_score = std::max(pose->network_score, score(labels));
   pose->label_score = score(ImpliedLabels(*pose, coarse.labels, aliases));
@@ -210,7 +207,11 @@ std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structu
 
   std::vector<Pose> rivals;
   for (const PoseCandidate& pose : poses) rivals.push_back(pose.structure_from_sensor);
-  for (PoseCandidate& pose : poses) Score(view, coarse, structure, aliases, rivals, initial, &pose);
+  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, initial.table_height_m);
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    poses[k].floor = floors[k].share();
+    ScoreLabels(coarse, structure, aliases, initial, &poses[k]);
+  }
   return poses;
 }
 

@@ -37,12 +37,11 @@ void ScoreAlike(const SensorView& view, const Structure& structure,
     reference = std::max(reference, shapes.back().explained);
     rivals.push_back(pose.structure_from_sensor);
   }
+  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, initial.table_height_m);
   for (std::size_t k = 0; k < poses->size(); ++k) {
     PoseCandidate& pose = (*poses)[k];
     pose.shape_iou = shapes[k].shape_iou(reference);
-    pose.floor =
-        FindFloor(view, structure, pose.structure_from_sensor, initial.table_height_m, rivals)
-            .share();
+    pose.floor = floors[k].share();
     pose.network_score = 0;
     for (const PoseTrial& trial : trials) {
       const Agreement agreement =
@@ -75,11 +74,8 @@ std::vector<PoseCandidate> ProposeByGeometry(const SensorView& view, const Struc
     proposals.push_back(proposal);
     rivals.push_back(pose.structure_from_sensor);
   }
-  for (PoseCandidate& proposal : proposals) {
-    proposal.floor =
-        FindFloor(view, structure, proposal.structure_from_sensor, options.table_height_m, rivals)
-            .share();
-  }
+  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, options.table_height_m);
+  for (std::size_t k = 0; k < proposals.size(); ++k) proposals[k].floor = floors[k].share();
   return proposals;
 }
 

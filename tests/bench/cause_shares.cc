@@ -131,14 +131,14 @@ void MeasureSensor(const std::vector<Sensor>& sensors, std::size_t i,
       for (std::size_t cause = 0; cause < kCauses; ++cause) between[k][cause] += pair[cause];
     }
   }
+  const std::vector<FloorFit> floors = FindFloors(sensor.view, structure, poses);
   for (std::size_t k = 0; k < poses.size(); ++k) {
     const ViewExplanation view =
         ExplainView(sensor.view, sensor.segmentation.get(), structure, poses[k], kSigmaOfBoxes,
                     SidePatchOptions().min_confidence);
     fmt::print("sensor\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\n", k == 0 ? "right" : "wrong",
                sensor.name, view.LogOddsByDepth(), view.LogOddsByLabels(),
-               LogOddsOfPairs(between[k]),
-               FindFloor(sensor.view, structure, poses[k], 0, poses).share());
+               LogOddsOfPairs(between[k]), floors[k].share());
   }
 }
 
