@@ -12,6 +12,14 @@ struct LocalBox {
   Eigen::Matrix3d box_from_ray;
   Eigen::Vector3d origin;  // ray origin in the box's frame
   Eigen::Vector3d half;
+  // Of the sphere about the box, which lets most rays go by.
+  Eigen::Vector3d centre;  // from the origin, in the rays' frame
+  double clearance = 0;    // square of the tangents to it; negative within it
+
+  bool IsPassedBy(const Eigen::Vector3d& direction) const {
+    const double along = direction.dot(centre);
+    return clearance > 0 && (along < 0 || along * along < clearance * direction.squaredNorm());
+  }
 };
 
 constexpr int kNoAxis = -1;
@@ -55,8 +63,10 @@ std::vector<LocalBox> LocalBoxes(const Structure& structure, const Eigen::Vector
   std::vector<LocalBox> boxes;
   for (const Box& box : structure.boxes()) {
     const Pose box_from_structure = box.structure_from_box.inverse();
+    const Eigen::Vector3d centre =
+        structure_from_ray.transpose() * (box.structure_from_box.translation() - origin);
     boxes.push_back({box_from_structure.linear() * structure_from_ray, box_from_structure * origin,
-                     box.size / 2});
+                     box.size / 2, centre, centre.squaredNorm() - box.size.squaredNorm() / 4});
   }
   return boxes;
 }
@@ -67,6 +77,7 @@ RayHit FirstHit(const std::vector<LocalBox>& boxes, const Eigen::Vector3d& direc
     double t = 0;
     int axis = 0;
     bool positive = false;
+    if (boxes[b].IsPassedBy(direction)) continue;
     if (SlabTest(boxes[b], direction, &t, &axis, &positive) && t < hit.t) {
       hit.t = t;
       hit.side = SideIndex(static_cast<int>(b), axis, positive);
@@ -86,29 +97,11 @@ ExpectedView CastView(const Structure& structure, const RayTable& rays,
                       const Pose& structure_from_sensor) {
   const std::vector<LocalBox> boxes =
       LocalBoxes(structure, structure_from_sensor.translation(), structure_from_sensor.linear());
-  // The structure's bounding sphere lets most rays of a wide view go by.
-  const double floor = structure.FloorHeight(), height = structure.Height();
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Box& box : structure.boxes()) middle += box.structure_from_box.translation();
-  middle /= static_cast<double>(structure.boxes().size());
-  middle.y() = floor + height / 2;
-  double radius = 0;
-  for (const Box& box : structure.boxes()) {
-    radius = std::max(radius,
-                      (box.structure_from_box.translation() - middle).norm() + box.size.norm() / 2);
-  }
-  const Eigen::Vector3d centre = structure_from_sensor.inverse() * middle;
-  const double clearance = centre.squaredNorm() - radius * radius;
-
   ExpectedView view{DepthImage(rays.width, rays.height), LabelImage(rays.width, rays.height)};
   for (int v = 0; v < rays.height; ++v) {
     for (int u = 0; u < rays.width; ++u) {
       const Eigen::Vector2f& ray = rays.at(u, v);
       const Eigen::Vector3d direction(ray.x(), ray.y(), 1);
-      if (clearance > 0) {
-        const double along = direction.dot(centre);
-        if (along < 0 || along * along < clearance * direction.squaredNorm()) continue;
-      }
       const RayHit hit = FirstHit(boxes, direction);
       if (hit.side < 0) continue;
       view.depth(u, v) = static_cast<float>(hit.t);
@@ -120,12 +113,20 @@ ExpectedView CastView(const Structure& structure, const RayTable& rays,
 
 SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vector3d& p) {
   SurfaceDistance best;
-  for (std::size_t i = 0; i < structure.sides().size(); ++i) {
-    const Side& side = structure.sides()[i];
-    const double off_plane = side.normal.dot(p - side.centre);
-    if (off_plane * off_plane >= best.distance) continue;
-    const double squared = (side.ClosestPoint(p) - p).squaredNorm();
-    if (squared < best.distance) best = {squared, static_cast<int>(i)};
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    const Box& box = structure.boxes()[b];
+    const Eigen::Vector3d local =
+        box.structure_from_box.linear().transpose() * (p - box.structure_from_box.translation());
+    const Eigen::Vector3d beyond = local.cwiseAbs() - box.size / 2;
+    int axis = 0;  // of the side: the first that p lies beyond or, within the box, the nearest
+    const double farthest = beyond.maxCoeff(&axis);
+    double squared = farthest * farthest;
+    if (farthest > 0) {
+      squared = beyond.cwiseMax(0).squaredNorm();
+      for (axis = 0; !(beyond[axis] > 0);) ++axis;
+    }
+    if (squared < best.distance)
+      best = {squared, SideIndex(static_cast<int>(b), axis, local[axis] > 0)};
   }
   best.distance = std::sqrt(best.distance);
   return best;
