@@ -20,12 +20,12 @@ import re
 import sys
 
 LIMITS = {
-    "infer/view": 24,
-    "infer/lens": 39,
-    "infer/depth": 28,
-    "infer/initial": 103,
-    "infer/refine": 68,
-    "infer/checks": 51,
+    "infer/view": 25,
+    "infer/lens": 33,
+    "infer/depth": 26,
+    "infer/initial": 84,
+    "infer/refine": 57,
+    "infer/checks": 42,
     "core/geometry/depth_error_model": 1,
     "configs/intrinsics.yaml": 21,
 }

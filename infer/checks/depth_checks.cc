@@ -41,16 +41,14 @@ std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double
   const std::string text =
       fmt::format("half of its depths are {} {}", beyond ? "beyond" : "under", Metres(median));
   DepthFinding problem;
-  const std::vector<double> factors =
-      beyond ? std::vector<double>{0.1, 0.001} : std::vector<double>{10.0, 1000.0};
-  for (const double factor : factors) {
+  for (const int times : {10, 1000}) {
+    const double factor = beyond ? 1. / times : times;
     if (median * factor < kNearRoom || median * factor > kFarRoom) continue;
     problem.unit_factor = factor;
     problem.failure = Finding{
         SensorCode::kWrongUnits,
-        text + fmt::format("; its depth_scale seems to be {} times too {}",
-                           factor < 1 ? std::lround(1 / factor) : std::lround(factor),
-                           factor < 1 ? "large" : "small"),
+        text + fmt::format("; its depth_scale seems to be {} times too {}", times,
+                           beyond ? "large" : "small"),
         fmt::format("set depth_scale to {:g}, it is {:g}", depth_scale * factor, depth_scale)};
     return problem;
   }

@@ -6,11 +6,11 @@
 #include <array>
 #include <cstddef>
 
+#include "infer/view/alike.h"
 namespace volalign {
 
 namespace {
 
-constexpr int kBorder = 8;  // px: depth is often missing along the very border
 /// Share of a border's length along which labels have to reach it for it to cut the structure off.
 constexpr double kCutShare = 0.1;
 
@@ -24,7 +24,7 @@ std::vector<int> CuttingBorders(const LabelImage& labels) {
     int marked = 0;
     for (int along = 0; along < length; ++along) {
       bool any = false;
-      for (int d = 0; d < std::min(kBorder, across_length); ++d) {
+      for (int d = 0; d < std::min(kEmptyBorder, across_length); ++d) {
         const int across = border < 2 ? d : across_length - 1 - d;
         any = any || (upright ? labels(across, along) : labels(along, across)) > 0;
       }

@@ -15,7 +15,7 @@ namespace {
 /// a placement turns the error of one sensor's direction into another's place.
 constexpr double kSamePosition = 0.2;   // m
 constexpr double kSameOrientation = 6;  // deg
-constexpr double kOpenToDoubt = 0.3;    // weight of a pose that is not the only one
+constexpr double kOpenToDoubt = 0.5;    // weight of a pose that is not the only one
 
 /// A located frame.
 struct Sighting {
@@ -43,10 +43,9 @@ std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
-    const Labelled& labelled = seen.labelled[id];
-    double weight = std::max(0.01, labelled.initial.agreement.score());
-    if (!labelled.other_pose.empty() || located->by_neighbours) weight *= kOpenToDoubt;
-    all.push_back({id, seen.capture->sensor_of[id], located->own_pose, weight});
+    const bool doubtful = !seen.labelled[id].other_pose.empty() || located->by_neighbours;
+    all.push_back(
+        {id, seen.capture->sensor_of[id], located->own_pose, doubtful ? kOpenToDoubt : 1});
   }
   return all;
 }

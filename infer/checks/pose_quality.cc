@@ -6,13 +6,13 @@
 
 #include "core/geometry/visibility.h"
 #include "infer/initial/agreement.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-constexpr double kRmsDistance = 0.1;     // m: what is farther off is not the structure
-constexpr double kConfirmedShare = 0.6;  // of a patch's pixels, on their side
+constexpr double kConfirmedShare = 0.5;  // of a patch's pixels, on their side
 constexpr double kSurfaceStep = 0.01;    // m, of the surface's samples
 
 }  // namespace
@@ -28,7 +28,7 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
     ++fit.points;
     const double distance =
         DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance;
-    if (distance < kRmsDistance) {
+    if (distance < kFarthestOff) {
       squares += distance * distance;
       ++near;
     }
@@ -91,7 +91,7 @@ std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d
   double squares = 0;
   for (const Eigen::Vector3d& p : points) {
     const double distance = DistanceToSurface(structure, p).distance;
-    if (distance >= kRmsDistance) continue;
+    if (distance >= kFarthestOff) continue;
     near.push_back(p);
     squares += distance * distance;
   }

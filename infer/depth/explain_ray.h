@@ -11,7 +11,7 @@ namespace volalign {
 /// surface, something before it, something behind it, which the surface would have hidden, or
 /// nothing.
 enum class Cause { kSurface, kBefore, kBehind, kMissing };
-inline constexpr std::size_t kCauses = 4;
+inline constexpr std::size_t kCauses = static_cast<std::size_t>(Cause::kMissing) + 1;
 
 /// A number for each cause, in their order: shares, or counts.
 using CauseShares = std::array<double, kCauses>;

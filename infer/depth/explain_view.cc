@@ -23,8 +23,8 @@ double Share(double part, double rest) { return part + rest > 0 ? part / (part +
 }  // namespace
 
 double CellsOf(const SensorView& view, int u, int v) {
-  const double solid_angle =
-      view.ray_areas(u, v) / std::pow(1 + view.rays.at(u, v).cast<double>().squaredNorm(), 1.5);
+  const double squared = 1 + view.rays.at(u, v).cast<double>().squaredNorm();
+  const double solid_angle = view.ray_areas(u, v) / (squared * std::sqrt(squared));
   return solid_angle / (view.errors.smooth_rad * view.errors.smooth_rad);
 }
 

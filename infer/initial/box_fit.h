@@ -5,6 +5,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/oriented_points.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -13,7 +14,7 @@ struct BoxFit {
   int steps = 6;
   std::size_t points = 500;  ///< at most, of those near the structure
   double first_reach =
-      0.1;  ///< m: points farther from the structure have no part in the first step
+      kFarthestOff;  ///< m: points farther from the structure have no part in the first step
   double last_reach = 0.04;  ///< m: and in the last one
   /// Points of the floor beside the structure count, too: for the first steps, when few sides may
   /// have been brought onto their points.

@@ -26,16 +26,13 @@ constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
 constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
 constexpr double kCoarseCells = 5;
-/// Rounds in which a pose is brought onto the boxes with all rays, as long as that explains more: a
-/// pose that no floor holds may be off by degrees at first.
-constexpr int kMostRounds = 4;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
 
 /// A plane is of the room that has so many times the most that the structure has in one plane.
 /// Planes are found with tolerances, so that sides that are turned (25 deg) or offset (m) against
 /// each other count as one.
-constexpr double kLargerThanStack = 1.3, kAlikePlane = 0.1;
+constexpr double kLargerThanStack = 1.3, kAlikePlane = kFarthestOff;
 
 /// Sensors are mounted upright, on a side or overhead.
 std::vector<Eigen::Vector3d> UsualUps() {
@@ -197,8 +194,9 @@ class Search {
   Poses FitWell(Poses poses, bool floor) const {
     if (poses.size() > kBeam) poses.resize(kBeam);
     for (GeometricPose& pose : poses) {
+      // One that no floor holds may be off by degrees at first.
       GeometricPose alone = FitWell(pose, points_, false);
-      for (int round = 1; round < kMostRounds; ++round) {
+      for (int round = 1; round <= kRounds; ++round) {
         const GeometricPose again = FitWell(alone, points_, false);
         if (!(Gain(again.shape) > Gain(alone.shape))) break;
         alone = again;

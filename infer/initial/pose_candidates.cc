@@ -24,8 +24,6 @@ constexpr double kMinExtent = 0.01;
 /// Of a patch's own uncertainty, so many sigmas widen the gate on its normal, of at most so much,
 /// rad.
 constexpr double kNormalSigmas = 2, kMaxNormalSigma = 0.5;
-/// Rounds in which a candidate is solved with the patches that agree with it.
-constexpr int kRounds = 3;
 /// Largest patches that are combined: with more, pairs and triples add nothing.
 constexpr std::size_t kCombinedPatches = 2 * kBeam;
 

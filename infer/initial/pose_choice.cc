@@ -19,8 +19,6 @@ constexpr double kFirstMargins = 2;
 /// Cosine of the angle between two verticals (60 deg) below which one pose turns the structure
 /// over.
 constexpr double kTurnedOver = 0.5;
-/// Rays with which competing poses are estimated again; they are compared with kCoarseRays.
-constexpr double kFineRays = 14000;
 
 constexpr Words<PoseSource, 3> kSources = {{{"network", PoseSource::kNetwork},
                                             {"geometry", PoseSource::kGeometry},
@@ -32,9 +30,8 @@ struct DecimatedTrials {
   std::vector<SegmentationResult> labels;  // of each trial
 };
 
-DecimatedTrials DecimateTrials(const SensorView& view, const std::vector<PoseTrial>& trials,
-                               double rays) {
-  const int stride = StrideForRays(view.depth.size(), rays);
+DecimatedTrials DecimateTrials(const SensorView& view, const std::vector<PoseTrial>& trials) {
+  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   DecimatedTrials decimated{Decimate(view, stride), {}};
   for (const PoseTrial& trial : trials)
     decimated.labels.push_back(Decimate(*trial.segmentation, stride));
@@ -57,24 +54,24 @@ double Overlap(const PoseCandidate& pose, const DecimatedTrials& coarse, const S
 }
 
 /// The pose, estimated again with the labels that it implies.
-Pose EstimateAgain(const PoseCandidate& pose, const DecimatedTrials& fine,
+Pose EstimateAgain(const PoseCandidate& pose, const DecimatedTrials& coarse,
                    const Structure& structure, const std::vector<StructureAlias>& aliases,
                    const InitialPoseOptions& options) {
-  SegmentationResult labels = ImpliedLabels(pose, fine.labels, aliases);
+  SegmentationResult labels = ImpliedLabels(pose, coarse.labels, aliases);
   std::vector<const SegmentationResult*> others;
-  for (std::size_t t = 0; t < fine.labels.size(); ++t) {
-    if (t != pose.trial) others.push_back(&fine.labels[t]);
+  for (std::size_t t = 0; t < coarse.labels.size(); ++t) {
+    if (t != pose.trial) others.push_back(&coarse.labels[t]);
   }
-  ReconcileLabels(fine.view, structure, aliases, pose.structure_from_sensor, others,
+  ReconcileLabels(coarse.view, structure, aliases, pose.structure_from_sensor, others,
                   options.patch.min_confidence, &labels);
   const InitialPose again =
-      EstimateInitialPose(fine.view, labels, structure, options, &pose.structure_from_sensor);
+      EstimateInitialPose(coarse.view, labels, structure, options, &pose.structure_from_sensor);
   return again.found ? again.structure_from_sensor : pose.structure_from_sensor;
 }
 
 /// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Therefore
 /// every pose is estimated again before it is judged, once for all that are about the same.
-void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
+void EstimateAllAgain(const DecimatedTrials& coarse, const Structure& structure,
                       const std::vector<StructureAlias>& aliases, const InitialPoseOptions& options,
                       std::vector<PoseCandidate>* poses) {
   std::vector<std::pair<Pose, Pose>> known;  // before and after
@@ -86,7 +83,7 @@ void EstimateAllAgain(const DecimatedTrials& fine, const Structure& structure,
     if (same != known.end()) {
       pose.structure_from_sensor = same->second;
     } else {
-      pose.structure_from_sensor = EstimateAgain(pose, fine, structure, aliases, options);
+      pose.structure_from_sensor = EstimateAgain(pose, coarse, structure, aliases, options);
       known.emplace_back(before, pose.structure_from_sensor);
     }
   }
@@ -196,12 +193,12 @@ std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structu
                                            const PoseChoiceOptions& options) {
   std::vector<PoseCandidate> poses = ListCompetitors(trials, aliases, known_up, options);
   if (poses.empty()) return {};
-  const DecimatedTrials coarse = DecimateTrials(view, trials, kCoarseRays);
+  const DecimatedTrials coarse = DecimateTrials(view, trials);
   for (PoseCandidate& pose : poses) pose.shape_iou = Overlap(pose, coarse, structure, initial);
   DropMisfits(kFirstMargins * options.shape_iou_margin, &poses);
   SortLargestFirst(&poses, [](const PoseCandidate& pose) { return pose.shape_iou; });
 
-  EstimateAllAgain(DecimateTrials(view, trials, kFineRays), structure, aliases, initial, &poses);
+  EstimateAllAgain(coarse, structure, aliases, initial, &poses);
   for (PoseCandidate& pose : poses) pose.shape_iou = Overlap(pose, coarse, structure, initial);
   DropMisfits(options.shape_iou_margin, &poses);
 

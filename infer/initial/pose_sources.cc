@@ -7,14 +7,13 @@
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/same_pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Labels follow the pose that they led to, so often at most, and while it moves farther than this,
-/// m.
-constexpr int kLabelRounds = 3;
+/// Labels follow the pose that they led to while it moves farther than this, m.
 constexpr double kLabelsStay = 0.005;
 /// Agreement of a network's labels with the best pose that they lead to, below which they say
 /// nothing: beyond the distances that it was trained for it labels the room (0.11 to 0.16 at 4 m).
@@ -137,7 +136,7 @@ LabelledPose LabelByPose(const SensorView& view, const Structure& structure, con
   LabelledPose labelled;
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   Pose at = pose;
-  for (int round = 0; round < kLabelRounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     labelled.segmentation = LabelsFromPose(view, structure, at, tolerance);
     labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &at);
     if (!labelled.initial.found) break;

@@ -23,7 +23,7 @@ constexpr double kDecides = 0.99;  // of it, but for rounding
 
 // Counted in margins:
 /// A floor that decides goes before everything else.
-constexpr double kFloorDecides = 3;
+constexpr double kFloorDecides = 2;
 /// Most that labels count where they tell up from down: enough to choose by.
 constexpr double kLabelsTellUp = 0.5;
 /// Against a sensor that is mounted otherwise than those of the network: enough to choose by.
@@ -33,10 +33,6 @@ constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
 
 /// Two choices between which less than this lies, in margins, are as good as each other.
 constexpr double kNothingTells = 0.25;
-/// The side of the picture that is up where it stands upright, and where it lies on its side.
-constexpr std::array<std::array<std::size_t, 2>, 4> kUprightSides = {
-    {{0, 1}, {0, 3}, {2, 1}, {2, 3}}};
-
 /// The index of the pose that each sensor has, of its options; -1: it has none, or any.
 using Choice = std::vector<int>;
 
@@ -112,7 +108,10 @@ class Rig {
   Choice Best(const Choice& fixed, Count count, const Choice& near = {}) {
     std::vector<Choice> starts;
     if (!near.empty()) starts.push_back(near);
-    for (const auto& upright : kUprightSides) starts.push_back(AllUpright(upright, count));
+    for (const std::size_t upright : {0, 2}) {
+      for (const std::size_t on_its_side : {1, 3})
+        starts.push_back(AllUpright(upright, on_its_side, count));
+    }
     Choice best;
     double best_score = 0;
     for (Choice& start : starts) {
@@ -249,15 +248,16 @@ class Rig {
     return known->second;
   }
 
-  /// Every sensor's own best option with one of these sides of the picture up, where it has one.
-  Choice AllUpright(const std::array<std::size_t, 2>& upright, Count count) const {
+  /// Every sensor's own best option with one of these sides of the picture up, where it has one:
+  /// of pictures that stand upright, and of those that lie on their side.
+  Choice AllUpright(std::size_t upright, std::size_t on_its_side, Count count) const {
     Choice choice;
     for (std::size_t i = 0; i < size(); ++i) {
       int best = -1;
       for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
         const auto rank = [&](int option) {
           const std::size_t own = UprightOf(i, option);
-          return std::make_pair(own == upright[0] || own == upright[1], Own(i, option, count));
+          return std::make_pair(own == upright || own == on_its_side, Own(i, option, count));
         };
         if (best < 0 || rank(k) > rank(best)) best = k;
       }

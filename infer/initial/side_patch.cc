@@ -15,12 +15,8 @@ namespace volalign {
 
 namespace {
 
-/// Components of fewer pixels are specks, which label errors make.
-constexpr std::size_t kSpeck = 12;
 /// Twice the area of a triangle over the square of its longest side, below which it is too thin.
 constexpr double kThinTriangle = 0.05;
-/// Fits to the inliers that follow.
-constexpr int kPlaneFits = 3;
 /// A label's second patch, as a share of the first, from which on it is a rival: less is what the
 /// frayed border of a label leaves over.
 constexpr int kRivalDivisor = 3;
@@ -30,10 +26,12 @@ constexpr double kPixelsPerPlane = 100, kSmoothError = 0.003;
 /// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
 constexpr double kMinVariance = 1e-8;
 
-/// Row-major pixel indices of each label, without components of fewer than kSpeck pixels.
+/// Row-major pixel indices of each label, without components of fewer than `speck` pixels,
+/// which label errors make.
 std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
                                               const SegmentationResult& segmentation,
-                                              int num_classes, double min_confidence) {
+                                              int num_classes, double min_confidence,
+                                              std::size_t speck) {
   const int width = view.width(), height = view.height();
   const auto usable = [&](int i) {
     const auto k = static_cast<std::size_t>(i);
@@ -65,7 +63,7 @@ std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
       visit(0, 1);
       visit(0, -1);
     }
-    if (component.size() >= kSpeck) {
+    if (component.size() >= speck) {
       auto& all = pixels[label];
       all.insert(all.end(), component.begin(), component.end());
     }
@@ -156,7 +154,7 @@ std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
     std::vector<int> inliers = Inliers(points, sample, limits, a, cross.normalized());
     if (inliers.size() > best.size()) best = std::move(inliers);
   }
-  for (int round = 0; round < kPlaneFits && best.size() >= 3; ++round) {
+  for (int round = 0; round < kRounds && best.size() >= 3; ++round) {
     const Plane plane = FitPlane(points, best);
     best = Inliers(points, candidates, limits, plane.point, plane.normal);
   }
@@ -196,7 +194,8 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
                                       const Structure& structure, const SidePatchOptions& options) {
   const std::vector<std::vector<int>> by_label =
-      ConnectedPixels(view, segmentation, structure.num_classes(), options.min_confidence);
+      ConnectedPixels(view, segmentation, structure.num_classes(), options.min_confidence,
+                      static_cast<std::size_t>(options.min_pixels) / 2);
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/geometry/visibility.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -12,12 +13,12 @@ namespace {
 
 /// Slabs of the lowest box.
 constexpr double kSlabsPerBox = 3;
-constexpr double kMostCell = 0.06, kMostSlab = 0.2;  // m
+constexpr double kMostCell = 2 * kRoughPose, kMostSlab = 0.2;  // m
 /// Cells along the structure's radius, and slabs along its height: what is small beside the whole
 /// need not be seen to find it.
 constexpr double kMostCells = 16;
-/// Inside begins so many cells behind the surface.
-constexpr double kInsideDepth = 1.3;
+/// Inside begins so many cells behind the surface: a diagonal.
+constexpr double kInsideDepth = M_SQRT2;
 
 bool Within(const Structure& structure, const Eigen::Vector3d& p) {
   return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
@@ -73,7 +74,7 @@ StackOutline MakeStackOutline(const Structure& structure, double cells) {
   outline.cell = std::max(std::min(smallest / cells, kMostCell), outline.radius / kMostCells);
   outline.slab = std::min(lowest / kSlabsPerBox, kMostSlab);
   outline.slab = std::max(outline.slab, structure.Height() / kMostCells);
-  outline.slabs = static_cast<int>(std::ceil(structure.Height() / outline.slab + 0.1));
+  outline.slabs = static_cast<int>(std::lround(structure.Height() / outline.slab)) + 1;
   outline.yaw_step = outline.cell / outline.radius;
   outline.pieces = Pieces(structure, outline);
   return outline;

@@ -41,7 +41,7 @@ StackOutline MakeStackOutline(const Structure& structure, double cells = 8);
 inline constexpr double kFacesUp = kFacesAlike, kFacesAside = 0.5;
 
 /// What a measured cell counts that lies inside the structure.
-inline constexpr double kInsideVote = -1.5;
+inline constexpr double kInsideVote = -1;
 
 /// Direction of a normal in the horizontal plane, rad.
 inline double Heading(const Eigen::Vector3d& normal) { return std::atan2(normal.z(), normal.x()); }

@@ -19,13 +19,13 @@ constexpr double kMostBehind = 0.06;
 const double kAtRightAngle = std::sqrt(1 - kSameDirection * kSameDirection);
 /// rad: two turns that differ by less (8 deg) are one.
 const double kSameTurn = std::acos(kSameNormal);
-/// Sine of the angle between what may be up and a plane that may be upright (35 deg).
-constexpr double kUpright = 0.57;
+/// Sine of the angle between what may be up and a plane that may be upright (30 deg).
+constexpr double kUpright = 0.5;
 /// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
 /// the area that the highest count has.
 constexpr double kHeightCell = 0.2, kLeastLevel = 0.15;
 /// Feet nearer than this part of a slab are one.
-constexpr double kSameFoot = 0.3;
+constexpr double kSameFoot = 0.5;
 
 /// Different directions in which planes face, up to their sign.
 std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {

@@ -17,7 +17,7 @@ namespace {
 constexpr double kBeyondFrom = kSamePlace, kBeyondTo = 0.07;
 /// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
 /// area, or so much of a border, as a part of its length, and less than half as much goes on there.
-constexpr double kLeastOfSide = 0.15, kLeastOfBorder = 0.25;
+constexpr double kLeastSeen = 0.2;
 
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
@@ -57,7 +57,7 @@ struct SideShape {
 /// m^2 beyond a border, below which it says nothing.
 double LeastBeyond(const Side& side, int border) {
   const double length = 2 * (border < 2 ? side.half_v : side.half_u);
-  return kLeastOfBorder * length * (kBeyondTo - kBeyondFrom);
+  return kLeastSeen * length * (kBeyondTo - kBeyondFrom);
 }
 
 /// Does a side end at its borders, as far as they tell?
@@ -101,7 +101,7 @@ void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) 
 
 /// The planes that one side shows.
 void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePlane>* planes) {
-  const double least_of_side = kLeastOfSide * side.exposed_area;
+  const double least_of_side = kLeastSeen * side.exposed_area;
   if (!(shape.shown > least_of_side)) return;
   const bool open = shape.open > least_of_side;
   const bool found = shape.explained > least_of_side && EndsThere(side, shape);

@@ -3,13 +3,12 @@
 #include <Eigen/Core>
 
 #include "core/geometry/visibility.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// m: what is measured nearer than the structure by more than this stands in front of it.
-constexpr double kInFront = 0.1;
 /// Share of a patch's area that its side has to show for the centroid of that to be used.
 constexpr double kMinShownShare = 0.2;
 
@@ -27,7 +26,7 @@ std::vector<ShownPart> ShownParts(const SensorView& view, const Structure& struc
     for (int u = 0; u < view.width(); ++u) {
       const int label = model.labels(u, v);
       // Where something stands in front, or nothing was measured, the patch lacks the pixel too.
-      if (label == 0 || !(view.depth(u, v) > model.depth(u, v) - kInFront)) continue;
+      if (label == 0 || !(view.depth(u, v) > model.depth(u, v) - kFarthestOff)) continue;
       const Eigen::Vector2f& ray = view.rays.at(u, v);
       const double z = model.depth(u, v);
       const Eigen::Vector3d p(z * ray.x(), z * ray.y(), z);

@@ -3,12 +3,12 @@
 #include <cstddef>
 
 #include "core/base/parallel_for.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-constexpr int kMostRounds = 4;    // of planes found anew
 constexpr double kMovedPx = 0.3;  // shift of the picture that is worth another one
 /// Standard deviations of its prior that a lens may change by. Beyond it, what was said about it is
 /// wrong, and what is between that and what planes say is no lens at all.
@@ -105,7 +105,7 @@ LensSet MeasureLenses(const PerFrame<SensorView>& views, LensSet lenses, int thr
 
 FoundLenses FindLenses(const CaptureSet& capture, LensSet lenses, int threads) {
   PerFrame<SensorView> views = LookThrough(capture, lenses, threads);
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     const PerFrame<SensorPlanes> planes = FindPlanes(views, lenses, threads);
     const LensSet before = lenses;
     ParallelFor(lenses.lenses.size(), threads,

@@ -16,8 +16,7 @@ constexpr double kLeastLever = 0.2;
 /// (docs/sensor-models.md).
 constexpr double kSmoothSpread = 0.8;
 constexpr double kLeastSmooth = kStepSigma * kDepthStep, kMostSmooth = 0.02;  // m
-constexpr int kSmoothSteps = 8;
-constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};  // rad
+constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};           // rad
 
 }  // namespace
 
@@ -62,7 +61,7 @@ void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
     const Eigen::MatrixXd unit = movement.Covariance(length);
     double smooth = 0;
     const double cost = MinimiseOverLog(
-        kLeastSmooth, kMostSmooth, kSmoothSteps,
+        kLeastSmooth, kMostSmooth,
         [&](double sigma) {
           const double unusual = std::log(sigma / usual) / kSmoothSpread;
           return RestrictedCost(sigma * sigma * unit + rest, residuals, unknown) +

@@ -13,7 +13,7 @@ namespace volalign::refine_internal {
 
 /// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
 inline double Correlation(double distance, double length) {
-  const double x = 1.7320508 * distance / length;
+  const double x = std::sqrt(3) * distance / length;
   return (1 + x) * std::exp(-x);
 }
 
@@ -25,16 +25,17 @@ double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& 
 
 /// Least value of a function over the logarithm of its argument: a grid, then a parabola.
 template <class F>
-double MinimiseOverLog(double low, double high, int steps, const F& f, double* best) {
+double MinimiseOverLog(double low, double high, const F& f, double* best) {
+  constexpr int kSteps = 8;
   std::vector<double> values;
-  const double ratio = std::pow(high / low, 1.0 / (steps - 1));
+  const double ratio = std::pow(high / low, 1.0 / (kSteps - 1));
   int least = 0;
-  for (int i = 0; i < steps; ++i) {
+  for (int i = 0; i < kSteps; ++i) {
     values.push_back(f(low * std::pow(ratio, i)));
     if (values.back() < values[static_cast<std::size_t>(least)]) least = i;
   }
   double shift = 0;
-  if (least > 0 && least + 1 < steps) {
+  if (least > 0 && least + 1 < kSteps) {
     const auto middle = static_cast<std::size_t>(least);
     const double a = values[middle - 1], b = values[middle], c = values[middle + 1];
     const double bend = a - 2 * b + c;

@@ -14,14 +14,13 @@ namespace volalign {
 
 namespace {
 
-constexpr int kSamples = 8;            // of a block, along each side
-constexpr double kLeastFilled = 0.7;   // share of a block's samples that have depth
-constexpr double kFlat = 0.004;        // rms distance of a patch's points from its plane, of depth
-constexpr double kLeastFlat = 0.004;   // m
-constexpr double kMostBent = 0.006;    // smallest by middle variance of a patch
-constexpr double kStep = 0.008;        // distance of one neighbour from the other's plane, of depth
-constexpr double kLeastStep = 0.012;   // m
-constexpr double kPixelsPerError = 2;  // neighbouring pixels have about the same error
+constexpr int kSamples = 8;           // of a block, along each side
+constexpr double kLeastFilled = 0.7;  // share of a block's samples that have depth
+constexpr double kFlat = 0.004;  // rms distance of a patch's points from its plane, of depth, and m
+constexpr double kMostBent = 0.006;  // smallest by middle variance of a patch
+constexpr double kStep = 2 * kFlat;  // distance of one neighbour from the other's plane, of depth
+constexpr double kLeastStep = kClearly * kFlat;  // m
+constexpr double kPixelsPerError = 2;            // neighbouring pixels have about the same error
 
 struct Patch {
   PlanePatch patch;
@@ -54,7 +53,7 @@ std::optional<Patch> FitPatch(const SensorView& view, int u, int v) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(covariance);
   const double variance = std::max(solver.eigenvalues()[0], 0.0);
-  const double flat = std::max(kLeastFlat, kFlat * mean.z());
+  const double flat = kFlat * std::max(1.0, mean.z());
   if (!(variance < flat * flat) || !(variance < kMostBent * solver.eigenvalues()[1]))
     return std::nullopt;
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);

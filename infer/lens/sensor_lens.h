@@ -17,7 +17,7 @@ namespace volalign {
 /// How a lens differs from its assumed intrinsics: logarithm of the factor on both focal lengths,
 /// and what is added to the coefficients k1 and k2.
 using LensChange = Eigen::Vector3d;
-inline constexpr int kLensParameters = 3;
+inline constexpr int kLensParameters = LensChange::SizeAtCompileTime;
 
 /// The intrinsics of the changed lens.
 Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change);

@@ -138,7 +138,7 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
 
 void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
                                         double* residual, double** jacobians) const {
-  constexpr int kOffset = 2, kGain = 4, kLens = 6;  // of a; those of b follow
+  constexpr int kOffset = 2, kGain = kOffset + 2, kLens = kGain + 2;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
   const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens]),
                         seen_b = match.b.Through(parameters[lens_b]);

@@ -129,8 +129,6 @@ class PriorCost : public ceres::CostFunction {
   std::vector<double> sigmas_;
 };
 
-/// m: what is farther off is no part of a surface.
-inline constexpr double kFarthestOff = 0.1;
 /// Cauchy's cost, by which held-out points are compared: log(1 + (distance / scale)^2), of
 /// distances up to kFarthestOff. m.
 inline double RobustCost(double distance, double scale) {

@@ -13,7 +13,6 @@ namespace {
 /// A parameter is observable when its posterior standard deviation is below this share of the
 /// prior's: when a capture says more of it than the prior does.
 constexpr double kObservable = M_SQRT1_2;
-constexpr double kGaugeOnly = 1e-12;  // m^2, a prior variance that is none: of a single box
 
 void Clear(std::vector<char>* flags) { std::fill(flags->begin(), flags->end(), 0); }
 
@@ -67,7 +66,8 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
       const auto x = static_cast<Eigen::Index>(3 * b);
       for (const Eigen::Index j : {x, x + 1}) {
         // A single box is nothing but gauge.
-        keep = keep && prior[j] > kGaugeOnly && Square(sigmas[j]) < Square(kObservable) * prior[j];
+        keep = keep && prior[j] > Square(Positive(0)) &&
+               Square(sigmas[j]) < Square(kObservable) * prior[j];
       }
     }
   }

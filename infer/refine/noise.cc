@@ -22,11 +22,10 @@ constexpr double kEdgeCommon = 0.6;       // px, of the correlated part
 constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straight line
 
 // The fit.
-constexpr std::array<double, 3> kSeams = {0.1, 0.4, 1};              // of the kind's
-constexpr double kLeastEdge = 0.25, kMostEdge = 8, kEdgeSpread = 1;  // of NoiseModel::edge
-constexpr int kEdgeSteps = 6;
-constexpr std::size_t kMostObservations = 110;  // of each kind: enough for three numbers
-constexpr Eigen::Index kFewestToFit = 12;       // of each kind: that tell more than the defaults
+constexpr std::array<double, 3> kSeams = {0.1, 0.4, 1};  // of the kind's
+constexpr double kLeastEdge = 0.25, kEdgeSpread = 1;     // of NoiseModel::edge
+constexpr std::size_t kMostObservations = 110;           // of each kind: enough for three numbers
+constexpr Eigen::Index kFewestToFit = 12;  // of each kind: that tell more than the defaults
 
 Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
 
@@ -153,7 +152,7 @@ void FitEdgeNoise(const FrameObservations& sample, const Linearised& edges, Nois
   const Eigen::MatrixXd rest = edges.shared * edges.shared.transpose();
   const Eigen::MatrixXd own = EdgeCovariance(sample);
   MinimiseOverLog(
-      kLeastEdge, kMostEdge, kEdgeSteps,
+      kLeastEdge, 1 / kLeastEdge,
       [&](double scale) {
         const double unusual = std::log(scale) / kEdgeSpread;
         return RestrictedCost(scale * scale * own + rest, edges.residuals, edges.by_pose) +

@@ -15,19 +15,17 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kRise = 0.02;        // m, that a box has to rise in front of a side for a seam
-constexpr std::size_t kFewest = 3;    // points of an observation on a face
-constexpr double kFarFromMiddle = 3;  // spreads, of points that are no part of it
+constexpr double kRise = 0.02;      // m, that a box has to rise in front of a side for a seam
+constexpr std::size_t kFewest = 3;  // points of an observation on a face
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
 constexpr double kPixelsPerError = 2;
 
 // The robust fit.
 constexpr int kRobustIterations = 8;
-constexpr double kRobustMultipath = 0.02;  // m, prior of the multipath error
-constexpr double kRobustPose = 1;          // m and rad, prior of the pose
+constexpr double kRobustPose = 1;  // m and rad, prior of the pose
 constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 2.5;  // spreads
-constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
+constexpr double kWidening = 4;  // of what an outlier's square exceeds the limit's by
 
 /// One image block's points on one side, without those that lie apart from the others.
 FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
@@ -48,7 +46,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   face.p.setZero();
   double squares = 0, weights = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
-    if (std::abs(distances[k] - middle) > kFarFromMiddle * spread) continue;
+    if (std::abs(distances[k] - middle) > kClearly * spread) continue;
     // A pixel that several frames disagree about says less than the others.
     const double weight = 1 / (1 + Square(points[k]->sigma / kDepthStep));
     face.p += weight * points[k]->p;
@@ -111,7 +109,7 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
   const auto boxes = static_cast<int>(model.structure().boxes().size());
   Eigen::VectorXd prior(j.cols());
   prior << Eigen::VectorXd::Constant(6, kRobustPose),
-      SharedPriorSigmas(priors, kRobustMultipath, boxes).unaryExpr(&Positive);
+      SharedPriorSigmas(priors, 2 * observed.noise.depth.seam_m, boxes).unaryExpr(&Positive);
   const Eigen::VectorXd units = Units(observed);
   const std::size_t faces = observed.faces.size(), edges = observed.edges.size();
   Eigen::VectorXd left = r;

@@ -21,8 +21,7 @@ namespace volalign::refine_internal {
 
 /// A frame's nuisance block: multipath in m, outward shift in px of silhouettes along image rows
 /// and along columns (a stereo matcher widens them along its baseline). All depend on what is seen.
-inline constexpr int kNuisances = 3;
-inline constexpr int kMultipath = 0, kEdgeShift = 1;
+inline constexpr int kMultipath = 0, kEdgeShift = 1, kNuisances = kEdgeShift + 2;
 
 /// Of the pose priors, which bound directions that nothing constrains: m and rad.
 inline constexpr double kPoseSigma = 1;

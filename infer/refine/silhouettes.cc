@@ -26,13 +26,11 @@ constexpr double kShareOfGap = 0.25;
 /// Two-sided points along one image axis from which on they say where the structure ends: one-sided
 /// ones, which depend on what a sensor loses along edges, would only blur that.
 constexpr int kEnough = 40;
-/// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
-/// band as wide as its largest disparity.
-constexpr int kEmptyBorder = 12;
-constexpr int kNeighbours = 8;          // rows (or columns) on each side that have to form a line
-constexpr std::size_t kFewestEnds = 9;  // of these and its own, in which the side ends nearby
-constexpr int kStray = 4;               // px between the ends of neighbours, beyond a slope of 1
-constexpr double kRagged = 1.5;         // px rms, of the ends about their line
+constexpr int kNeighbours = 8;  // rows (or columns) on each side that have to form a line
+constexpr std::size_t kFewestEnds =
+    kNeighbours + 1;             // of these and its own, in which the side ends nearby
+constexpr int kStray = 4;        // px between the ends of neighbours, beyond a slope of 1
+constexpr double kRagged = 1.5;  // px rms, of the ends about their line
 
 /// A walk across the image, from a pixel of a side to where its surface ends.
 struct Walk {

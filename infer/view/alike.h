@@ -32,9 +32,16 @@ inline constexpr double kRoughPose = 0.03;
 inline constexpr double kDepthStep = 1e-3;
 /// Standard deviation of an error of rounding to whole steps, or to whole pixels: 1 / sqrt(12).
 inline constexpr double kStepSigma = 0.28868;
+/// m: what is farther from a surface is no part of it.
+inline constexpr double kFarthestOff = 0.1;
 /// m: what is farther from a sensor is of no room that it is used in.
 inline constexpr double kFarthest = 8;
 
+/// Rounds at most in which something follows what it led to itself.
+inline constexpr int kRounds = 3;
+/// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
+/// band as wide as its largest disparity.
+inline constexpr int kEmptyBorder = 12;
 /// RANSAC: planes that are tried, and points that they are counted with.
 inline constexpr int kPlaneTrials = 80, kPlaneProbes = 400;
 /// Of what is tried in a search: so many go on from one stage to the next.

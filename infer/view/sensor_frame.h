@@ -8,6 +8,7 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -31,7 +32,7 @@ struct SensorFrame {
 
   // Carried into extrinsics.json, not used.
   std::vector<std::string> depth_files;  ///< as the capture names them
-  double depth_scale = 0.001;            ///< m per unit of the depth files
+  double depth_scale = kDepthStep;       ///< m per unit of the depth files
   std::string serial;
   std::string renderer;  ///< that drew the frame, where no sensor measured it
   std::optional<ColourCamera> colour;

@@ -15,7 +15,7 @@ namespace volalign {
 
 namespace {
 
-constexpr float kNearest = 1e-3f;  // m: a corrected depth is a depth still
+constexpr auto kNearest = static_cast<float>(kDepthStep);  // m: a corrected depth is a depth still
 
 /// Of finite rays; 0 elsewhere.
 Image<float> RayAreas(const Intrinsics& intrinsics, const RayTable& rays) {

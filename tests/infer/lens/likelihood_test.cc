@@ -72,7 +72,7 @@ TEST(RestrictedCost, IsLeastNearTheTrueVariance) {
   const Eigen::VectorXd r = 0.7 * Normal(kRows, 1, 2);
   double sigma = 0;
   MinimiseOverLog(
-      0.01, 10, 25,
+      0.3, 2,
       [&](double s) {
         return RestrictedCost(s * s * Eigen::MatrixXd::Identity(kRows, kRows), r, jacobian);
       },
@@ -92,7 +92,7 @@ TEST(MinimiseOverLog, FindsAParabolasVertexBetweenItsSteps) {
   for (const double vertex : {0.02, 0.37, 1.0, 5.5}) {
     double best = 0;
     const double least = MinimiseOverLog(
-        0.01, 10, 7,
+        0.01, 10,
         [&](double x) {
           const double away = std::log(x / vertex);
           return 2 + 3 * away * away;
@@ -100,25 +100,25 @@ TEST(MinimiseOverLog, FindsAParabolasVertexBetweenItsSteps) {
         &best);
     EXPECT_NEAR(best, vertex, 1e-9 * vertex);
     EXPECT_GE(least, 2) << "the value at the nearest step";
-    // Half a step away: ln(1000) / 6 / 2.
-    EXPECT_LE(least, 2 + 3 * std::pow(std::log(1000.0) / 12, 2) + 1e-9);
+    // Half a step of eight away: ln(1000) / 7 / 2.
+    EXPECT_LE(least, 2 + 3 * std::pow(std::log(1000.0) / 14, 2) + 1e-9);
   }
 }
 
 TEST(MinimiseOverLog, StaysWithinItsBounds) {
   double best = 0;
   EXPECT_DOUBLE_EQ(MinimiseOverLog(
-                       0.1, 10, 5, [](double x) { return x; }, &best),
+                       0.1, 10, [](double x) { return x; }, &best),
                    0.1);
   EXPECT_DOUBLE_EQ(best, 0.1);
   MinimiseOverLog(
-      0.1, 10, 5, [](double x) { return -x; }, &best);
+      0.1, 10, [](double x) { return -x; }, &best);
   EXPECT_NEAR(best, 10, 1e-12);
   // An infinite neighbour bends nothing.
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   MinimiseOverLog(
-      0.1, 10, 3, [&](double x) { return std::abs(x - 1) < 0.1 ? 0 : kInfinity; }, &best);
-  EXPECT_NEAR(best, 1, 1e-12);
+      1, 128, [&](double x) { return std::abs(x - 8) < 0.1 ? 0 : kInfinity; }, &best);
+  EXPECT_NEAR(best, 8, 1e-12);
 }
 
 }  // namespace
