@@ -78,7 +78,7 @@ class McapReader {
     stream_.seekg(kMagic);
     std::uint64_t at = kMagic;
     constexpr std::uint64_t kHead = 1 + sizeof(std::uint64_t);
-    while (!complete_ && size_ - at >= kHead) {
+    while (!complete_ && size_ >= at + kHead) {
       std::string head(kHead, '\0');
       stream_.read(head.data(), kHead);
       at += kHead;

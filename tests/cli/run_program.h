@@ -38,6 +38,7 @@ class RunningProgram {
       ::dup2(ends[1], STDERR_FILENO);
       ::close(ends[0]);
       ::close(ends[1]);
+      ::signal(SIGINT, SIG_DFL);  // ignored where a shell runs the tests in the background
       ::execv(pointers[0], pointers.data());
       ::_exit(127);
     }
