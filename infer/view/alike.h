@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 
 namespace volalign {
 
@@ -45,6 +46,6 @@ inline constexpr int kEmptyBorder = 12;
 /// RANSAC: planes that are tried, and points that they are counted with.
 inline constexpr int kPlaneTrials = 80, kPlaneProbes = 400;
 /// Of what is tried in a search: so many go on from one stage to the next.
-inline constexpr int kBeam = 8;
+inline constexpr std::size_t kBeam = 8;
 
 }  // namespace volalign
