@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "infer/view/alike.h"
+
 namespace volalign {
 
 namespace {

@@ -20,7 +20,7 @@ namespace volalign {
 /// floor says anything. At 0, the structure may stand on a table all the same: what is seen between
 /// its foot and a level surface far under it speaks against nothing.
 struct FloorFit {
-  int pixels = 0;    ///< looked at: of those with depth, as many as kCoarseRays leaves
+  int pixels = 0;    ///< with depth, of those that a picture of kCoarseRays has
   int on_floor = 0;  ///< of those: level, on the plane that the structure stands on, off the
                      ///< structure
   /// Of those: clearly under that plane, or under the floor that a table may stand on, where no

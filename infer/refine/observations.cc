@@ -25,7 +25,7 @@ constexpr int kRobustIterations = 8;
 constexpr double kRobustPose = 1;  // m and rad, prior of the pose
 constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 2.5;  // spreads
-constexpr double kWidening = 4;  // of what an outlier's square exceeds the limit's by
+constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
 /// One image block's points on one side, without those that lie apart from the others.
 FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
