@@ -28,7 +28,8 @@ constexpr double kLabelsStay = 0.002;
 /// What is estimated beside the poses is chosen in so many rounds and then kept: where two choices
 /// explain the frames about equally well, the labels of each round may call for the other one.
 constexpr int kChoices = 2;
-/// The errors of the frames are fitted in so many, and kept for the same reason.
+/// The errors of the frames are fitted, and it is asked which frames disagree, in so many, and
+/// both are kept for the same reason.
 constexpr int kFits = 4;
 
 /// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
@@ -105,12 +106,15 @@ SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frame
   return frames;
 }
 
-/// The frames of these poses with their errors as they were fitted.
+/// The frames of these poses with their errors as they were fitted, set aside or not as they were.
 SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrames<Pose>& poses,
                                   const RefineResult& refined) {
   auto found = refined.frames.begin();
   for (auto& [id, frame] : frames) {
-    if (poses.count(id) > 0) frame.noise = found->noise;
+    if (poses.count(id) > 0) {
+      frame.noise = found->noise;
+      frame.aside = found->refused_fit.has_value();
+    }
     ++found;
   }
   return frames;

@@ -288,10 +288,13 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
         agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
     });
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (!takes_part(i) || !Disagrees(agreed.measured[i], unknowns)) continue;
+      const std::optional<bool>& earlier = problem.frames[i].aside;
+      if (!takes_part(i) || !(earlier ? *earlier : Disagrees(agreed.measured[i], unknowns)))
+        continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
-    if (worst) worst = FindOddOne(problem, agreed, unknowns, *worst);
+    if (worst && !problem.frames[*worst].aside)
+      worst = FindOddOne(problem, agreed, unknowns, *worst);
     const bool leaves_majority = 2 * (aside + 1) < problem.size();
     if (!worst || !leaves_majority) break;
     std::optional<State> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);

@@ -38,6 +38,9 @@ struct FrameInput {
   /// What an earlier refinement has fitted to its errors (RefinedFrame::noise), to be kept;
   /// nothing: they are fitted.
   std::optional<refine_internal::NoiseModel> noise = {};
+  /// Whether an earlier refinement has set it aside (RefinedFrame::refused_fit), to be kept;
+  /// nothing: it is asked whether it disagrees.
+  std::optional<bool> aside = {};
 };
 
 namespace refine_internal {

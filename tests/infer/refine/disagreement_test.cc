@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -266,6 +267,20 @@ TEST(SetAsideDisagreeing, AsksAboutTheBoxesAlsoWhereTheSizeIsKnownExactly) {
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_TRUE(agreed.of[0].has_value());
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
+}
+
+TEST(SetAsideDisagreeing, KeepsAsideWhatWasAsideEarlier) {
+  const auto aside = [](std::array<bool, 3> earlier) {
+    OddOne scene(0.04);
+    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].aside = earlier[i];
+    scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
+    const Agreed agreed =
+        SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+    return std::array<bool, 3>{agreed.of[0].has_value(), agreed.of[1].has_value(),
+                               agreed.of[2].has_value()};
+  };
+  EXPECT_EQ(aside({false, false, false}), (std::array<bool, 3>{false, false, false}));
+  EXPECT_EQ(aside({false, false, true}), (std::array<bool, 3>{false, false, true}));
 }
 
 TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
