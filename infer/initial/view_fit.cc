@@ -51,6 +51,7 @@ struct BorderShape {
 /// The same of one side.
 struct SideShape {
   double shown = 0, open = 0, explained = 0;
+  double seen = 0;  // of what is explained, as the sum over all sides has it
   std::array<BorderShape, kBorders> borders;
 };
 
@@ -138,7 +139,7 @@ class Measurement {
             ? structure_.SideOfLabel(ray.label)
             : structure_.sides()[static_cast<std::size_t>(DistanceToSurface(structure_, hit).side)];
     SideShape& shape = shapes_[static_cast<std::size_t>(&side - structure_.sides().data())];
-    const double area = Area(ray, side, ray.expected);
+    const double area = Area(ray, side, ray.expected), seen = Seen(ray, side, ray.expected);
     shape.shown += area;
     if (!(ray.measured > 0)) return;
     const double tolerance = tolerance_(ray.measured);
@@ -148,21 +149,22 @@ class Measurement {
     const bool near = std::abs(ray.measured - ray.expected) <= tolerance;
     const bool on_surface = near || DistanceToSurface(structure_, p).distance <= tolerance;
     if (!on_surface && ray.measured < ray.expected) {
-      fit_.occluded += area;
+      fit_.occluded += seen;
       return;
     }
     shape.open += area;
     if (on_surface) {
       const bool known = near && inner && ray.normal.squaredNorm() > 0;
       if (known && ray.normal.dot(side.normal) < kFacesAlike) {
-        fit_.turned += area;
+        fit_.turned += seen;
       } else if (ray.room) {
-        fit_.larger += area;
+        fit_.larger += seen;
       } else {
         shape.explained += area;
+        shape.seen += seen;
       }
     } else if (inner) {
-      fit_.behind += area;
+      fit_.behind += seen;
     }
   }
 
@@ -201,7 +203,7 @@ class Measurement {
         fit.goes_on += border.goes_on;
         fit.ends += border.ends;
       }
-      (EndsThere(structure_.sides()[i], shape) ? fit.explained : fit.larger) += shape.explained;
+      (EndsThere(structure_.sides()[i], shape) ? fit.explained : fit.larger) += shape.seen;
       AddPlanes(structure_.sides()[i], shape, &planes);
     }
     fit.shown_planes = static_cast<int>(planes.size());
@@ -213,11 +215,16 @@ class Measurement {
   }
 
  private:
-  static double Area(const Ray& ray, const Side& side, double z) {
+  /// m^2 of a side that a ray covers.
+  static double Area(const Ray& ray, const Side& side, double z, double least_cosine = kGrazing) {
     const double cosine =
-        std::max(std::abs(side.normal.dot(ray.direction)), kGrazing * ray.direction.norm());
+        std::max(std::abs(side.normal.dot(ray.direction)), least_cosine * ray.direction.norm());
     return z * z * ray.area / cosine;
   }
+
+  /// The same, at most twice what the ray sees of it: where a side is seen edge-on, one row of
+  /// pixels more or less would outweigh all others.
+  static double Seen(const Ray& ray, const Side& side, double z) { return Area(ray, side, z, 0.5); }
 
   const Structure& structure_;
   SurfaceTolerance tolerance_;

@@ -7,7 +7,8 @@
 namespace volalign {
 
 /// How well what was measured has the structure's shape at a pose, whatever any label says: areas,
-/// m^2, of the structure's surface as it would be seen from there.
+/// m^2, of the structure's surface as it would be seen from there, of what is seen at more than 60
+/// deg at most twice the area across the rays.
 struct ViewFit {
   double explained = 0;  ///< measured there, facing as it should
   double turned = 0;     ///< measured there, but facing otherwise
