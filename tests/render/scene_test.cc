@@ -228,8 +228,8 @@ TEST_F(SceneTest, RoomEnclosesEverything) {
     const SceneMesh mesh = BuildScene(config, structure_, options, 6, i);
     RandomStream direction_random(7, i, "test");
     for (int ray = 0; ray < 200; ++ray) {
-      const Eigen::Vector3d d(direction_random.Normal(), direction_random.Normal(),
-                              direction_random.Normal());
+      const Eigen::Vector3d d{direction_random.Normal(), direction_random.Normal(),
+                              direction_random.Normal()};
       bool hit = false;
       for (const SceneFace& face : mesh.faces) {
         const double approach = face.normal.dot(d);

@@ -34,9 +34,9 @@ Structure RandomStructure(std::uint64_t index, int count) {
     box.name = "box " + std::to_string(b);
     box.size = {random.Uniform(0.1, 0.6), random.Uniform(0.1, 0.6), random.Uniform(0.1, 0.6)};
     box.structure_from_box.translation() =
-        Vector3d(random.Uniform(-1, 1), random.Uniform(0, 2), random.Uniform(-1, 1));
+        Vector3d{random.Uniform(-1, 1), random.Uniform(0, 2), random.Uniform(-1, 1)};
     // Half of the structures stand level, half are thrown together.
-    const Vector3d turn(random.Normal(), random.Normal(), random.Normal());
+    const Vector3d turn{random.Normal(), random.Normal(), random.Normal()};
     box.structure_from_box.linear() = RotationExp(index % 2 ? turn : Vector3d(0, turn.y(), 0));
     boxes.push_back(box);
     for (const char* face : {"left", "up", "front", "right", "back"}) {

@@ -21,7 +21,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 Vector3d RandomVector(RandomStream& random, double scale = 1) {
-  return scale * Vector3d(random.Normal(), random.Normal(), random.Normal());
+  return scale * Vector3d{random.Normal(), random.Normal(), random.Normal()};
 }
 
 Matrix3d Skew(const Vector3d& w) {

@@ -29,7 +29,7 @@ Points RandomPoints(RandomStream& random, int n, const Vector3d& spread = {1, 1,
 
 /// Rotation of a random unit quaternion, written out (no Eigen::Geometry on the way).
 Pose RandomPose(RandomStream& random) {
-  Eigen::Vector4d q(random.Normal(), random.Normal(), random.Normal(), random.Normal());
+  Eigen::Vector4d q{random.Normal(), random.Normal(), random.Normal(), random.Normal()};
   q.normalize();
   const double w = q[0], x = q[1], y = q[2], z = q[3];
   Pose pose = Pose::Identity();

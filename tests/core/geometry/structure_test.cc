@@ -222,7 +222,7 @@ TEST(Structure, RandomStacksAgreeWithAGrid) {
       box.name = "box" + std::to_string(b);
       box.size = {random.Uniform(0.2, 0.6), 0.3, random.Uniform(0.2, 0.6)};
       box.structure_from_box.translation() =
-          Vector3d(random.Uniform(-0.2, 0.2), 0.15 + 0.3 * level, random.Uniform(-0.2, 0.2));
+          Vector3d{random.Uniform(-0.2, 0.2), 0.15 + 0.3 * level, random.Uniform(-0.2, 0.2)};
       box.structure_from_box.linear() = RotationExp({0, random.Uniform(-1, 1), 0});
       boxes.push_back(box);
     }
@@ -442,7 +442,7 @@ TEST(Side, ClosestPointAgreesWithDenseSampling) {
   RandomStream random(1, 0, "closest");
   for (int i = 0; i < 40; ++i) {
     const Side& side = structure.sides()[static_cast<std::size_t>(random.Below(24))];
-    const Vector3d p(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1));
+    const Vector3d p{random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)};
     const Vector3d q = side.ClosestPoint(p);
     EXPECT_NEAR((q - side.centre).dot(side.normal), 0, 1e-12);
     EXPECT_LE(std::abs((q - side.centre).dot(side.axis_u)), side.half_u + 1e-12);

@@ -28,9 +28,9 @@ Structure RandomStructure(std::uint64_t index) {
     box.name = "box" + std::to_string(b);
     box.size = {random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5)};
     box.structure_from_box.translation() =
-        0.3 * Vector3d(random.Normal(), random.Normal(), random.Normal());
+        0.3 * Vector3d{random.Normal(), random.Normal(), random.Normal()};
     box.structure_from_box.linear() =
-        RotationExp(Vector3d(random.Normal(), random.Normal(), random.Normal()));
+        RotationExp(Vector3d{random.Normal(), random.Normal(), random.Normal()});
     boxes.push_back(box);
   }
   return Structure::FromBoxes("random", boxes);
@@ -112,9 +112,9 @@ TEST(CastRay, AgreesWithTriangles) {
     int hits = 0;
     for (int i = 0; i < 4000; ++i) {
       const Vector3d origin =
-          2.5 * Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
-      const Vector3d aim(random.Uniform(-0.7, 0.7), random.Uniform(-0.9, 0.9),
-                         random.Uniform(-0.7, 0.7));
+          2.5 * Vector3d{random.Normal(), random.Normal(), random.Normal()}.normalized();
+      const Vector3d aim{random.Uniform(-0.7, 0.7), random.Uniform(-0.9, 0.9),
+                         random.Uniform(-0.7, 0.7)};
       const Vector3d direction = random.Uniform(0.3, 2) * (aim - origin);
       const Crossing expected = BruteForceCast(triangles, origin, direction);
       const RayHit hit = CastRay(structure, origin, direction);
@@ -203,7 +203,7 @@ TEST(CastView, AgreesWithTriangles) {
     const double phi = random.Uniform(0, 6.28), rho = random.Uniform(1.0, 3.0);
     const Vector3d position(rho * std::cos(phi), random.Uniform(-0.7, 0.9), rho * std::sin(phi));
     const Pose pose =
-        LookAt(position, 0.2 * Vector3d(random.Normal(), random.Normal(), random.Normal()),
+        LookAt(position, 0.2 * Vector3d{random.Normal(), random.Normal(), random.Normal()},
                random.Uniform(-3, 3));
     ExpectViewAsTriangles(structure, intrinsics, pose, &hits, &downs);
   }
@@ -252,7 +252,7 @@ TEST(DistanceToSurface, AgreesWithDenseSampling) {
     }
     RandomStream random(4, index, "distance");
     for (int i = 0; i < 150; ++i) {
-      const Vector3d p(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1));
+      const Vector3d p{random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)};
       double best = kInfinity;
       for (const auto& [q, box] : samples) best = std::min(best, (q - p).norm());
       const SurfaceDistance distance = DistanceToSurface(structure, p);

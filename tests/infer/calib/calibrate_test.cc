@@ -208,8 +208,8 @@ FakeRoom MakeFakeRoom(const Structure& structure, std::uint64_t seed) {
   std::vector<Box> boxes;
   const int count = 3 + random.Below(6);
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector3d size(random.Uniform(0.25, 0.8), random.Uniform(0.3, 1.5),
-                               random.Uniform(0.25, 0.8));
+    const Eigen::Vector3d size{random.Uniform(0.25, 0.8), random.Uniform(0.3, 1.5),
+                               random.Uniform(0.25, 0.8)};
     const double x = random.Uniform(-2, 1), z = random.Uniform(-1.8, 1.8);
     Box box;
     box.name = "clutter" + std::to_string(i);

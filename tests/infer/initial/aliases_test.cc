@@ -35,8 +35,8 @@ TEST(FindAliases, CountsTheBoxesThatComeToLieOnBoxes) {
     for (const Box& box : structure.boxes()) {
       bool all = true;
       for (int k = 0; k < 200; ++k) {
-        const Eigen::Vector3d p(random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5),
-                                random.Uniform(-0.5, 0.5));
+        const Eigen::Vector3d p{random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5),
+                                random.Uniform(-0.5, 0.5)};
         all = all && Inside(structure,
                             alias.motion * (box.structure_from_box *
                                             Eigen::Vector3d(p.cwiseProduct(box.size))),

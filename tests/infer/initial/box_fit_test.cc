@@ -57,8 +57,8 @@ double Off(const Pose& pose) {
 TEST(FitToBoxes, BringsPointsOntoTheirSides) {
   RandomStream random(1, 0, "box fit");
   const auto draw = [&](double size) {
-    return Eigen::Vector3d(random.Uniform(-size, size), random.Uniform(-size, size),
-                           random.Uniform(-size, size));
+    return Eigen::Vector3d{random.Uniform(-size, size), random.Uniform(-size, size),
+                           random.Uniform(-size, size)};
   };
   BoxFit fit;
   fit.steps = 30;

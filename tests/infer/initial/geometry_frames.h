@@ -74,11 +74,11 @@ inline Structure RandomStack(std::uint64_t seed) {
   std::vector<Box> boxes;
   Eigen::Vector3d foot(0, 0, 0);
   for (int k = 0; k < count; ++k) {
-    const Eigen::Vector3d size(random.Uniform(0.25, 0.6), random.Uniform(0.2, 0.45),
-                               random.Uniform(0.25, 0.6));
+    const Eigen::Vector3d size{random.Uniform(0.25, 0.6), random.Uniform(0.2, 0.45),
+                               random.Uniform(0.25, 0.6)};
     const double yaw = random.Below(2) == 0 ? 0 : random.Uniform(-45, 45);
     boxes.push_back(Standing("box" + std::to_string(k), size, foot, yaw));
-    foot += Eigen::Vector3d(random.Uniform(-0.12, 0.12), size.y(), random.Uniform(-0.12, 0.12));
+    foot += Eigen::Vector3d{random.Uniform(-0.12, 0.12), size.y(), random.Uniform(-0.12, 0.12)};
   }
   return Structure::FromBoxes("stack", boxes);
 }

@@ -178,7 +178,7 @@ TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
   for (const Intrinsics& lens : {testing_infer::Kinect(), testing_infer::KinectWithLens()}) {
     for (const double aside_deg : {0.0, 18.0}) {
       SCOPED_TRACE(testing::Message() << lens.distortion.size() << " " << aside_deg);
-      Pose pose = RingPose(35, 1.2, 1.9, 90, {0.1, 1.15, 0});
+      Pose pose = RingPose(45, 2.4, 2.85, 90, {0.1, 1.15, 0});
       pose.linear() *=
           Eigen::AngleAxisd(aside_deg * M_PI / 180, Eigen::Vector3d(1, 1, 0).normalized())
               .toRotationMatrix();

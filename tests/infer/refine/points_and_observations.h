@@ -65,7 +65,7 @@ inline Pose Displaced(const Pose& pose, double translation, double rotation_deg,
                       std::uint64_t seed) {
   RandomStream random(seed, 0, "displaced");
   const auto direction = [&] {
-    return Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+    return Eigen::Vector3d{random.Normal(), random.Normal(), random.Normal()}.normalized();
   };
   Pose moved = pose;
   moved.translation() += translation * direction();

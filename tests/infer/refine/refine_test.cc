@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -73,8 +75,19 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
     const PoseError error =
         ComparePoses(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
     EXPECT_TRUE(result.frames[lost].accepted) << lost;
-    EXPECT_FALSE(!(error.translation_m < 5e-3)) << lost << ": " << error.translation_m;
-    EXPECT_FALSE(!(error.rotation_deg < 0.2)) << lost << ": " << error.rotation_deg;
+    EXPECT_FALSE(!(error.rotation_deg < 0.02)) << lost << ": " << error.rotation_deg;
+    // What the first and the last share with their neighbours leaves one direction open, to 4 to 6
+    // cm; elsewhere they are as exact as the other.
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> open(
+        result.frames[lost].covariance.topLeftCorner<3, 3>());
+    const Eigen::Vector3d off =
+        open.eigenvectors().transpose() *
+        LeftDifference(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth)
+            .head<3>();
+    const Eigen::Vector3d sigmas = open.eigenvalues().cwiseSqrt();
+    EXPECT_EQ(sigmas.z() > 0.03, lost != 3) << lost << ": " << sigmas.transpose();
+    EXPECT_LT(off.head<2>().norm(), 1.5e-3) << lost << ": " << off.transpose();
+    EXPECT_LT(std::abs(off.z()), std::max(1.5e-3, sigmas.z())) << lost << ": " << off.transpose();
   }
 }
 
@@ -446,9 +459,9 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
       Pose offset = Pose::Identity();
       offset.linear() = RotationExp({0, random.Normal() * options.box_sigma_deg * M_PI / 180, 0});
       offset.translation() = centre - offset.linear() * centre +
-                             Eigen::Vector3d(random.Normal() * options.box_sigma_m,
+                             Eigen::Vector3d{random.Normal() * options.box_sigma_m,
                                              (size - 1) * (centre.y() - nominal.FloorHeight()),
-                                             random.Normal() * options.box_sigma_m);
+                                             random.Normal() * options.box_sigma_m};
       offsets.push_back(offset);
     }
     Rig rig{nominal.Displaced(offsets, size), {}, {}};

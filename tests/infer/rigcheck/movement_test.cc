@@ -180,7 +180,7 @@ TEST(Movement, WhatIsFoundIsAsStated) {
     }
     if (trial == 0) from = FindMovements(last, now).sensors[2].found_from_m;
     now[2].structure_from_sensor.translation() +=
-        from * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()).normalized();
+        from * Eigen::Vector3d{random.Normal(), random.Normal(), random.Normal()}.normalized();
     const Movements movements = FindMovements(last, now);
     found += movements.sensors[2].movement == Movement::kMoved;
     ++trials;
