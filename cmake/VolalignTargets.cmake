@@ -78,6 +78,27 @@ function(volalign_needs_torch result)
   endforeach()
 endfunction()
 
+# Programs with assertions, sanitizers or counts of lines take ten times as long.
+function(volalign_time_limit seconds variable)
+  if(NOT CMAKE_BUILD_TYPE STREQUAL "Release")
+    math(EXPR seconds "10 * ${seconds}")
+  endif()
+  set(${variable} ${seconds} PARENT_SCOPE)
+endfunction()
+
+# volalign_script_test(NAME SECONDS [LONG] SCRIPT ARGUMENT ...): a slow test by a Python script, which is skipped where that ends with 77; with LONG
+# one for tests/long.sh.
+function(volalign_script_test name seconds)
+  cmake_parse_arguments(ARG "LONG" "" "" ${ARGN})
+  set(labels slow)
+  if(ARG_LONG)
+    list(APPEND labels long)
+  endif()
+  add_test(NAME ${name} COMMAND Python3::Interpreter ${ARG_UNPARSED_ARGUMENTS})
+  volalign_time_limit(${seconds} timeout)
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} COST ${seconds} LABELS "${labels}" SKIP_RETURN_CODE 77 ENVIRONMENT "LP_NUM_THREADS=0")
+endfunction()
+
 # volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ...): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as
 # the test ROOM/a, a process of its own.
 # Their label is `quick`, or `slow` with SLOW, which are the program ROOM_slow_tests: several minutes under the sanitizers, or in need of more than
@@ -106,14 +127,11 @@ function(volalign_tests room)
   if(ARG_SLOW)
     set(cost ${ARG_TIMEOUT})
   endif()
-  # Assertions, sanitizers, counts of lines.
-  if(NOT CMAKE_BUILD_TYPE STREQUAL "Release")
-    math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
-  endif()
+  volalign_time_limit(${ARG_TIMEOUT} timeout)
   foreach(test IN LISTS ARG_TESTS)
     add_test(NAME ${room}/${test} COMMAND ${target} "tests/${room}/${test}_test.cc" WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
     # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
-    set_tests_properties(${room}/${test} PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${cost} LABELS ${label} ENVIRONMENT "LP_NUM_THREADS=0")
+    set_tests_properties(${room}/${test} PROPERTIES TIMEOUT ${timeout} COST ${cost} LABELS ${label} ENVIRONMENT "LP_NUM_THREADS=0")
   endforeach()
   if(NOT ARG_SLOW)
     set(folder ${room})
