@@ -28,6 +28,7 @@ struct KindEntry {
   DepthPrinciple principle = DepthPrinciple::kUnknown;
   std::vector<double> distortion;
   std::vector<double> lens_sigmas;
+  double own_focal_sigma = 0;
   DepthErrorModel errors;
 
   template <class Archive>
@@ -39,6 +40,10 @@ struct KindEntry {
     ar("lens_sigmas", lens_sigmas,
        "by which lenses of the kind differ: standard deviations of the logarithm of the focal "
        "length, of k1 and of k2; none: the lens is not known",
+       AtLeast(0));
+    ar("own_focal_sigma", own_focal_sigma,
+       "by which the focal length of one device differs from that of others of a rig, beyond what "
+       "the capture says: standard deviation of its logarithm",
        AtLeast(0));
     ar("errors", errors, "how its depths err");
   }
@@ -81,6 +86,7 @@ SensorKind KindOf(const KindEntry& entry) {
     kind.lens.emplace();
     kind.lens->distortion = entry.distortion;
     std::copy(entry.lens_sigmas.begin(), entry.lens_sigmas.end(), kind.lens->sigmas.begin());
+    kind.lens->own_focal_sigma = entry.own_focal_sigma;
   }
   return kind;
 }

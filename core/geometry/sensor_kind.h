@@ -21,6 +21,9 @@ struct TypicalLens {
   /// By which those of a kind differ: standard deviations of the logarithm of the focal length, of
   /// k1 and of k2.
   std::array<double, 3> sigmas = {};
+  /// By how much one device's focal length differs from what is said of it beyond what all of a
+  /// rig have in common: standard deviation of its logarithm.
+  double own_focal_sigma = 0;
 
   bool rectified() const { return distortion.empty(); }
 };

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
+#include <map>
 #include <utility>
 #include <variant>
 
@@ -120,9 +121,31 @@ SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrame
   return frames;
 }
 
-LensSet WithChanges(LensSet lenses, const std::vector<RefinedLens>& refined) {
+/// The same frames, set aside or not as they were.
+SomeFrames<FrameInput> AsideAsBefore(SomeFrames<FrameInput> frames,
+                                     const SomeFrames<FrameInput>& before,
+                                     const RefineResult& refined) {
+  auto found = refined.frames.begin();
+  for (const auto& [id, frame] : before) {
+    if (const auto same = frames.find(id); same != frames.end())
+      same->second.aside = found->refused_fit.has_value();
+    ++found;
+  }
+  return frames;
+}
+
+/// The lenses as they were found, and what is their sensors' own.
+LensSet WithChanges(const CaptureSet& capture, LensSet lenses, const SomeFrames<FrameInput>& frames,
+                    const RefineResult& refined) {
   for (std::size_t i = 0; i < lenses.lenses.size(); ++i)
-    lenses.lenses[i].change = refined[i].change;
+    lenses.lenses[i].change = refined.lenses[i].change;
+  std::map<std::size_t, double> of_sensor;
+  auto found = refined.frames.begin();
+  for (const auto& [id, frame] : frames) of_sensor[capture.sensor_of[id]] = found++->own_focal;
+  for (const FrameId id : lenses.of_frame.Ids()) {
+    const auto own = of_sensor.find(capture.sensor_of[id]);
+    lenses.own_focal[id] = own == of_sensor.end() ? 0 : own->second;
+  }
   return lenses;
 }
 
@@ -246,7 +269,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       located = Join(seen, Without(std::move(located.results), shapeless));
     } else {  // look
       clock->Lap("refinement");
-      LensSet lenses = WithChanges(seen.lenses, refined.lenses);
+      LensSet lenses = WithChanges(*seen.capture, seen.lenses, frames, refined);
       report.moved_px = LargestShift(seen.lenses, lenses);
       if (report.moved_px > 0)
         seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
@@ -260,7 +283,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);
       located = locate_all();
     }
-    frames = FramesToRefine(seen, located.results, options.refine);
+    SomeFrames<FrameInput> again = FramesToRefine(seen, located.results, options.refine);
+    frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
     setup = RefineSetup(options.refine);
     before.clear();
     labelled = 0;

@@ -49,14 +49,15 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                     : "give the lens's distortion in the capture, or have it estimated "
                       "(--estimate auto)"};
     }
-    if (std::abs(lens.change[0]) > options.max_focal_sigmas * lens.prior_sigmas[0]) {
+    const double focal = lenses.ChangeOf(id)[0],
+                 usual = std::hypot(lens.prior_sigmas[0], lens.own_focal_sigma);
+    if (std::abs(focal) > options.max_focal_sigmas * usual) {
       const Intrinsics found = lenses.Effective(id);
       return Finding{
           SensorCode::kIntrinsicsSuspect,
           fmt::format("its focal length comes out {:+.1f} % from the one given, where {:.1f} % are "
                       "usual: fx = {:.1f}, fy = {:.1f}",
-                      100 * std::expm1(lens.change[0]), 100 * lens.prior_sigmas[0], found.fx,
-                      found.fy),
+                      100 * std::expm1(focal), 100 * usual, found.fx, found.fy),
           "give the intrinsics of this sensor, at this resolution"};
     }
     return std::nullopt;

@@ -177,7 +177,7 @@ std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
       SamplePoints(seen.views[id], segmentation, seen.capture->structure, sampling);
   points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
-  points.lens = seen.lenses.Of(id).change;
+  points.lens = seen.lenses.ChangeOf(id);
   return std::make_shared<const SensorPoints>(std::move(points));
 }
 

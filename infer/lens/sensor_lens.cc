@@ -46,6 +46,12 @@ LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
   return {lens.distortion, AsVector(lens.sigmas), source};
 }
 
+/// See SensorLens. Of a kind whose lens is not known, that of a calibration.
+double OwnFocalSigma(const std::string& sensor) {
+  const SensorKind* kind = FindSensorKind(sensor);
+  return kind != nullptr && kind->lens ? kind->lens->own_focal_sigma : kGiven[0];
+}
+
 /// Does a capture say equally much of two lenses of one kind? Calibrations on record of devices of
 /// one kind differ by up to 0.9 % (configs/intrinsics.yaml; of the first Kinect, whose owners
 /// calibrated it, by 3 %).
@@ -150,13 +156,14 @@ LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
         });
         if (alike != shared.end()) {
           of_sensor.back() = alike->second;
+          set.lenses[alike->second].own_focal_sigma = OwnFocalSigma(frame.sensor);
         } else {
           shared.emplace_back(&frame, next);
         }
       }
       if (of_sensor.back() == next)
         set.lenses.push_back(
-            {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, prior.unknown});
+            {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, 0, prior.unknown});
     }
     set.of_frame[id] = of_sensor[capture.sensor_of[id]];
     set.assumed[id].distortion = std::move(prior.distortion);
@@ -169,7 +176,8 @@ LensSet GivenLenses(const CaptureSet& capture) {
   LensSet set{{},
               capture.sensor_of,
               of_frames([&](FrameId id) { return capture[id].intrinsics; }),
-              of_frames([](FrameId) { return char{1}; })};
+              of_frames([](FrameId) { return char{1}; }),
+              of_frames([](FrameId) { return 0.0; })};
   for (const FrameId id : capture.sensor_of.Ids()) {
     if (capture.sensor_of[id] < set.lenses.size()) continue;
     set.lenses.emplace_back();

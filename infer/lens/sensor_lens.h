@@ -90,6 +90,9 @@ struct SensorLens {
   LensChange change = LensChange::Zero();  ///< the best that is known, from the assumed intrinsics
   LensEvidence evidence;                   ///< of large planes, linear at the change
   LensSource source = LensSource::kGiven;  ///< of what is assumed
+  /// Where several sensors share it: standard deviation of the logarithm of each one's own factor
+  /// on its focal length.
+  double own_focal_sigma = 0;
   /// Neither what the capture says nor the kind tells its distortion.
   bool unknown = false;
   /// Planes contradict what was said about it: it stays so, and they have no say.
@@ -104,10 +107,16 @@ struct LensSet {
   /// An earlier frame is of the same sensor. Its planes are measured once, as they are the same
   /// with the same errors.
   PerFrame<char> repeats;
+  /// Logarithm of each frame's sensor's own factor on the focal length of its lens.
+  PerFrame<double> own_focal;
 
   const SensorLens& Of(FrameId id) const { return lenses[of_frame[id]]; }
-  /// With the lens's change.
-  Intrinsics Effective(FrameId id) const { return WithLensChange(assumed[id], Of(id).change); }
+  /// Of its lens and its own.
+  LensChange ChangeOf(FrameId id) const {
+    return Of(id).change + own_focal[id] * LensChange::UnitX();
+  }
+  /// With this change.
+  Intrinsics Effective(FrameId id) const { return WithLensChange(assumed[id], ChangeOf(id)); }
 };
 
 /// Every frame seen through its lens.

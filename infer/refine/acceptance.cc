@@ -47,7 +47,7 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
   Residuals(model, observed,
-            {block.values, &none, &none, kNone.data(), state.Lens(sensor).data(),
+            {block.values, &none, &none, &none, kNone.data(), state.Lens(sensor).data(),
              state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = FrameColumns::kOwn;

@@ -114,7 +114,7 @@ MeasuredOverlapCost::MeasuredOverlapCost(std::vector<MeasuredMatch> matches, dou
                                          bool shared)
     : matches_(std::move(matches)), share_(share), shared_(shared) {
   set_num_residuals(static_cast<int>(matches_.size()));
-  *mutable_parameter_block_sizes() = {7, 7, 1, 1, 1, 1, kLensParameters};
+  *mutable_parameter_block_sizes() = {7, 7, 1, 1, 1, 1, 1, 1, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
@@ -122,7 +122,7 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
                                    double** jacobians) const {
   const std::vector<std::int32_t>& sizes = parameter_block_sizes();
   for (std::size_t i = 0; i < matches_.size(); ++i) {
-    std::array<double*, 8> rows{};  // of the Jacobians
+    std::array<double*, 10> rows{};  // of the Jacobians
     for (std::size_t k = 0; jacobians && k < sizes.size(); ++k) {
       if (jacobians[k]) rows[k] = jacobians[k] + i * static_cast<std::size_t>(sizes[k]);
     }
@@ -138,10 +138,11 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
 
 void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
                                         double* residual, double** jacobians) const {
-  constexpr int kOffset = 2, kGain = kOffset + 2, kLens = kGain + 2;  // of a; those of b follow
+  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2,
+                kLens = kFocal + 2;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
-  const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens]),
-                        seen_b = match.b.Through(parameters[lens_b]);
+  const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], *parameters[kFocal]),
+                        seen_b = match.b.Through(parameters[lens_b], *parameters[kFocal + 1]);
   const auto corrected = [&](const Eigen::Vector3d& seen, int b) {
     return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0]);
   };
@@ -156,10 +157,12 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_point.dot(seen) / seen.z();
     if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
+    const Eigen::RowVector3d by_lens = true_depth * by_point.head<2>() * point.by_lens;
+    if (jacobians[kFocal + b]) jacobians[kFocal + b][0] = by_lens[0];
     if (!jacobians[lens]) return;
-    Eigen::Map<Eigen::RowVector3d> by_lens(jacobians[lens]);
-    if (!shared_) by_lens.setZero();
-    by_lens += true_depth * by_point.head<2>() * point.by_lens;
+    Eigen::Map<Eigen::RowVector3d> of_lens(jacobians[lens]);
+    if (!shared_) of_lens.setZero();
+    of_lens += by_lens;
   };
   const Eigen::Vector3d normal_in_a =
       Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], match.n_b);

@@ -37,10 +37,11 @@ struct LensPoint {
   RayByLensMatrix by_lens;
   LensChange lens;  ///< with which p was measured
 
-  /// Where it is when the lens is another.
-  Eigen::Vector3d Through(const double* change) const {
+  /// Where it is when the lens is another, and the sensor's own focal length (see State).
+  Eigen::Vector3d Through(const double* change, double focal) const {
     Eigen::Vector3d moved = p;
-    moved.head<2>() += p.z() * by_lens * (Eigen::Map<const LensChange>(change) - lens);
+    moved.head<2>() += p.z() * by_lens *
+                       (Eigen::Map<const LensChange>(change) - lens + focal * LensChange::UnitX());
     return moved;
   }
 };
@@ -63,7 +64,8 @@ struct MeasuredMatch {
 /// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
 /// of points as the sensors' own errors have them, divided by the mean of the gains (see
 /// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
-/// Corrected), and their lenses, a single one where `shared`. Normals stay as they were measured.
+/// Corrected), their own focal lengths, and their lenses, a single one where `shared`. Normals stay
+/// as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
   MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share, bool shared);

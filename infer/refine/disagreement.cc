@@ -77,6 +77,7 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   const auto in_tangent = [](Eigen::Index column) { return column - 1; };  // of a pose: 6, not 7
   hold(layout.Offset(frame), in_tangent(FrameColumns::kOffset), 1);
   hold(layout.Gain(frame), in_tangent(FrameColumns::kGain), 1);
+  hold(layout.Focal(frame), in_tangent(FrameColumns::kFocal), 1);
   hold(layout.Nuisance(frame, 0), in_tangent(FrameColumns::kNuisance), kNuisances);
   hold(layout.Lens(solution.state.LensOf(frame)), in_tangent(FrameColumns::kLens), kLensParameters);
   hold(layout.Size(), kShared, 1);

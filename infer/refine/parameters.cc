@@ -29,13 +29,16 @@ Priors PriorsOf(const PriorOptions& options) {
 }
 
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
-  Eigen::VectorXd sigmas(2 + kNuisances + kLensParameters + 1 + 3 * boxes);
-  sigmas[0] = priors.offset;
-  sigmas[1] = priors.gain;
-  sigmas[2 + kMultipath] = multipath;
-  sigmas[2 + kEdgeShift] = sigmas[3 + kEdgeShift] = priors.edge_shift;
-  sigmas.segment<kLensParameters>(2 + kNuisances) = priors.lens;
-  sigmas[2 + kNuisances + kLensParameters] = priors.size;
+  using Columns = FrameColumns;
+  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + 3 * boxes);
+  const auto of = [&](Eigen::Index column) -> double& { return sigmas[column - Columns::kOffset]; };
+  of(Columns::kOffset) = priors.offset;
+  of(Columns::kGain) = priors.gain;
+  of(Columns::kFocal) = priors.focal;
+  of(Columns::kNuisance + kMultipath) = multipath;
+  of(Columns::kNuisance + kEdgeShift) = of(Columns::kNuisance + kEdgeShift + 1) = priors.edge_shift;
+  sigmas.segment<kLensParameters>(Columns::kLens - Columns::kOffset) = priors.lens;
+  of(Columns::kSize) = priors.size;
   auto of_boxes = sigmas.tail(3 * boxes);
   for (int b = 0; b < boxes; ++b) {
     of_boxes[BuildModel::X(b)] = of_boxes[BuildModel::Z(b)] = priors.box;
@@ -45,8 +48,8 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
 }
 
 Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes) {
-  Eigen::VectorXd values(2 + kNuisances + kLensParameters + 1 + 3 * boxes);
-  values << *parameters.offset, *parameters.gain,
+  Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + 3 * boxes);
+  values << *parameters.offset, *parameters.gain, *parameters.focal,
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
       *parameters.build.size,
       Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
@@ -69,6 +72,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
   state.offsets.assign(poses.size(), 0);
   state.gains.assign(sensors, 0);
+  state.focals.assign(sensors, 0);
   state.nuisances.assign(poses.size(), {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
@@ -108,6 +112,8 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
     blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
   for (std::size_t s = 0; s < sensors_; ++s)
     blocks.push_back({&state->gains[s], GainOfSensor(s), 1, 1});
+  for (std::size_t s = 0; s < sensors_; ++s)
+    blocks.push_back({&state->focals[s], FocalOfSensor(s), 1, 1});
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
@@ -128,8 +134,10 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   for (std::size_t i = 0; i < frames(); ++i) {
     ++counts[SensorOf(i)];
     const Eigen::VectorXd own = SharedPriorSigmas(priors, multipath[i], 0);
-    sigmas[Gain(i)] = own[1];
-    sigmas.segment<kNuisances>(Nuisance(i, 0)) = own.segment<kNuisances>(2);
+    sigmas[Gain(i)] = priors.gain;
+    sigmas[Focal(i)] = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
+    sigmas.segment<kNuisances>(Nuisance(i, 0)) =
+        own.segment<kNuisances>(FrameColumns::kNuisance - FrameColumns::kOffset);
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)
@@ -153,6 +161,7 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset[i]) hold(Offset(i), 1);
     if (!free.gain[i]) hold(Gain(i), 1);
+    if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Focal(i), 1);
     if (held.empty()) continue;
     if (held[i]) {
       hold(Pose(i), 6);
@@ -163,7 +172,9 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     }
   }
   for (std::size_t s = 0; s < sensors_; ++s) {
-    if (!is_moved[s]) hold(GainOfSensor(s), 1);
+    if (is_moved[s]) continue;
+    hold(GainOfSensor(s), 1);
+    hold(FocalOfSensor(s), 1);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);

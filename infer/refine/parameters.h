@@ -33,11 +33,13 @@ struct FrameOf {
 };
 
 /// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
-/// sensor's depth gain - 1 (1), its nuisances, its lens (LensChange), and the build of its still.
+/// sensor's depth gain - 1 (1) and focal length (1, see State), its nuisances, its lens
+/// (LensChange), and the build of its still.
 struct FrameParameters {
   const double* pose;
   const double* offset;
   const double* gain;
+  const double* focal;
   const double* nuisance;
   const double* lens;
   BuildParameters build;
@@ -47,9 +49,10 @@ struct FrameParameters {
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct FrameColumns {
   static constexpr Eigen::Index kPose = 0, kOffset = kPose + 7, kGain = kOffset + 1,
-                                kNuisance = kGain + 1, kLens = kNuisance + kNuisances,
-                                kSize = kLens + kLensParameters, kBoxes = kSize + 1;
-  /// How many columns are the sensor's own depth and silhouette errors.
+                                kFocal = kGain + 1, kNuisance = kFocal + 1,
+                                kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
+                                kBoxes = kSize + 1;
+  /// How many columns are the sensor's own errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
   static Eigen::MatrixXd InTangentSpace(const Eigen::MatrixXd& over_blocks, const double* pose);
@@ -63,6 +66,7 @@ struct Priors {
   double box = 0, yaw = 0;      ///< m, rad
   /// Of the LensChange of the sensor that they are for; zero: the lens is known.
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
+  double focal = 0;  ///< see SensorLens::own_focal_sigma
 };
 Priors PriorsOf(const PriorOptions& options);
 
@@ -72,8 +76,8 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, gain, nuisances, lens, size, boxes. `multipath`, m, belongs to the
-/// frame's noise model.
+/// FrameColumns: offset, gain, focal length, nuisances, lens, size, boxes. `multipath`, m, belongs
+/// to the frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.
@@ -110,6 +114,7 @@ struct State {
   std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
   std::vector<double> gains;          ///< of each sensor, depth gain - 1
+  std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
   std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
   std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
   double size = 0;                                        ///< of all boxes, scale - 1
@@ -129,6 +134,7 @@ struct State {
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   double* Gain(std::size_t i) { return &gains[SensorOf(i)]; }
+  double* Focal(std::size_t i) { return &focals[SensorOf(i)]; }
   FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   FrameState Frame(std::size_t i, const Pose& pose) const {
@@ -136,7 +142,7 @@ struct State {
   }
   BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values,     &offsets[i],    &gains[SensorOf(i)],
+    return {poses[i].values,     &offsets[i],    &gains[SensorOf(i)], &focals[SensorOf(i)],
             nuisances[i].data(), Lens(i).data(), Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
@@ -155,8 +161,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
-/// offsets, the sensors' depth gains, the frames' nuisances (kNuisances each), the lenses
-/// (kLensParameters each), the size, the boxes of each still.
+/// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each),
+/// the lenses (kLensParameters each), the size, the boxes of each still.
 class ParameterLayout {
  public:
   /// `boxes`: of one still.
@@ -183,9 +189,13 @@ class ParameterLayout {
   }
   /// Of a frame's sensor.
   Eigen::Index Gain(std::size_t frame) const { return GainOfSensor(SensorOf(frame)); }
+  Eigen::Index FocalOfSensor(std::size_t sensor) const {
+    return GainOfSensor(sensors_) + static_cast<Eigen::Index>(sensor);
+  }
+  Eigen::Index Focal(std::size_t frame) const { return FocalOfSensor(SensorOf(frame)); }
   /// `which`: kMultipath, kEdgeShift or kEdgeShift + 1.
   Eigen::Index Nuisance(std::size_t frame, int which) const {
-    return GainOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
+    return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
   Eigen::Index Lens(std::size_t lens) const {
     return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kLensParameters * lens);

@@ -72,6 +72,7 @@ struct JointProblem {
     Priors own = priors;
     const auto lens = static_cast<std::size_t>(frame_of[i].lens);
     own.lens = lenses[lens].prior_sigmas.cwiseMin(kFoundLens);
+    own.focal = lenses[lens].own_focal_sigma;
     return own;
   }
   /// The kind of device that a frame is of, see SensorFrame::sensor; empty: not known.

@@ -46,6 +46,8 @@ struct RefinedFrame {
   /// sigmas are posterior ones in either case.
   double depth_offset = 0, depth_gain = 1;  ///< m, 1
   double sigma_depth_offset = 0, sigma_depth_gain = 0;
+  /// Logarithm of its sensor's own factor on the focal length of its lens; 0 where not estimated.
+  double own_focal = 0;
   refine_internal::NoiseModel noise;  ///< fitted, or FrameInput::noise
 };
 

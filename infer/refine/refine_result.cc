@@ -45,6 +45,8 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
       frame.accepted ? state.poses[i].ToPose() : problem.frames[i].fallback;
   if (free.offset[i] && frame.accepted) frame.depth_offset = state.offsets[i];
   if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
+  if (free.lens[state.LensOf(i)] && frame.accepted)
+    frame.own_focal = state.focals[state.SensorOf(i)];
   frame.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
   frame.sigma_depth_gain = posterior.Sigma(layout.Gain(i));
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
@@ -61,6 +63,7 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
     frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
     frame.depth_offset = set_aside->alone.offsets[i];
     frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
+    frame.own_focal = set_aside->alone.focals[state.SensorOf(i)];
     frame.refused_fit =
         RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
   }

@@ -25,7 +25,8 @@ class Scene {
   Scene(const BuildModel& model, const FrameParameters& parameters, const LensChange& observed_lens)
       : model_(model),
         parameters_(parameters),
-        lens_(Eigen::Map<const LensChange>(parameters.lens) - observed_lens),
+        lens_(Eigen::Map<const LensChange>(parameters.lens) - observed_lens +
+              *parameters.focal * LensChange::UnitX()),
         rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
         translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
         growth_(*parameters.build.size) {}
@@ -187,13 +188,14 @@ void Residuals(const BuildModel& model, const FrameObservations& observed,
     (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
     ++row;
   }
+  if (jacobian) jacobian->col(FrameColumns::kFocal) = jacobian->col(FrameColumns::kLens);
 }
 
 SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observed)
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
   *mutable_parameter_block_sizes() = {
-      7, 1, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
+      7, 1, 1, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
@@ -206,7 +208,8 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
              parameters[2],
              parameters[3],
              parameters[4],
-             {parameters[5], parameters[6]}},
+             parameters[5],
+             {parameters[6], parameters[7]}},
             &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(observed_.faces.size());
   const auto edges = static_cast<Eigen::Index>(observed_.edges.size());

@@ -99,7 +99,7 @@ void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solut
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
   }
-  state.gains[state.SensorOf(frame)] = 0;
+  *state.Gain(frame) = *state.Focal(frame) = 0;
 }
 
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {

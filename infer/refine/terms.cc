@@ -33,8 +33,9 @@ void AddOverlapTerms(const JointProblem& problem, const PairOverlap& pair, State
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {
-        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
-        state->Gain(i),         state->Gain(j),         state->Lens(i).data()};
+        state->poses[i].values, state->poses[j].values, &state->offsets[i],
+        &state->offsets[j],     state->Gain(i),         state->Gain(j),
+        state->Focal(i),        state->Focal(j),        state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -64,6 +65,7 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
     AddPriors(sigmas, problem.layout.GainOfSensor(s), 1, &state->gains[s], ceres);
+    AddPriors(sigmas, problem.layout.FocalOfSensor(s), 1, &state->focals[s], ceres);
   }
 }
 
@@ -71,10 +73,10 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
   if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
-  ceres->problem->AddResidualBlock(new SensorCost(problem.model, observed), nullptr,
-                                   state->poses[i].values, &state->offsets[i], state->Gain(i),
-                                   state->nuisances[i].data(), state->Lens(i).data(), &state->size,
-                                   state->boxes[state->StillOf(i)].data());
+  ceres->problem->AddResidualBlock(
+      new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
+      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->Lens(i).data(),
+      &state->size, state->boxes[state->StillOf(i)].data());
 }
 
 /// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
@@ -174,6 +176,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
     ceres.problem->AddParameterBlock(&state->offsets[i], 1);
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
+    ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);

@@ -120,7 +120,8 @@ TEST(FindSensorKind, KnowsTheSensorsThatOneCanBuy) {
         "oak_d"}) {
     const SensorKind* kind = FindSensorKind(name);
     ASSERT_NE(kind, nullptr) << name;
-    EXPECT_TRUE(kind->lens.has_value()) << name;
+    ASSERT_TRUE(kind->lens.has_value()) << name;
+    EXPECT_GT(kind->lens->own_focal_sigma, 0) << name;
     RequireSensorKind(name, "sensor");
   }
   for (const char* rectified : {"orbbec_gemini_335", "oak_d", "realsense_d455"})

@@ -50,6 +50,7 @@ LensSet Assumed(const LensChange& change, double sigma) {
   lenses.lenses[0].change = change;
   lenses.of_frame = PerFrame<std::size_t>(std::vector<std::vector<std::size_t>>{{0}});
   lenses.assumed = PerFrame<Intrinsics>({{Kinect()}});
+  lenses.own_focal = PerFrame<double>(std::vector<std::vector<double>>{{0}});
   return lenses;
 }
 
@@ -124,6 +125,13 @@ TEST(CheckLenses, AFocalLengthBeyondWhatItsKindVaries) {
   for (const double sign : {1, -1}) {
     EXPECT_TRUE(Check(flat, Assumed({sign * 0.0255, 0, 0}, 0.1)).has_value());
     EXPECT_FALSE(Check(flat, Assumed({sign * 0.0245, 0, 0}, 0.1)).has_value());
+  }
+  // A sensor's own is part of it, and of what is usual: 1 % twice.
+  LensSet lenses = Assumed({0.02, 0, 0}, 0.1);
+  lenses.lenses[0].own_focal_sigma = 0.01;
+  for (const double own : {0.0145, 0.0165}) {
+    lenses.own_focal[{}] = own;
+    EXPECT_EQ(Check(flat, lenses).has_value(), own > 0.0155) << own;
   }
 }
 

@@ -58,6 +58,8 @@ TEST(LookThrough, MakesAnewWhatIsSeenThroughAnotherLens) {
   for (const FrameId id : views.Ids()) views[id].depth(0, 0) = kMark;
   LensSet after = before;
   after.lenses[after.of_frame[{0, 1}]].change = kChange;
+  after.own_focal[{0, 1}] = 0.004;
+  EXPECT_EQ((after.Effective({0, 1})), WithLensChange(Kinect(), kChange + LensChange(0.004, 0, 0)));
   const PerFrame<SensorView> again = LookThrough(capture, after, views, before, 2);
   EXPECT_EQ((again[{0, 0}].depth(0, 0)), kMark) << "the same view";
   EXPECT_EQ((again[{0, 1}].depth(0, 0)), depth(0, 0));
@@ -117,6 +119,11 @@ TEST(AssumeLenses, SensorsOfAKindShareALensAndTheOthersHaveTheirOwn) {
   EXPECT_EQ(shared.lenses.size(), 5u);
   const LensSet own = AssumeLenses(capture, true);
   EXPECT_EQ(InOrder(own.of_frame), (std::vector<std::size_t>{0, 1, 2, 3, 4, 5}));
+  // One's own deviation is told from the lens only where another one has that lens, too.
+  EXPECT_EQ(shared.lenses[0].own_focal_sigma, 0.001);
+  for (const std::size_t single : {1, 2, 3, 4})
+    EXPECT_EQ(shared.lenses[single].own_focal_sigma, 0) << single;
+  for (const SensorLens& lens : own.lenses) EXPECT_EQ(lens.own_focal_sigma, 0);
 
   // What the capture gives is kept; what it does not give is what the kind has.
   const std::vector<Intrinsics> assumed = InOrder(shared.assumed);

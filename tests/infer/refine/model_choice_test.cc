@@ -134,7 +134,8 @@ TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
   const Linear linear(2 * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
   const QuadraticCost all = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
   const MarginalCost marginal = WithoutAlwaysFree(all, layout).value();
-  EXPECT_EQ(marginal.columns.size(), 2u + 2 + 3 + 1 + 9) << "offsets, gains, lens, size, boxes";
+  EXPECT_EQ(marginal.columns.size(), 2u + 2 + 2 + 3 + 1 + 9)
+      << "offsets, gains, focal lengths, lens, size, boxes";
   double constant = 0;
   for (const PriorScales& scales :
        {PriorScales{1, 1, 1, 1, 1}, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {

@@ -60,6 +60,8 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
     all.push_back({"gain of sensor " + std::to_string(i), layout.GainOfSensor(i),
                    [i](State* s, double h) { s->gains[i] += h; }});
+    all.push_back({"focal length of sensor " + std::to_string(i), layout.FocalOfSensor(i),
+                   [i](State* s, double h) { s->focals[i] += h; }});
   }
   for (std::size_t i = 0; i < layout.frames(); ++i) {
     const std::string of = " of frame " + std::to_string(i);
@@ -145,6 +147,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
     std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
     std::copy(before.gains.begin(), before.gains.end(), state.gains.begin());
+    std::copy(before.focals.begin(), before.focals.end(), state.focals.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
@@ -172,13 +175,15 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   const ParameterLayout layout = LayoutOf(2, 3);
   SensorLens lens;
   lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
+  lens.own_focal_sigma = 0.0015;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 4) + 3 + 1 + 3 * 3);
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5) + 3 + 1 + 3 * 3);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
     EXPECT_EQ(sigmas[layout.Offset(i)], 0.007);
     EXPECT_EQ(sigmas[layout.Gain(i)], 0.003);
+    EXPECT_EQ(sigmas[layout.Focal(i)], 0.0015);
     EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
   }
@@ -198,7 +203,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   free.boxes[2] = 0;
   free.gain[1] = 0;
   const std::vector<char> constant = layout.Constant(free);
-  constexpr int kKnownLens = kLensParameters;
+  constexpr int kKnownLens = kLensParameters + 2;  // and the sensors' own focal lengths
   EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
   EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0), 3 + 1 + kKnownLens + 6 + 1 + 4);
@@ -208,6 +213,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   State state = NominalState(structure, {RingPose(10), RingPose(20)});
   for (double& x : state.offsets) x = 1;
   for (double& x : state.gains) x = 1;
+  for (double& x : state.focals) x = 1;
   for (auto& nuisances : state.nuisances) nuisances.fill(1);
   state.size = 1;
   for (double& x : state.boxes[0]) x = 1;
@@ -215,6 +221,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   layout.SetNominal(free, &state);
   EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
   EXPECT_EQ(state.gains, (std::vector<double>{1, 0}));
+  EXPECT_EQ(state.focals, (std::vector<double>{0, 0}));
   EXPECT_EQ(state.nuisances[1][kMultipath], 1);
   EXPECT_TRUE(state.lenses[0].isZero());
   EXPECT_EQ(state.size, 1);

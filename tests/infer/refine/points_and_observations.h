@@ -51,6 +51,7 @@ inline std::vector<SensorPoints> PointsOf(const Rig& rig) {
     const SensorView view = MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics);
     points.push_back(SamplePoints(view, Certain(rig.labels[i]), rig.structure, UsualSampling()));
     points.back().cloud = SampleCloud(view);
+    points.back().intrinsics = rig.frames[i].intrinsics;
   }
   return points;
 }
@@ -106,6 +107,7 @@ struct ParameterPoint {
     return {x.data(),
             x.data() + Columns::kOffset,
             x.data() + Columns::kGain,
+            x.data() + Columns::kFocal,
             x.data() + Columns::kNuisance,
             x.data() + Columns::kLens,
             {x.data() + Columns::kSize, x.data() + Columns::kBoxes}};
@@ -119,6 +121,7 @@ inline refine_internal::Priors SomePriors() {
   priors.gain = 0.003;
   priors.edge_shift = 0.7;
   priors.size = 0.01;
+  priors.focal = 0.002;
   priors.box = 0.004;
   priors.yaw = 0.009;
   return priors;

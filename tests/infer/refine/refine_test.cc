@@ -91,6 +91,43 @@ TEST(Refine, OverlapAloneBringsASensorBack) {
   }
 }
 
+TEST(Refine, FindsASensorsOwnFocalLengthBesideThatOfALensThatAllShare) {
+  // All focal lengths are given 2 % too long, which their prior has as two sigmas, and one of them
+  // another 0.6 %.
+  Rig rig = RingOfEight({true, 3.5});
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    Intrinsics& given = rig.frames[i].intrinsics;
+    const double factor = 1.02 * (i == 3 ? 1.006 : 1);
+    given.fx *= factor;
+    given.fy *= factor;
+  }
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  SensorLens lens;
+  lens.prior_sigmas = {0.01, 0, 0};
+  for (const double own_sigma : {0.004, 0.0}) {
+    lens.own_focal_sigma = own_sigma;
+    std::vector<FrameInput> frames;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Pose& truth = *rig.frames[i].ground_truth;
+      frames.push_back(
+          {testing_infer::Borrowed(points[i]), truth, truth, truth, FrameRole::kStructure, 0});
+    }
+    const RefineResult result = Refine(rig.structure, frames, {}, {lens}, {Pose::Identity()});
+    const auto off = [&](std::size_t i) {
+      return ComparePoses(result.frames[i].structure_from_sensor, *rig.frames[i].ground_truth)
+          .translation_m;
+    };
+    if (own_sigma == 0) {
+      EXPECT_GT(off(3), 0.004) << "a lens of all";
+      continue;
+    }
+    EXPECT_NEAR(result.lenses[0].change[0] + result.frames[0].own_focal, -std::log(1.02), 0.001);
+    EXPECT_NEAR(result.lenses[0].change[0] + result.frames[3].own_focal, -std::log(1.02 * 1.006),
+                0.001);
+    EXPECT_LT(off(3), 0.002);
+  }
+}
+
 TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
   // Head on, every labelled side has one direction: infinite planes would leave the in-plane shift
   // of 3 cm where it is.

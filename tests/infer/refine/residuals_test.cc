@@ -168,8 +168,8 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, observed);
   const FrameParameters p = at.Parameters();
-  const std::array<const double*, 7> blocks = {p.pose, p.offset,     p.gain,       p.nuisance,
-                                               p.lens, p.build.size, p.build.boxes};
+  const std::array<const double*, 8> blocks = {p.pose,     p.offset, p.gain,       p.focal,
+                                               p.nuisance, p.lens,   p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, observed, p, &residuals, nullptr);
