@@ -34,7 +34,7 @@ PYTHON
 # Races between threads of the parts that have any.
 tsan() {
   install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"
-  build_preset tsan quick_tests_core quick_tests_render quick_tests_train render_slow_tests render_egl_foreign_llvm_tests infer_calib_slow_tests
+  build_preset tsan quick_tests_core quick_tests_render quick_tests_train render_slow_tests infer_calib_slow_tests
   ctest --preset tsan -R '^(core|render|train)/.*|^infer/calib/calibrate$' -L 'quick|slow'
 }
 
