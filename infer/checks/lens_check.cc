@@ -49,15 +49,22 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                     : "give the lens's distortion in the capture, or have it estimated "
                       "(--estimate auto)"};
     }
-    const double focal = lenses.ChangeOf(id)[0],
-                 usual = std::hypot(lens.prior_sigmas[0], lens.own_focal_sigma);
+    // Beyond what a kind varies from what is given, or one sensor from others of it.
+    const double own = lenses.own_focal[id];
+    const bool alone =
+        lens.own_focal_sigma > 0 && std::abs(own) > options.max_focal_sigmas * lens.own_focal_sigma;
+    const double focal = alone ? own : lenses.ChangeOf(id)[0],
+                 usual = alone ? lens.own_focal_sigma
+                               : std::hypot(lens.prior_sigmas[0], lens.own_focal_sigma);
     if (std::abs(focal) > options.max_focal_sigmas * usual) {
       const Intrinsics found = lenses.Effective(id);
       return Finding{
           SensorCode::kIntrinsicsSuspect,
-          fmt::format("its focal length comes out {:+.1f} % from the one given, where {:.1f} % are "
-                      "usual: fx = {:.1f}, fy = {:.1f}",
-                      100 * std::expm1(focal), 100 * usual, found.fx, found.fy),
+          fmt::format("its focal length comes out {:+.1f} % from {}, where {:.1f} % are usual: "
+                      "fx = {:.1f}, fy = {:.1f}",
+                      100 * std::expm1(focal),
+                      alone ? "those of others of its kind" : "the one given", 100 * usual,
+                      found.fx, found.fy),
           "give the intrinsics of this sensor, at this resolution"};
     }
     return std::nullopt;

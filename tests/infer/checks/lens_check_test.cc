@@ -126,13 +126,15 @@ TEST(CheckLenses, AFocalLengthBeyondWhatItsKindVaries) {
     EXPECT_TRUE(Check(flat, Assumed({sign * 0.0255, 0, 0}, 0.1)).has_value());
     EXPECT_FALSE(Check(flat, Assumed({sign * 0.0245, 0, 0}, 0.1)).has_value());
   }
-  // A sensor's own is part of it, and of what is usual: 1 % twice.
+  // A sensor's own is part of it, and of what is usual; and by itself, beside others' of its kind.
   LensSet lenses = Assumed({0.02, 0, 0}, 0.1);
   lenses.lenses[0].own_focal_sigma = 0.01;
-  for (const double own : {0.0145, 0.0165}) {
+  for (const double own : {0.0145, 0.0165, -0.0245, -0.0255}) {
     lenses.own_focal[{}] = own;
-    EXPECT_EQ(Check(flat, lenses).has_value(), own > 0.0155) << own;
+    EXPECT_EQ(Check(flat, lenses).has_value(), own > 0.0155 || own < -0.025) << own;
   }
+  const std::string reason = Check(flat, lenses)->reason;
+  EXPECT_NE(reason.find("-2.5 % from those of others of its kind"), std::string::npos) << reason;
 }
 
 }  // namespace
