@@ -289,8 +289,8 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
         agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
     });
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      const std::optional<bool>& earlier = problem.frames[i].aside;
-      if (!takes_part(i) || !(earlier ? *earlier : Disagrees(agreed.measured[i], unknowns)))
+      if (!takes_part(i) ||
+          !problem.frames[i].aside.value_or(Disagrees(agreed.measured[i], unknowns)))
         continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }

@@ -58,8 +58,7 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "boxes, size, depth_gain, depth_offset, lens (separated by commas)");
     ar("lens_per_sensor", lens_per_sensor,
        "false: sensors of one kind (the capture's key sensor) have the same lens, but for each "
-       "one's "
-       "own small deviation of the focal length");
+       "one's own small deviation of the focal length");
     ar("box_sigma_m", box_sigma_m,
        "prior standard deviation of a box's horizontal place along each axis, m", AtLeast(0));
     ar("box_sigma_deg", box_sigma_deg,
