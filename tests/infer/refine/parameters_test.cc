@@ -209,6 +209,11 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0), 3 + 1 + kKnownLens + 6 + 1 + 4);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
+  FreeSet with_lens = free;
+  with_lens.lens = {1};
+  const std::vector<char> lens_without_0 = layout.Constant(with_lens, {1, 0});
+  EXPECT_TRUE(lens_without_0[static_cast<std::size_t>(layout.Focal(0))]);
+  EXPECT_FALSE(lens_without_0[static_cast<std::size_t>(layout.Focal(1))]);
 
   State state = NominalState(structure, {RingPose(10), RingPose(20)});
   for (double& x : state.offsets) x = 1;
