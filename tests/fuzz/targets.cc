@@ -27,6 +27,7 @@
 
 // libebml 1.4 loses an element where it meets an outer part's inside another one, which cannot be
 // told from one that another element owns; libmatroska 1.7 loses the frames of a damaged block.
+// NOLINTNEXTLINE(bugprone-reserved-identifier): the sanitizer's name
 extern "C" const char* __lsan_default_suppressions() { return "leak:libmatroska\nleak:libebml\n"; }
 
 namespace volalign {

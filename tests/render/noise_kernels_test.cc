@@ -18,7 +18,7 @@ namespace {
 // has to give the same to the last bit.
 
 constexpr int kWidth = 77, kHeight = 9;
-constexpr std::size_t kPixels = kWidth * kHeight;
+constexpr std::size_t kRow = kWidth, kPixels = kRow * kHeight;
 using Floats = std::vector<float>;
 using Bytes = std::vector<std::uint8_t>;
 
@@ -113,8 +113,8 @@ TEST_F(NoiseKernelsTest, FindTheSurfaceThatTheWindowTakes) {
             std::clamp(u + static_cast<int>(std::nearbyint(reach * du[i] + moved)), 0, kWidth - 1);
         const int q =
             std::clamp(v + static_cast<int>(std::nearbyint(reach * dv[i] + moved)), 0, kHeight - 1);
-        const float here = depth[static_cast<std::size_t>(v * kWidth + u)];
-        const float there = depth[static_cast<std::size_t>(q * kWidth + p)];
+        const float here = depth[static_cast<std::size_t>(v) * kRow + static_cast<std::size_t>(u)];
+        const float there = depth[static_cast<std::size_t>(q) * kRow + static_cast<std::size_t>(p)];
         ASSERT_EQ(source[i], q * kWidth + p);
         ASSERT_EQ(nearer[i] != 0, there > 0 && (here == 0 || there < here - step));
       }
@@ -138,7 +138,7 @@ TEST_F(NoiseKernelsTest, MatchAsTheStereoModelSays) {
   const MatchFigures f{2.5F, 2.0F, 0.35F, 8.0F, 0.22F, 0.9F, 0.4F, 0.5F};
   for (int round = 0; round < 200; ++round) {
     const std::vector<std::uint16_t> faces = DrawFaces(kWidth);
-    const Floats rays = Draw(2 * kWidth, -0.7F, 0.7F), height = Draw(kWidth, 0.1F, 4);
+    const Floats rays = Draw(2 * kRow, -0.7F, 0.7F), height = Draw(kWidth, 0.1F, 4);
     const Floats quality = Draw(kWidth, -1, 3), loss = Draw(kWidth, 0, 0.5F);
     const Floats coarse = Draw(kWidth, -2, 2), fine = Draw(kWidth, -2, 2);
     const Floats error = Draw(kWidth, -0.5F, 0.5F), depth = DrawDepth(kWidth);
@@ -173,7 +173,7 @@ TEST_F(NoiseKernelsTest, MatchAsTheStereoModelSays) {
       expected[i] = row.native_fb / std::max(row.native_fb / z + error[i], f.least_disparity);
     }
     ForEachSet([&](const NoiseKernels& kernels) {
-      Floats measured = depth, scratch(3 * kWidth);
+      Floats measured = depth, scratch(3 * kRow);
       Bytes found = keep;
       kernels.match(row, f, measured.data(), found.data(), scratch.data());
       ASSERT_EQ(found, kept);
@@ -190,7 +190,7 @@ TEST_F(NoiseKernelsTest, MeasureAsTheTimeOfFlightModelSays) {
     const std::vector<std::uint16_t> faces = DrawFaces(kWidth);
     Floats depth = DrawDepth(kWidth);
     depth[5] = 17;
-    const Floats rays = Draw(2 * kWidth, -0.7F, 0.7F), height = Draw(kWidth, 0, 4);
+    const Floats rays = Draw(2 * kRow, -0.7F, 0.7F), height = Draw(kWidth, 0, 4);
     const Floats reflectivity = Draw(kWidth, 0, 0.1F), limit = Draw(kWidth, 1, 2);
     const Floats warp = Draw(kWidth, -2, 2), grain = Draw(kWidth, -2, 2);
     const Floats patches = Draw(kWidth, -2, 2);
@@ -230,7 +230,7 @@ TEST_F(NoiseKernelsTest, MeasureAsTheTimeOfFlightModelSays) {
 TEST_F(NoiseKernelsTest, AddWhatTheNearestSeamDoes) {
   using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
   for (int round = 0; round < 200; ++round) {
-    const Floats depth = DrawDepth(kWidth), rays = Draw(2 * kWidth, -0.7F, 0.7F);
+    const Floats depth = DrawDepth(kWidth), rays = Draw(2 * kRow, -0.7F, 0.7F);
     const Floats before = Draw(kWidth, -0.01F, 0.01F);
     const auto turn = [&]() -> Eigen::Matrix3f {
       return Eigen::Quaternionf(Uniform(0.1F, 1), Uniform(-1, 1), Uniform(-1, 1), Uniform(-1, 1))
@@ -295,7 +295,7 @@ TEST_F(NoiseKernelsTest, AddWhatTheNearestSeamDoes) {
                      row.fill * std::max(1 - seam / row.fill_reach, 0.0F);
     }
     ForEachSet([&](const NoiseKernels& kernels) {
-      Floats error = before, scratch(4 * kWidth);
+      Floats error = before, scratch(4 * kRow);
       kernels.seams(row, error.data(), scratch.data());
       ASSERT_EQ(error, expected);
     });
@@ -303,7 +303,7 @@ TEST_F(NoiseKernelsTest, AddWhatTheNearestSeamDoes) {
 }
 
 TEST_F(NoiseKernelsTest, FindPixelsBetweenTheirNeighbours) {
-  Floats image = Draw(3 * kWidth, 0, 3);
+  Floats image = Draw(3 * kRow, 0, 3);
   for (std::size_t i = 0; i < image.size(); i += 7) image[i] = 0;
   const float* const here = image.data() + kWidth;
   const auto mixed = [](float a, float m, float b) {

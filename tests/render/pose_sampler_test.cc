@@ -90,8 +90,9 @@ TEST(PoseSamplerTest, StaysAroundFixedPlacements) {
     ++placements[static_cast<std::size_t>(phi / 90)];
     ++quarters[std::min<std::size_t>(static_cast<std::size_t>((off + 10) / 5), 3)];
   }
-  for (const int count : placements) EXPECT_NEAR(count, kCount / 4, 5 * std::sqrt(kCount / 4));
-  for (const int count : quarters) EXPECT_NEAR(count, kCount / 4, 5 * std::sqrt(kCount / 4));
+  const double quarter = kCount / 4.0;
+  for (const int count : placements) EXPECT_NEAR(count, quarter, 5 * std::sqrt(quarter));
+  for (const int count : quarters) EXPECT_NEAR(count, quarter, 5 * std::sqrt(quarter));
 }
 
 TEST(PoseSamplerTest, NeedsAMountingRoll) {

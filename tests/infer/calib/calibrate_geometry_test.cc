@@ -233,9 +233,10 @@ Structure ManyBoxes(std::uint64_t seed) {
   for (int i = 0; i < 16; ++i) {
     const Eigen::Vector3d size{random.Uniform(0.25, 0.6), random.Uniform(0.2, 1.2),
                                random.Uniform(0.25, 0.6)};
+    const int row = i / 4;
     Box box{"box" + std::to_string(i), size, Pose::Identity()};
     box.structure_from_box.translation() =
-        Eigen::Vector3d(-1.35 + 0.9 * (i % 4), size.y() / 2, -1.35 + 0.9 * (i / 4));
+        Eigen::Vector3d(-1.35 + 0.9 * (i % 4), size.y() / 2, -1.35 + 0.9 * row);
     box.structure_from_box.linear() =
         Eigen::AngleAxisd(random.Uniform(-0.8, 0.8), Eigen::Vector3d::UnitY()).toRotationMatrix();
     boxes.push_back(box);

@@ -12,7 +12,7 @@
 namespace volalign::formats_internal {
 namespace {
 
-using std::string_view_literals::operator""sv;
+using std::string_view_literals::operator""sv;  // NOLINT(misc-unused-using-decls): it is used
 
 TEST(ByteReader, TakesLittleEndianValuesInOrder) {
   const std::string name = "a.mcap";

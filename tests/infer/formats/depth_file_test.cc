@@ -120,7 +120,7 @@ TEST_F(DepthFileTest, TiledTiff) {
   TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
   for (int y = 0; y < kRows; y += kTile) {
     for (int x = 0; x < kColumns; x += kTile) {
-      std::vector<std::uint16_t> tile(kTile * kTile);
+      std::vector<std::uint16_t> tile(std::size_t{kTile} * kTile);
       for (int i = 0; i < kTile * kTile; ++i) {
         tile[static_cast<std::size_t>(i)] =
             static_cast<std::uint16_t>(100 * (y + i / kTile) + x + i % kTile + 1);
@@ -182,7 +182,7 @@ TEST_F(DepthFileTest, OpenExrLayers) {
   const std::string path = (folder_ / "layers.exr").string();
   const Imath::Box2i window(Imath::V2i(3, 2), Imath::V2i(3 + kWidth - 1, 2 + kHeight - 1));
   Imf::Header header(window, window);
-  std::vector<float> depth, colour(kWidth * kHeight, 0.5f);
+  std::vector<float> depth, colour(std::size_t{kWidth} * kHeight, 0.5f);
   for (int v = 0; v < kHeight; ++v)
     for (int u = 0; u < kWidth; ++u) depth.push_back(static_cast<float>(Value(u, v)));
   Imf::FrameBuffer buffer;

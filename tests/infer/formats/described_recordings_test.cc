@@ -277,7 +277,8 @@ TEST(DescribedBag, WithoutDepthSaysWhatIsInIt) {
   const TempFolder folder;
   const std::string bag =
       Bag(Chunk(Connection(0, "/camera/color", "sensor_msgs/Image") +
-                Message(0, RosMessage({"rgb8", false, std::string(3 * kWidth * kHeight, 'x')}))));
+                Message(0, RosMessage({"rgb8", false,
+                                       std::string(std::size_t{3} * kWidth * kHeight, 'x')}))));
   ExpectError<DataError>([&] { ReadRecording(folder.Write("a.bag", bag), 2); },
                          {"no depth stream", "/camera/color (sensor_msgs/Image)"});
 }

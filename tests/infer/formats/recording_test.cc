@@ -80,7 +80,7 @@ TEST(RecordingTest, DamagedDb3) {
 
 /// A bag that holds what the statements make of it.
 std::string Db3Of(const TempFolder& folder, const std::string& sql) {
-  const std::string path = (folder / "made.db3").string();
+  std::string path = (folder / "made.db3").string();
   std::filesystem::remove(path);
   sqlite3* database = nullptr;
   EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);

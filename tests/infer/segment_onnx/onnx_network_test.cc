@@ -76,8 +76,8 @@ TEST_F(OnnxNetworkTest, RefusesDamagedFiles) {
   // hundred times its size.
   ExpectError<DataError>([] { ReadOnnxNetwork(std::string(1000, '\xff')); });
   std::string many;
-  const std::string nodes(20'000'000, '\x0a');
-  many.push_back(0x3a);  // field 7, the graph
+  const std::string nodes(20'000'000, '\x0a');  // NOLINT(bugprone-string-constructor)
+  many.push_back(0x3a);                         // field 7, the graph
   for (std::size_t length = nodes.size(); length > 0; length >>= 7)
     many.push_back(static_cast<char>((length & 0x7f) | (length >> 7 ? 0x80 : 0)));
   std::string pairs = nodes;

@@ -58,7 +58,8 @@ void ExpectNoOverlap(const Structure& structure) {
 Structure Grid(int boxes, const std::string& name) {
   std::vector<Box> all;
   for (int i = 0; i < boxes; ++i) {
-    const Eigen::Vector3d at(0.42 * (i % 3), 0.3 * (i / 6), 0.32 * (i / 3 % 2) + 0.013 * i);
+    const int layer = i / 6, row = i / 3 % 2;
+    const Eigen::Vector3d at(0.42 * (i % 3), 0.3 * layer, 0.32 * row + 0.013 * i);
     all.push_back(
         Box::FromMinMax(fmt::format("{}_{}", name, i), at, at + Eigen::Vector3d(0.4, 0.3, 0.3)));
   }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -32,7 +33,7 @@ class Ruler : public NetworkSegmenter {
                                 Image<float>(depth->width(), depth->height())};
       for (int v = 0; v < depth->height(); ++v) {
         for (int u = 0; u < depth->width(); ++u) {
-          result.labels(u, v) = static_cast<std::uint8_t>(100 * (*depth)(u, v) + 0.5f);
+          result.labels(u, v) = static_cast<std::uint8_t>(std::lround(100 * (*depth)(u, v)));
           result.confidence(u, v) = static_cast<float>(u);
         }
       }

@@ -16,7 +16,7 @@ namespace {
 
 /// A loss that is another one in each rank.
 void Backward(StructureNet& net, int rank) {
-  at::manual_seed(static_cast<std::uint64_t>(100 + rank));
+  at::manual_seed(100 + static_cast<std::uint64_t>(rank));
   net->forward(at::rand({1, 1, 16, 16})).square().sum().backward();
 }
 

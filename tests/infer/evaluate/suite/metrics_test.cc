@@ -15,7 +15,6 @@
 namespace volalign::metrics_test {
 namespace {
 
-using testing_infer::Coarse;
 using testing_infer::Kinect;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;

@@ -11,7 +11,7 @@ namespace volalign::table_data_test {
 namespace {
 
 CaptureScores Capture(const std::string& set_up, const std::string& method, double d1,
-                      std::vector<double> miou) {
+                      const std::vector<double>& miou) {
   CaptureScores capture;
   capture.dataset = "arc";
   capture.set_up = set_up;
