@@ -19,7 +19,7 @@ double DepthErrorModel::SmoothGrowth(double z) const { return Growth(smooth_powe
 double DepthErrorModel::Smooth(double z) const { return smooth_m * SmoothGrowth(z); }
 
 double DepthErrorModel::WithinSurface(double z) const {
-  const double seam = seam_m / std::sqrt(3.0);  // root mean square of what falls linearly to 0
+  const double seam = seam_m / std::sqrt(3);  // root mean square of what falls linearly to 0
   return std::hypot(White(z), Smooth(z), seam);
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 #include <vector>
 
 namespace volalign {
@@ -10,6 +11,8 @@ namespace volalign {
 using Pose = Eigen::Isometry3d;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+/// rad.
+inline constexpr double kDegree = M_PI / 180;
 
 /// Rotation matrix of a rotation vector (axis * angle, rad), and back (angle in [0, pi]).
 Eigen::Matrix3d RotationExp(const Eigen::Vector3d& rotation_vector);

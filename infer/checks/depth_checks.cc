@@ -18,7 +18,7 @@ namespace {
 
 /// m: a depth of a structure in a room, for the guess at the unit that was meant.
 constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
-constexpr double kFarQuantile = 0.95;
+constexpr double kFarQuantile = 1 - kNotable;
 
 std::vector<float> MeasuredDepths(const DepthImage& depth) {
   std::vector<float> values;

@@ -22,9 +22,8 @@ namespace {
 constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open direction
 /// Share of the largest eigenvalue of the sides' normals below which a direction is open.
 constexpr double kOpen = 0.05;
-constexpr std::size_t kMostSides = 2;                      // from each of which a pose is made
-constexpr std::size_t kFewProbes = 80, kManyProbes = 400;  // points of a sensor that are compared
-constexpr std::size_t kFewestShared = kFewProbes / 2;      // of kManyProbes
+constexpr std::size_t kMostSides = 2;                  // from each of which a pose is made
+constexpr std::size_t kFewestShared = kFewProbes / 2;  // of kManyProbes
 constexpr double kSearchGate = kStep, kRefinedGate = kStep / 2;  // m, between points of one surface
 /// Of the gate, by which a point has to lie in front of what another sensor measured along the same
 /// ray, for that sensor to see through it.

@@ -26,7 +26,7 @@ Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance) {
 }
 
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance) {
-  return covariance.diagonal().tail<3>().cwiseSqrt() * 180 / M_PI;
+  return covariance.diagonal().tail<3>().cwiseSqrt() / kDegree;
 }
 
 Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance) {
@@ -44,7 +44,7 @@ double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& c
 }
 
 double LargestSigmaRotationDeg(const Matrix6d& covariance) {
-  return LargestSigma(covariance.bottomRightCorner<3, 3>()) * 180 / M_PI;
+  return LargestSigma(covariance.bottomRightCorner<3, 3>()) / kDegree;
 }
 
 std::string FormatOdds(double log_odds) {

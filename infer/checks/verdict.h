@@ -55,14 +55,14 @@ struct VerdictOptions {
   double refuting_odds = kDecisiveOdds;
   double max_sigma_position_m = 0.25;
   // Of a pose that neighbours give to a sensor whose own view fixes none.
-  double max_sigma_by_neighbours_m = 0.03;
+  double max_sigma_by_neighbours_m = kRoughPose;
   double max_sigma_by_neighbours_deg = 2;
   double min_shared_share = 0.8;
   // Of the reported pose, for the sensor to be ok.
   double weak_inlier_share = 0.9;
   double weak_label_iou = 0.5;
-  double weak_rms_m = 0.02;
-  double weak_sigma_position_m = 0.02;
+  double weak_rms_m = kSamePlace;
+  double weak_sigma_position_m = kSamePlace;
   double weak_sigma_rotation_deg = 1.5;
   double weak_visible_share = 0.75;
   double same_place_m = kSamePlace;

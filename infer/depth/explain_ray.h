@@ -32,9 +32,9 @@ struct MeasuredRay {
 
 /// The probability of each cause, given what was measured; the sum is 1. Depths are distributed
 /// normally about the surface, with the sensor's errors and the surface's own; evenly before it, as
-/// nothing is known of what may stand there; and exponentially behind it, as rooms are. Each cause
-/// is weighted by the share that it usually has of such rays.
+/// nothing is known of what may stand there; and exponentially behind it, as rooms are. What is
+/// before the surface, or behind it, is so for a few of 1,000 rays.
 CauseShares Explain(const ExpectedRay& expected, const MeasuredRay& measured,
-                    const DepthErrorModel& errors, const CauseShares& usual);
+                    const DepthErrorModel& errors);
 
 }  // namespace volalign

@@ -14,9 +14,6 @@ namespace {
 // seen through, and the share of what a network labels that lies on the side that the label names.
 constexpr ShareOdds kNotBehind{{78, 0.40}, {5.6, 1.2}};
 constexpr ShareOdds kNamedSo{{6.2, 0.89}, {0.375, 3.4}};
-/// Of the same frames. Nothing stands before their stacks: what does is taken to be as usual as
-/// what is behind.
-constexpr CauseShares kCausesInView = {0.98, 0.002, 0.002, 0.017};
 
 double Share(double part, double rest) { return part + rest > 0 ? part / (part + rest) : 0; }
 
@@ -63,7 +60,7 @@ ViewExplanation ExplainView(const SensorView& view, const SegmentationResult* se
                                                                                 view.Point(u, v))
                                                    .distance)
                                : 0;
-        share = Explain({expected_depth, sigma_m}, {depth, off}, view.errors, kCausesInView);
+        share = Explain({expected_depth, sigma_m}, {depth, off}, view.errors);
         for (std::size_t k = 0; k < kCauses; ++k) explanation.causes[k] += cells * share[k];
       }
       if (label == 0 || !(depth > 0)) continue;

@@ -11,14 +11,13 @@ namespace volalign {
 
 namespace {
 
-/// Rays of a view, and those of its points that another one is asked about.
-constexpr double kRays = 6000, kPointRays = 1500;
+/// Rays of a view; another one is asked about a quarter of them.
+constexpr double kRays = 6000;
 constexpr double kBesideStructure = 0.15;  // m from it
 
 // Of recorded frames, by tests/bench/cause_shares.py: the share of what both sensors could have
-// seen where it is that neither sees through, and the causes.
+// seen where it is that neither sees through.
 constexpr ShareOdds kNotFloating{{240, 0.63}, {1.7, 0.60}};
-constexpr CauseShares kCausesOfPair = {0.727, 0.207, 0.001, 0.065};
 
 }  // namespace
 
@@ -32,7 +31,7 @@ MeasuredView::MeasuredView(const SensorView& view, const Structure& structure,
   }
   if (rays.size() > 1) pitch_ = (rays[1] - rays[0]).norm();
   rays_ = std::make_unique<KdTree>(std::move(rays));
-  const SensorView few = Decimate(view_, StrideForRays(view_.depth.size(), kPointRays));
+  const SensorView few = Decimate(view_, StrideForRays(view_.depth.size(), kRays / 4));
   few.VisitMeasured(1, [&](int u, int v) {
     const Eigen::Vector3d p = few.Point(u, v);
     if (std::all_of(poses.begin(), poses.end(), [&](const Pose& pose) {
@@ -68,8 +67,7 @@ CauseShares MeasuredView::Explain(const MeasuredView& other, const Pose& this_fr
       measured.off = std::abs(measured.depth - p.z());
     }
     const double sigma = std::hypot(sigma_m, other.view_.errors.Sigma(point.p.z()));
-    const CauseShares share =
-        volalign::Explain({p.z(), sigma}, measured, view_.errors, kCausesOfPair);
+    const CauseShares share = volalign::Explain({p.z(), sigma}, measured, view_.errors);
     for (std::size_t k = 0; k < kCauses; ++k) causes[k] += point.cells * share[k];
   }
   return causes;

@@ -20,7 +20,7 @@ constexpr double kFloorReach = 1.0;
 /// Holds directions that nothing else does: in points, of 1 m and 1 rad.
 constexpr double kPrior = 0.01;
 /// The steps end when one is shorter than this, m and rad.
-constexpr double kConverged = 2e-4;
+constexpr double kConverged = kDepthStep;
 
 struct NormalEquations {
   Matrix6d hessian = Matrix6d::Zero();

@@ -11,11 +11,11 @@ namespace volalign {
 
 /// Steps that bring points onto boxes, without labels.
 struct BoxFit {
-  int steps = 6;
-  std::size_t points = 500;  ///< at most, of those near the structure
+  int steps = 2 * kRounds;
+  std::size_t points = kManyProbes;  ///< at most, of those near the structure
   double first_reach =
       kFarthestOff;  ///< m: points farther from the structure have no part in the first step
-  double last_reach = 0.04;  ///< m: and in the last one
+  double last_reach = 2 * kSamePlace;  ///< m: and in the last one
   /// Points of the floor beside the structure count, too: for the first steps, when few sides may
   /// have been brought onto their points.
   bool floor = false;

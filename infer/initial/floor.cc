@@ -17,9 +17,8 @@ namespace {
 constexpr double kTolerance = kRoughPose, kRelativeTolerance = 0.02;
 /// m: a floor that is less far under the structure is no floor that a table stands on.
 constexpr double kLeastTable = 0.3;
-/// Share of the pixels that such a floor needs, and the cells of height in which it is looked for,
-/// m.
-constexpr double kLeastLowerFloor = 0.05, kLevelCell = 0.05;
+/// m: the cells of height in which such a floor is looked for.
+constexpr double kLevelCell = 2 * kSamePlace;
 
 /// A point clearly under the structure's foot.
 struct LowPoint {
@@ -44,7 +43,7 @@ double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
     most = both;
     depth = (cell + 0.5) * kLevelCell;
   }
-  return most >= kLeastLowerFloor * pixels ? depth : 0;
+  return most >= kNotable * pixels ? depth : 0;
 }
 
 }  // namespace

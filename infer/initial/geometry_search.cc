@@ -25,7 +25,7 @@ namespace {
 constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
 constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
-constexpr double kCoarseCells = 5;
+constexpr double kCoarseCells = kCells / 2;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
 
@@ -50,11 +50,11 @@ double Gain(const ViewFit& shape) {
 /// what is hidden need not be seen.
 constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
 /// Where the picture's border cuts the structure off, or something hides it, less area than
-/// min_area_share may be measured: down to kSmallPart of it, if at least kSmallExplained of the
-/// area and kSmallPlanes of the planes are explained. At least kSmallExplained is also asked for
-/// where so much is hidden that less than kLeastVisible is left, since hidden parts cannot
-/// contradict a pose.
-constexpr double kSmallPart = 0.6, kSmallExplained = 0.97, kSmallPlanes = 0.7;
+/// min_area_share may be measured: down to half of it, if at least kSmallExplained of the area and
+/// kSmallPlanes of the planes are explained. At least kSmallExplained is also asked for where so
+/// much is hidden that less than kLeastVisible is left, since hidden parts cannot contradict a
+/// pose.
+constexpr double kSmallExplained = 0.97, kSmallPlanes = 0.7;
 
 using Poses = std::vector<GeometricPose>;
 
@@ -270,7 +270,7 @@ bool HasShape(const ViewFit& shape, const Structure& structure, const GeometryOp
     return false;
   const double planes = shape.planes_share(kLeastVisible);
   if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
-  return shape.explained >= kSmallPart * options.min_area_share * area &&
+  return shape.explained >= options.min_area_share / 2 * area &&
          shape.explained_share() >= kSmallExplained && planes >= kSmallPlanes;
 }
 

@@ -18,7 +18,7 @@ struct GeometryOptions {
   double min_visible_share = 0.3;
   double max_goes_on_share = 0.15;
   double min_area_share = 0.2;
-  double rival_margin = 0.12;
+  double rival_margin = 0.1;
 
   template <class Archive>
   void Describe(Archive& ar) {

@@ -6,14 +6,14 @@
 #include "infer/initial/pose_candidates.h"
 #include "infer/initial/same_pose.h"
 #include "infer/initial/visibility_correction.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Once a pose has been corrected for visibility, keypoints agree so many times better than
-/// options.max_keypoint_error_m.
-constexpr int kTightening = 3;
+/// m: how far off a keypoint may be once a pose has been corrected for visibility.
+constexpr double kMostOff = 2 * kRoughPose;
 
 InitialPose SearchPose(const SensorView& view, const SegmentationResult& segmentation,
                        const Structure& structure, const InitialPoseOptions& options,
@@ -47,8 +47,7 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   }
   if (!result.found) return result;
   // Centroids on the decimated grid are a few millimetres off.
-  result.structure_from_sensor =
-      correct(view, options.max_keypoint_error_m / kTightening, result.structure_from_sensor);
+  result.structure_from_sensor = correct(view, kMostOff, result.structure_from_sensor);
   result.agreement = compare(result.structure_from_sensor);
   return result;
 }

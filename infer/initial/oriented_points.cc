@@ -18,7 +18,7 @@ namespace {
 
 // Normals.
 /// m: half the width of the surface that a normal is taken from.
-constexpr double kNormalReach = 0.04;
+constexpr double kNormalReach = 2 * kSamePlace;
 /// Neighbours along each axis on each side, and pixels that they reach at most.
 constexpr int kNeighbours = 2, kMostReach = 12;
 /// Least neighbours of the 25, the pixel itself among them.
@@ -53,9 +53,9 @@ void VisitSome(const std::vector<OrientedPoint>& points, const std::vector<char>
 RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
                     const SurfaceTolerance& tolerance) {
   RoomPlane best;
-  VisitSome(points, taken, kPlaneTrials, [&](const OrientedPoint& seed) {
+  VisitSome(points, taken, kFewProbes, [&](const OrientedPoint& seed) {
     RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0, 0};
-    VisitSome(points, taken, kPlaneProbes, [&](const OrientedPoint& point) {
+    VisitSome(points, taken, kManyProbes, [&](const OrientedPoint& point) {
       if (Lies(point, plane, tolerance)) plane.area += point.area;
     });
     if (plane.area > best.area) best = plane;

@@ -146,7 +146,7 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
     const double cosine = (structure_from_sensor.linear() * patch.normal)
                               .dot(structure.SideOfLabel(patch.label).normal);
     const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
-    const double max_angle = options.max_normal_error_deg * M_PI / 180 +
+    const double max_angle = options.max_normal_error_deg * kDegree +
                              kNormalSigmas * std::min(patch.normal_sigma, kMaxNormalSigma);
     if (distance > max_distance_m || angle > max_angle) continue;
     const auto known = nearest.find(patch.label);

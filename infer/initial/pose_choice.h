@@ -9,6 +9,7 @@
 #include "core/geometry/structure.h"
 #include "infer/initial/aliases.h"
 #include "infer/initial/initial_pose.h"
+#include "infer/view/alike.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
@@ -19,7 +20,7 @@ namespace volalign {
 struct PoseChoiceOptions {
   double rival_score = 0.5;
   double shape_iou_margin = 0.1;
-  double floor_margin = 0.05;
+  double floor_margin = kNotable;
   double score_margin = 0.2;
 
   template <class Archive>

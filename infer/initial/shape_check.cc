@@ -9,13 +9,12 @@
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/side_patch.h"
 #include "infer/initial/view_fit.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Of the pixels, those under the ground from which on they refute a pose.
-constexpr double kMostBelow = 0.05;
 /// Share of the view that is measured on the structure. Less than geometry.min_explained_share: the
 /// refined pose is as all points have it, not the one that explains most.
 constexpr double kLeastExplained = 0.9;
@@ -24,7 +23,7 @@ constexpr double kLeastExplained = 0.9;
 constexpr int kMostMissing = 1;
 /// A side is tilted whose plane, as it was measured, is so far from the pose's, rad (12 deg), and
 /// by so many standard deviations more; m^2: smaller patches say nothing.
-constexpr double kTilted = 12 * M_PI / 180, kTiltSigmas = 2, kLeastPatch = 0.02;
+constexpr double kTilted = 12 * kDegree, kTiltSigmas = 2, kLeastPatch = 0.02;
 
 bool IsTilted(const SidePatch& patch, const Structure& structure,
               const Pose& structure_from_sensor) {
@@ -40,7 +39,7 @@ bool IsTilted(const SidePatch& patch, const Structure& structure,
 bool SeesBelow(const SensorView& view, const Structure& structure,
                const Pose& structure_from_sensor, double table_height_m) {
   const FloorFit floor = FindFloor(view, structure, structure_from_sensor, table_height_m);
-  return floor.below > kMostBelow * floor.pixels;
+  return floor.below > kNotable * floor.pixels;
 }
 
 std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,

@@ -24,7 +24,7 @@ constexpr int kRivalDivisor = 3;
 /// and no plane is known better than this, m.
 constexpr double kPixelsPerPlane = 100, kSmoothError = 0.003;
 /// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
-constexpr double kMinVariance = 1e-8;
+const double kMinVariance = std::pow(StepSigma() * kDepthStep, 2);
 
 /// Row-major pixel indices of each label, without components of fewer than `speck` pixels,
 /// which label errors make.
@@ -137,11 +137,11 @@ std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
                            int min_size, RandomStream& random) {
   if (static_cast<int>(candidates.size()) < min_size) return {};
   std::vector<int> sample;
-  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kPlaneProbes);
+  const std::size_t step = std::max<std::size_t>(1, candidates.size() / kManyProbes);
   for (std::size_t i = step / 2; i < candidates.size(); i += step) sample.push_back(candidates[i]);
 
   std::vector<int> best;
-  for (int trial = 0; trial < kPlaneTrials; ++trial) {
+  for (std::size_t trial = 0; trial < kFewProbes; ++trial) {
     const Eigen::Vector3d& a = Pick(points, sample, random);
     const Eigen::Vector3d& b = Pick(points, sample, random);
     const Eigen::Vector3d& c = Pick(points, sample, random);

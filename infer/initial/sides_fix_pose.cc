@@ -14,8 +14,6 @@ namespace {
 
 /// Least eigenvalue of the normal equations, as a share of their trace.
 constexpr double kMinEigenvalueShare = 0.003;
-/// Four points at this share of a rectangle's half extents have its second moments: 1 / sqrt(3).
-const double kMomentPoint = 1 / std::sqrt(3.0);
 
 struct PlanePoint {
   Eigen::Vector3d p, normal;
@@ -31,11 +29,13 @@ bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, Ke
   if (keypoints.size() >= 3 && SecondSingularValue(keypoints) > kMinSecondSingularValue)
     return true;
 
+  // Four points at this share of a rectangle's half extents have its second moments.
+  const double moment_point = 1 / std::sqrt(3);
   std::vector<PlanePoint> points;
   for (const int label : unique) {
     const Side& side = structure.SideOfLabel(label);
-    for (const double u : {-kMomentPoint, kMomentPoint}) {
-      for (const double v : {-kMomentPoint, kMomentPoint}) {
+    for (const double u : {-moment_point, moment_point}) {
+      for (const double v : {-moment_point, moment_point}) {
         points.push_back(
             {side.centre + u * side.half_u * side.axis_u + v * side.half_v * side.axis_v,
              side.normal});

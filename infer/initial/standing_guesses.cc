@@ -14,7 +14,7 @@ namespace volalign {
 namespace {
 
 /// Share of a view's surface that may lie behind a floor: reflections, a stair.
-constexpr double kMostBehind = 0.06;
+constexpr double kMostBehind = kNotable;
 /// Cosine of the angle between directions that are at a right angle, to 15 deg.
 const double kAtRightAngle = std::sqrt(1 - kSameDirection * kSameDirection);
 /// rad: two turns that differ by less (8 deg) are one.
@@ -23,7 +23,7 @@ const double kSameTurn = std::acos(kSameNormal);
 constexpr double kUpright = 0.5;
 /// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
 /// the area that the highest count has.
-constexpr double kHeightCell = 0.2, kLeastLevel = 0.15;
+constexpr double kHeightCell = 0.2, kLeastLevel = kLeastShown;
 /// Feet nearer than this part of a slab are one.
 constexpr double kSameFoot = 0.5;
 

@@ -18,12 +18,12 @@ namespace volalign {
 
 namespace {
 
-constexpr int kPatch = 10;             // px
-constexpr double kPatchSigma = 0.005;  // m
-constexpr float kEdgeStep = 0.05F;     // m
-constexpr double kFocal = 252;         // px
-constexpr double kLookAlike = 0.95;    // of the pixels
-constexpr double kOpen = 1.0;          // m: standard deviation beyond which a direction is open
+constexpr int kPatch = 10;                    // px
+constexpr double kPatchSigma = 0.005;         // m
+constexpr double kEdgeStep = 2 * kRoughPose;  // m
+constexpr double kFocal = 252;                // px
+constexpr double kLookAlike = 1 - kNotable;   // of the pixels
+constexpr double kOpen = 1.0;  // m: standard deviation beyond which a direction is open
 
 Intrinsics PlainIntrinsics() {
   Intrinsics intrinsics;
@@ -161,7 +161,7 @@ TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions&
                                 structure.FloorHeight() + height,
                                 middle.z() + options.distance_m * std::sin(phi));
       TargetView view = MeasureView(structure, aliases, LookAt(eye, middle, 0), rays);
-      view.phi_deg = phi * 180 / M_PI;
+      view.phi_deg = phi / kDegree;
       view.height_m = height;
       quality.views.push_back(std::move(view));
     }

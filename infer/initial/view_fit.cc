@@ -15,9 +15,6 @@ namespace {
 
 /// m: how far beyond a side's border is looked for surface that goes on, and from where on.
 constexpr double kBeyondFrom = kSamePlace, kBeyondTo = 0.07;
-/// A plane of the structure is seen where so much of a side is measured, as a part of its exposed
-/// area, or so much of a border, as a part of its length, and less than half as much goes on there.
-constexpr double kLeastSeen = 0.2;
 
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
@@ -58,7 +55,7 @@ struct SideShape {
 /// m^2 beyond a border, below which it says nothing.
 double LeastBeyond(const Side& side, int border) {
   const double length = 2 * (border < 2 ? side.half_v : side.half_u);
-  return kLeastSeen * length * (kBeyondTo - kBeyondFrom);
+  return kLeastShown * length * (kBeyondTo - kBeyondFrom);
 }
 
 /// Does a side end at its borders, as far as they tell?
@@ -102,7 +99,7 @@ void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) 
 
 /// The planes that one side shows.
 void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePlane>* planes) {
-  const double least_of_side = kLeastSeen * side.exposed_area;
+  const double least_of_side = kLeastShown * side.exposed_area;
   if (!(shape.shown > least_of_side)) return;
   const bool open = shape.open > least_of_side;
   const bool found = shape.explained > least_of_side && EndsThere(side, shape);

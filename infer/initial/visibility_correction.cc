@@ -9,9 +9,6 @@ namespace volalign {
 
 namespace {
 
-/// Share of a patch's area that its side has to show for the centroid of that to be used.
-constexpr double kMinShownShare = 0.2;
-
 struct ShownPart {
   double area = 0;                                   // m^2
   Eigen::Vector3d moment = Eigen::Vector3d::Zero();  // area times centroid, sensor frame
@@ -51,7 +48,7 @@ std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
   std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure, kind);
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const ShownPart& part = shown[static_cast<std::size_t>(patches[i].label)];
-    if (!(part.area > 0) || part.area < kMinShownShare * patches[i].area) continue;
+    if (!(part.area > 0) || part.area < kLeastShown * patches[i].area) continue;
     keypoints[i] = structure_from_sensor * Eigen::Vector3d(part.moment / part.area);
   }
   return keypoints;

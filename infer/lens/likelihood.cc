@@ -15,8 +15,8 @@ constexpr double kLeastLever = 0.2;
 /// Of the logarithm of smooth_m: real sensors of a kind lie within a factor of 2 or so
 /// (docs/sensor-models.md).
 constexpr double kSmoothSpread = 0.8;
-constexpr double kLeastSmooth = kStepSigma * kDepthStep, kMostSmooth = 0.02;  // m
-constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};           // rad
+const double kLeastSmooth = StepSigma() * kDepthStep, kMostSmooth = kSamePlace;  // m
+constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};              // rad
 
 }  // namespace
 

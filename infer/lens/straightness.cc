@@ -21,14 +21,12 @@ namespace {
 using refine_internal::FitSmoothError;
 using refine_internal::SmoothMovement;
 
-constexpr std::size_t kMostPatches = 80;
 /// Mean square of the residuals, in standard deviations, beyond which a surface is none of a plane.
 constexpr double kNoPlane = 2;
 
 // The search for the lens.
-constexpr int kMostSteps = 20;
-constexpr double kLeastSearchStep = 0.01;  // of a whole one
-constexpr double kLeastGain = 1e-3;        // of half the sum of squares, for another step
+/// Of half the sum of squares, for another step, which has at least that part of a whole one.
+constexpr double kLeastGain = 1e-3;
 
 /// A plane's residuals, m, and their derivatives.
 struct PlaneResiduals {
@@ -118,7 +116,7 @@ constexpr std::size_t kPlaneParameters = 3;
 class WeighedPlane {
  public:
   WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with, const DepthErrorModel& errors)
-      : patches_(Thinned(plane.patches, kMostPatches)), seen_with_(seen_with), errors_(errors) {
+      : patches_(Thinned(plane.patches, kFewProbes)), seen_with_(seen_with), errors_(errors) {
     if (patches_.size() <= kPlaneParameters) return;
     const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with, errors);
     Eigen::VectorXd variances(at.residuals.size());
@@ -215,10 +213,10 @@ LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,
     return CostAt(sensors_, assumed, at, of) + PriorCost(at, prior_sigmas);
   };
   double cost = evaluate(change, &evidence);
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (bool better = true; better;) {
     const LensChange full = EstimateLens(evidence, prior_sigmas).change - change;
-    bool better = false;
-    for (double share = 1; share > kLeastSearchStep; share /= 2) {
+    better = false;
+    for (double share = 1; share > kLeastGain; share /= 2) {
       LensEvidence there;
       const double cost_there = evaluate(change + share * full, &there);
       if (!(cost_there < cost)) continue;
@@ -228,7 +226,6 @@ LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,
       evidence = there;
       break;
     }
-    if (!better) break;
   }
   LensEstimate estimate = EstimateLens(evidence, prior_sigmas);
   estimate.change = change;
@@ -253,7 +250,7 @@ double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
   for (const LargePlane& plane : sensor.planes) {
     if (plane.patches.size() <= kPlaneParameters) continue;
     std::vector<Eigen::Vector3d> points;
-    for (const PlanePatch& patch : Thinned(plane.patches, kMostPatches)) points.push_back(patch.p);
+    for (const PlanePatch& patch : Thinned(plane.patches, kFewProbes)) points.push_back(patch.p);
     const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics, sensor.errors);
     const Eigen::VectorXd moved = of.by_lens * change;
     const Eigen::VectorXd bent =

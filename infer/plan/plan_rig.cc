@@ -16,7 +16,6 @@ namespace volalign {
 
 namespace {
 
-constexpr double kDegrees = 180 / M_PI;
 constexpr double kSurfaceGrid = 0.04;  // m
 
 /// The true labels of the frames that it knows by their depth maps.
@@ -109,7 +108,7 @@ void FinishTrials(PlannedSensor* sensor) {
       PositionCovariance(sensor->structure_from_sensor, sensor->covariance);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(position);
   sensor->expected_m = std::sqrt(position.trace());
-  sensor->expected_deg = std::sqrt(sensor->covariance.diagonal().tail<3>().sum()) * kDegrees;
+  sensor->expected_deg = std::sqrt(sensor->covariance.diagonal().tail<3>().sum()) / kDegree;
   sensor->weakest = solver.eigenvectors().col(2);
   sensor->weakest_m = std::sqrt(std::max(solver.eigenvalues()[2], 0.0));
 }

@@ -86,8 +86,7 @@ void DrawPlan(const Structure& structure, double left, double top, Svg* svg) {
     svg->Polygon(points, "class=\"box\"", box.name);
   }
   for (int deg = 0; deg < 360; deg += 45) {
-    const auto at = [&, c = std::cos(deg * M_PI / 180),
-                     s = std::sin(deg * M_PI / 180)](double share) {
+    const auto at = [&, c = std::cos(deg * kDegree), s = std::sin(deg * kDegree)](double share) {
       return Svg::Point{x + share * kPlanSize * c, y + share * kPlanSize * s};
     };
     svg->Line(at(0.38), at(0.42), "class=\"axis\"");

@@ -14,7 +14,7 @@ constexpr double kEdgeAgrees = 0.5;
 /// Cosine from which on a one-sided silhouette agrees with an edge, whose direction was measured:
 /// the border of what a sensor lights, or of what hides a side and has no depth itself, seldom runs
 /// as the side's edges do.
-constexpr double kOneSidedAgrees = 0.97;
+constexpr double kOneSidedAgrees = kSameDirection;
 
 }  // namespace
 

@@ -51,8 +51,9 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
     const double cosine =
         model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
     const double lateral = observed.noise.depth.lateral_rad * face.p.z();
-    variances[static_cast<Eigen::Index>(i)] =
-        face.variance + (1 - cosine * cosine) * lateral * lateral + Square(kStepSigma * kDepthStep);
+    variances[static_cast<Eigen::Index>(i)] = face.variance +
+                                              (1 - cosine * cosine) * lateral * lateral +
+                                              Square(StepSigma() * kDepthStep);
   }
   return variances;
 }

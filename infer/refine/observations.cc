@@ -15,8 +15,8 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kRise = 0.02;      // m, that a box has to rise in front of a side for a seam
-constexpr std::size_t kFewest = 3;  // points of an observation on a face
+constexpr double kRise = kSamePlace;  // m, that a box has to rise in front of a side for a seam
+constexpr std::size_t kFewest = 3;    // points of an observation on a face
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
 constexpr double kPixelsPerError = 2;
 
@@ -116,7 +116,7 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
   for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
     const Eigen::VectorXd sizes = left.cwiseAbs().cwiseQuotient(units);
     const double face = std::max(kLeastFaceScale, Spread(sizes, 0, faces));
-    const double edge = std::max(kStepSigma, Spread(sizes, faces, edges));
+    const double edge = std::max(StepSigma(), Spread(sizes, faces, edges));
     Eigen::VectorXd weights(r.size());
     for (Eigen::Index k = 0; k < r.size(); ++k) {
       const double sigma = units[k] * (k < static_cast<Eigen::Index>(faces) ? face : edge);
@@ -203,7 +203,7 @@ void WidenOutliers(const BuildModel& model, const FrameParameters& parameters, c
     }
   };
   widen(0, faces, kDepthStep, [&](std::size_t k) { return &observed->faces[k].variance; });
-  widen(faces, observed->edges.size(), kStepSigma,
+  widen(faces, observed->edges.size(), StepSigma(),
         [&](std::size_t k) { return &observed->edges[k].variance; });
 }
 

@@ -6,6 +6,7 @@
 
 #include "core/config/config.h"
 #include "infer/refine/estimate_choice.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
@@ -37,9 +38,9 @@ struct PriorOptions {
 /// How a refinement goes about it: its rounds and their limits.
 struct RefineSchedule {
   int inner_iterations = 12;
-  int associations = 3;
+  int associations = kRounds;
   int max_overlap_points = 700;
-  double min_overlap = 0.05;
+  double min_overlap = kNotable;
   int threads = 2;
 };
 

@@ -10,8 +10,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kAround = 0.3;               // m from the structure's bounding box
-constexpr std::size_t kTenthsFromAround = 7;  // of the chosen points
+constexpr double kAround = 0.3;  // m from the structure's bounding box
 
 }  // namespace
 
@@ -43,7 +42,7 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
     from.resize(std::min(from.size(), count));
     chosen.insert(chosen.end(), from.begin(), from.end());
   };
-  take(std::move(near), static_cast<std::size_t>(most) * kTenthsFromAround / 10);
+  take(std::move(near), static_cast<std::size_t>(most) / 2);
   take(std::move(far), static_cast<std::size_t>(most) - chosen.size());
   return chosen;
 }

@@ -24,13 +24,13 @@ Priors PriorsOf(const PriorOptions& options) {
   priors.edge_shift = options.edge_shift_sigma_px;
   priors.size = options.size_sigma_percent / 100;
   priors.box = options.box_sigma_m;
-  priors.yaw = options.box_sigma_deg * M_PI / 180;
+  priors.yaw = options.box_sigma_deg * kDegree;
   return priors;
 }
 
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
   using Columns = FrameColumns;
-  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + 3 * boxes);
+  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + Eigen::Index{3} * boxes);
   const auto of = [&](Eigen::Index column) -> double& { return sigmas[column - Columns::kOffset]; };
   of(Columns::kOffset) = priors.offset;
   of(Columns::kGain) = priors.gain;
@@ -48,7 +48,7 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
 }
 
 Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes) {
-  Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + 3 * boxes);
+  Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + Eigen::Index{3} * boxes);
   values << *parameters.offset, *parameters.gain, *parameters.focal,
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances), LensChange::Zero(),
       *parameters.build.size,

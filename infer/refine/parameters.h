@@ -48,8 +48,9 @@ struct FrameParameters {
 /// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
 /// pose has 7 columns as a block and 6 in its tangent space.
 struct FrameColumns {
-  static constexpr Eigen::Index kPose = 0, kOffset = kPose + 7, kGain = kOffset + 1,
-                                kFocal = kGain + 1, kNuisance = kFocal + 1,
+  static constexpr Eigen::Index kPose = 0,
+                                kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
+                                kGain = kOffset + 1, kFocal = kGain + 1, kNuisance = kFocal + 1,
                                 kLens = kNuisance + kNuisances, kSize = kLens + kLensParameters,
                                 kBoxes = kSize + 1;
   /// How many columns are the sensor's own errors.

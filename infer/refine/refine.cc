@@ -65,7 +65,7 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
 }  // namespace
 
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
-  constexpr double kOpenTranslation = kRoughPose, kOpenRotation = 2 * M_PI / 180;
+  constexpr double kOpenTranslation = kRoughPose, kOpenRotation = 2 * kDegree;
   std::vector<std::string> names;
   for (const bool rotation : {false, true}) {
     const Eigen::Matrix3d part =
@@ -81,7 +81,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
       std::string name = main == 1 ? "the vertical" : main == 0 ? "structure x" : "structure z";
       if (axis[main] < kOnePlane)
         name = fmt::format("structure ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
-      names.push_back(rotation ? fmt::format("about {} ({:.1f} deg)", name, sigma * 180 / M_PI)
+      names.push_back(rotation ? fmt::format("about {} ({:.1f} deg)", name, sigma / kDegree)
                                : fmt::format("along {} ({:.2f} m)", name, sigma));
     }
   }

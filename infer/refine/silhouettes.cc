@@ -13,8 +13,8 @@ namespace volalign {
 
 namespace {
 
-constexpr int kMaxGrowth = 6;               // px that a label may fall short of its surface's end
 constexpr int kMaxGap = 3;                  // px that a sensor may leave empty at an edge
+constexpr int kMaxGrowth = 2 * kMaxGap;     // px that a label may fall short of its surface's end
 constexpr double kOnPlane = kSamePlace;     // m, of a pixel that continues a side
 constexpr double kBehind = 2 * kRoughPose;  // m, by which the depth has to jump at a silhouette
 constexpr double kLeastIncidence = 0.2;     // cosine: beyond it half a pixel is centimetres of side
@@ -102,7 +102,7 @@ bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, double
   const Eigen::Vector3d across = outer * plane.Depth(outer) - inner * plane.Depth(inner);
   edge->outward = across.normalized();
   edge->normal = plane.normal;
-  edge->sigma = across.norm() * kStepSigma;
+  edge->sigma = across.norm() * StepSigma();
   edge->pixel = across.norm() / width;
   edge->axis = walk.dv != 0;
   edge->block = BlockIndex(walk.u, walk.v, view.width());

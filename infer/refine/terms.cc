@@ -91,7 +91,7 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
     const std::size_t first = entry->second;
     ceres->problem->AddResidualBlock(
         TieCost(problem.setup.prior.sensor_moved_sigma_m,
-                problem.setup.prior.sensor_moved_sigma_deg * M_PI / 180),
+                problem.setup.prior.sensor_moved_sigma_deg * kDegree),
         nullptr, state->placements[state->StillOf(first)].values, state->poses[first].values,
         state->placements[state->StillOf(i)].values, state->poses[i].values);
     ceres->problem->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,

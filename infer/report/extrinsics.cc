@@ -150,8 +150,8 @@ std::vector<Extrinsics::Box> BoxesOf(const std::vector<RefinedBox>& found, const
     boxes.push_back({box.name, found[b].estimated,
                      built.boxes().at(b).structure_from_box.translation() -
                          box.structure_from_box.translation(),
-                     found[b].yaw * 180 / M_PI, found[b].sigma_x, found[b].sigma_z,
-                     found[b].sigma_yaw * 180 / M_PI});
+                     found[b].yaw / kDegree, found[b].sigma_x, found[b].sigma_z,
+                     found[b].sigma_yaw / kDegree});
   }
   return boxes;
 }

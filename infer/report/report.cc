@@ -142,8 +142,8 @@ std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& box
         "{}box {} stands {:+.1f} mm along x, {:+.1f} mm along z, turned by {:+.2f} deg "
         "(sigma {:.1f}, {:.1f} mm, {:.2f} deg)\n",
         where, built.boxes()[b].name, Rounded(1000 * box.x, 1), Rounded(1000 * box.z, 1),
-        Rounded(box.yaw * 180 / M_PI, 2), 1000 * box.sigma_x, 1000 * box.sigma_z,
-        box.sigma_yaw * 180 / M_PI);
+        Rounded(box.yaw / kDegree, 2), 1000 * box.sigma_x, 1000 * box.sigma_z,
+        box.sigma_yaw / kDegree);
   }
   return text;
 }
@@ -181,7 +181,7 @@ std::string Placements(const CalibrationResult& result) {
           "turned by "
           "{:.2f} deg (sigma {:.1f} mm, {:.3f} deg)",
           pose.translation().x(), pose.translation().y(), pose.translation().z(),
-          std::atan2(pose.linear()(0, 2), pose.linear()(0, 0)) * 180 / M_PI,
+          std::atan2(pose.linear()(0, 2), pose.linear()(0, 0)) / kDegree,
           1000 * SigmaTranslation(still.covariance).maxCoeff(),
           SigmaRotationDeg(still.covariance).maxCoeff());
     }

@@ -16,8 +16,7 @@ namespace volalign {
 
 namespace {
 
-constexpr int kFreedoms = 6;  // of a pose
-constexpr double kDegrees = 180 / M_PI;
+constexpr int kFreedoms = 6;      // of a pose
 constexpr double kPower = 1.645;  // standard deviations that 95 % of a normal distribution exceed
 constexpr int kMotionIterations = 4;
 
@@ -244,7 +243,7 @@ SensorMovement Compare(const PosePair& pair, const Motion& others, Movement move
   turn.topRows<3>() = Cross(last.translation());
   turn.bottomRows<3>().setIdentity();
   out.found_from_m = found * LargestSigma(information, shift);
-  out.found_from_deg = found * LargestSigma(information, turn) * kDegrees;
+  out.found_from_deg = found * LargestSigma(information, turn) / kDegree;
   return out;
 }
 

@@ -49,7 +49,7 @@ std::vector<BuildStep> BuildSteps(const Structure& structure) {
     step.height = box.size.y();
     step.front_to_back = box.size.x();
     step.left_to_right = box.size.z();
-    step.yaw_deg = std::atan2(r(0, 2), r(2, 2)) * 180 / M_PI;
+    step.yaw_deg = std::atan2(r(0, 2), r(2, 2)) / kDegree;
     step.on_floor = of(b).min().y() < structure.FloorHeight() + kTouching;
     std::vector<std::pair<double, int>> below;  // minus the area, box
     for (const BuildStep& earlier : steps) {

@@ -180,7 +180,7 @@ double TiltOfTower(const std::vector<Box>& boxes) {
       least = std::min(least, std::atan2(inside, middle.y() - box.min().y()));
     }
   }
-  return least * 180 / M_PI;
+  return least / kDegree;
 }
 
 SuggestedStack SuggestStack(const std::string& name, const std::vector<Eigen::Vector3d>& sizes,

@@ -31,20 +31,25 @@ inline constexpr double kSamePlace = 0.02;
 inline constexpr double kRoughPose = 0.03;
 /// m: the step in which sensors give depths.
 inline constexpr double kDepthStep = 1e-3;
-/// Standard deviation of an error of rounding to whole steps, or to whole pixels: 1 / sqrt(12).
-inline constexpr double kStepSigma = 0.28868;
+/// Standard deviation of an error of rounding to whole steps, or to whole pixels.
+inline double StepSigma() { return 1 / std::sqrt(12); }
 /// m: what is farther from a surface is no part of it.
 inline constexpr double kFarthestOff = 0.1;
 /// m: what is farther from a sensor is of no room that it is used in.
 inline constexpr double kFarthest = 8;
+/// Share of a side, or of the surroundings of its border, that has to be seen for it to count.
+inline constexpr double kLeastShown = 0.2;
+/// Share of a picture from which on something counts: less may be reflections, or what stands
+/// about.
+inline constexpr double kNotable = 0.05;
 
 /// Rounds at most in which something follows what it led to itself.
 inline constexpr int kRounds = 3;
 /// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
 /// band as wide as its largest disparity.
 inline constexpr int kEmptyBorder = 12;
-/// RANSAC: planes that are tried, and points that they are counted with.
-inline constexpr int kPlaneTrials = 80, kPlaneProbes = 400;
+/// Of what there are thousands, so many are asked where each costs much, or little.
+inline constexpr std::size_t kFewProbes = 80, kManyProbes = 400;
 /// Of what is tried in a search: so many go on from one stage to the next.
 inline constexpr std::size_t kBeam = 8;
 

@@ -131,7 +131,7 @@ void AddToCloud(const SensorView& view, const LabelImage& labels, const Structur
 }
 
 RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double phi_deg) {
-  const double phi = phi_deg * M_PI / 180;
+  const double phi = phi_deg * kDegree;
   const Eigen::Vector3d towards(std::cos(phi), 0, std::sin(phi));  // the onlooker
   const Eigen::Vector3d right = Eigen::Vector3d::UnitY().cross(towards);
   double reach = 0;

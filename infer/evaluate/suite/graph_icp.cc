@@ -139,7 +139,7 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
     poses.push_back(view.structure_from_sensor);
     clouds.push_back(ViewCloud(view, structure, options));
   }
-  const double cosine = std::cos(options.max_normal_angle_deg * M_PI / 180);
+  const double cosine = std::cos(options.max_normal_angle_deg * kDegree);
   std::vector<std::pair<int, int>> edges;
   for (int round = 0; round < options.iterations && count > 0; ++round) {
     const double at = options.iterations == 1 ? 1.0 : round / (options.iterations - 1.0);

@@ -50,7 +50,7 @@ std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Struc
         other ? other->structure_from_sensor : *sensor.structure_from_sensor;
     const Eigen::Vector3d at = from_above.structure_from_sensor.translation();
     const double distance = std::hypot(at.x(), at.z()), height = at.y() - built.FloorHeight();
-    const double azimuth = std::fmod(std::atan2(at.z(), at.x()) * 180 / M_PI + 360, 360);
+    const double azimuth = std::fmod(std::atan2(at.z(), at.x()) / kDegree + 360, 360);
     from_above.note = fmt::format("{:.2f} m, {:.2f} m high", distance, height);
     from_above.title = fmt::format(
         "{}: {:.2f} m from the structure's origin, horizontally, at {:.0f}° from x towards z; "
