@@ -53,8 +53,8 @@ TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
   for (const char* part :
        {"crate: 1 box, 300 mm high; the origin is 300 mm above the floor",
         "Turned by 180 deg, the stack looks the same from 25 % of the directions.\n",
-        "Upside down, 1 of its 1 boxes lie where boxes lay, and the stack looks the same from 25 % "
-        "of the directions; only the floor tells the two apart.\n",
+        ("Upside down, 1 of its 1 boxes lie where boxes lay, and the stack looks the same from 25 "
+         "% of the directions; only the floor tells the two apart.\n"),
         // Height; poses that are fixed, unique with the floor, and without it, %; sides; sigmas in
         // mm.
         "    1.00          75        75          50           3   6         4.0       5.0\n",

@@ -13,7 +13,6 @@
 namespace volalign::refine_internal::refine_result_test {
 namespace {
 
-using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
 /// Two sensors that see the stack in two places, of it the same picture, with a posterior in which

@@ -1,5 +1,6 @@
 #include "infer/refine/terms.h"
 
+#include <ceres/cost_function.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -77,7 +77,7 @@ class PosesTest : public ::testing::Test {
 
   /// The poses, written by the format; returns the file.
   std::filesystem::path Written(PoseFormat format, const WorldChoice& world = {}) {
-    const std::filesystem::path path = Path("poses");
+    std::filesystem::path path = Path("poses");
     std::filesystem::remove_all(path);
     WritePoses(path, format, poses_, world);
     return path;
