@@ -32,8 +32,9 @@ struct MeasuredRay {
 
 /// The probability of each cause, given what was measured; the sum is 1. Depths are distributed
 /// normally about the surface, with the sensor's errors and the surface's own; evenly before it, as
-/// nothing is known of what may stand there; and exponentially behind it, as rooms are. What is
-/// before the surface, or behind it, is so for a few of 1,000 rays.
+/// nothing is known of what may stand there; and exponentially behind it, as rooms are. Of
+/// all rays, two in a thousand are taken to measure something before it, and as many something
+/// behind it.
 CauseShares Explain(const ExpectedRay& expected, const MeasuredRay& measured,
                     const DepthErrorModel& errors);
 

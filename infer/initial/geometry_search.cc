@@ -25,7 +25,7 @@ namespace {
 constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
 constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
-constexpr double kCoarseCells = kCells / 2;
+constexpr double kCoarseCells = kCellsAlongEdge / 2;
 /// The first look is with every second ray of every second row.
 constexpr int kFirstLook = 2;
 

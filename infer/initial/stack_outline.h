@@ -33,9 +33,9 @@ struct StackOutline {
   int SlabAt(double height) const { return static_cast<int>(std::floor(height / slab)); }
   bool Has(int slab_index) const { return slab_index >= 0 && slab_index < slabs; }
 };
-inline constexpr double kCells = 8;
-/// `cells`: along the smallest horizontal edge of any box, if that makes them small enough.
-StackOutline MakeStackOutline(const Structure& structure, double cells = kCells);
+/// Cells along the smallest horizontal edge of any box, if that makes them small enough.
+inline constexpr double kCellsAlongEdge = 8;
+StackOutline MakeStackOutline(const Structure& structure, double cells = kCellsAlongEdge);
 
 /// Upward part of a unit normal from which on a surface counts as a top, and up to which as a side;
 /// in between and below it counts as neither.

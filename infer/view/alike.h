@@ -39,8 +39,8 @@ inline constexpr double kFarthestOff = 0.1;
 inline constexpr double kFarthest = 8;
 /// Share of a side, or of the surroundings of its border, that has to be seen for it to count.
 inline constexpr double kLeastShown = 0.2;
-/// Share of a picture from which on something counts: less may be reflections, or what stands
-/// about.
+/// Share of a picture from which on something in it counts: less may be a reflection, or a small
+/// thing that stands about.
 inline constexpr double kNotable = 0.05;
 
 /// Rounds at most in which something follows what it led to itself.
@@ -48,7 +48,8 @@ inline constexpr int kRounds = 3;
 /// px along the border of the picture that sensors leave empty: a stereo matcher has no depth in a
 /// band as wide as its largest disparity.
 inline constexpr int kEmptyBorder = 12;
-/// Of what there are thousands, so many are asked where each costs much, or little.
+/// How many of thousands of points, or of trials, are looked at: where each costs much, and where
+/// it costs little.
 inline constexpr std::size_t kFewProbes = 80, kManyProbes = 400;
 /// Of what is tried in a search: so many go on from one stage to the next.
 inline constexpr std::size_t kBeam = 8;

@@ -41,7 +41,8 @@ TEST(LoadYaml, CountsWhatAliasesStandFor) {
 
 TEST(LoadYaml, LimitsDepthAndSize) {
   EXPECT_EQ(LoadYaml(Nested(kMaxYamlDepth)).size(), 1u);
-  ExpectError<YAML::ParserException>([] { LoadYaml(Nested(kMaxYamlDepth + 2)); }, {"64 levels"});
+  for (const int levels : {kMaxYamlDepth + 2, 200'000})
+    ExpectError<YAML::ParserException>([&] { LoadYaml(Nested(levels)); }, {"64 levels"});
   ExpectError<YAML::ParserException>([] { LoadYaml("a: &a [*a]"); }, {"64 levels"});
   ExpectError<YAML::ParserException>([] { LoadYaml(std::string(kMaxTextBytes + 1, ' ')); },
                                      {"bytes"});
