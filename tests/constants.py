@@ -22,8 +22,8 @@ import sys
 LIMITS = {
     "infer/view": 26,
     "infer/lens": 29,
-    "infer/depth": 17,
-    "infer/initial": 63,
+    "infer/depth": 21,
+    "infer/initial": 57,
     "infer/refine": 48,
     "infer/checks": 36,
     "core/geometry/depth_error_model": 0,

@@ -26,8 +26,9 @@ namespace {
 constexpr int kLabelRounds = 6;
 constexpr double kLabelsStay = 0.002;
 
-/// What is estimated beside the poses is chosen in so many rounds and then kept: where two choices
-/// explain the frames about equally well, the labels of each round may call for the other one.
+/// What is estimated beside the poses is chosen in so many rounds and then kept, as long as the
+/// frames are the same: where two choices explain them about equally well, the labels of each
+/// round, or the lenses of each look, may call for the other one.
 constexpr int kChoices = 2;
 /// The errors of the frames are fitted, and it is asked which frames disagree, in so many, and
 /// both are kept for the same reason.
@@ -284,8 +285,9 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       located = locate_all();
     }
     SomeFrames<FrameInput> again = FramesToRefine(seen, located.results, options.refine);
-    frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
     setup = RefineSetup(options.refine);
+    if (looks > 1 && again.size() == frames.size()) setup.choice = refined.choice;
+    frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();
     labelled = 0;
   }

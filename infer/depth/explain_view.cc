@@ -11,9 +11,11 @@ namespace volalign {
 namespace {
 
 // Of recorded frames, by tests/bench/cause_shares.py: the share of a structure's view that is not
-// seen through, and the share of what a network labels that lies on the side that the label names.
+// seen through; the share of what a network labels that lies on the side that the label names; and
+// of what it labels or what lies on the structure, the share that is both.
 constexpr ShareOdds kNotBehind{{78, 0.40}, {5.6, 1.2}};
 constexpr ShareOdds kNamedSo{{6.2, 0.89}, {0.375, 3.4}};
+constexpr ShareOdds kInOutline{{42, 1.9}, {10.3, 8.2}};
 
 double Share(double part, double rest) { return part + rest > 0 ? part / (part + rest) : 0; }
 
@@ -25,6 +27,10 @@ double CellsOf(const SensorView& view, int u, int v) {
   return solid_angle / (view.errors.smooth_rad * view.errors.smooth_rad);
 }
 
+double LogOddsOfSurface(double on_it, double behind_it) {
+  return kNotBehind.LogOdds(on_it, behind_it);
+}
+
 double ViewExplanation::behind_share() const {
   return Share(of(Cause::kBehind), of(Cause::kSurface));
 }
@@ -32,11 +38,17 @@ double ViewExplanation::behind_share() const {
 double ViewExplanation::named_so_share() const { return Share(named_so, named_otherwise); }
 
 double ViewExplanation::LogOddsByDepth() const {
-  return kNotBehind.LogOdds(of(Cause::kSurface), of(Cause::kBehind));
+  return LogOddsOfSurface(of(Cause::kSurface), of(Cause::kBehind));
 }
 
 double ViewExplanation::LogOddsByLabels() const {
   return kNamedSo.LogOdds(named_so, named_otherwise);
+}
+
+double ViewExplanation::LogOddsByOutline() const {
+  if (!has_labels()) return 0;
+  return kInOutline.LogOdds(
+      labelled_on, of(Cause::kSurface) - labelled_on + named_so + named_otherwise - labelled_on);
 }
 
 ViewExplanation ExplainView(const SensorView& view, const SegmentationResult* segmentation,
@@ -67,6 +79,7 @@ ViewExplanation ExplainView(const SensorView& view, const SegmentationResult* se
       const double so = label == expected.labels(u, v) ? share[0] : 0;
       explanation.named_so += cells * so;
       explanation.named_otherwise += cells * (1 - so);
+      explanation.labelled_on += cells * share[0];
     }
   }
   return explanation;

@@ -26,13 +26,13 @@ struct FloorFit {
   /// Of those: clearly under that plane, or under the floor that a table may stand on, where no
   /// true pose has any.
   int below = 0;
+  double cells = 0;  ///< independent cells of the pixels with depth
   int balance() const { return on_floor - 2 * below; }
-  /// The balance as a share of the pixels looked at, in [0, 1]; 0 where none has depth. What lies
-  /// under a pose's floor speaks against that floor. It does not speak for another pose that has no
-  /// floor either: below a table there is more to see than above the structure.
-  double share() const {
-    return pixels > 0 ? std::max(0.0, static_cast<double>(balance()) / pixels) : 0;
-  }
+  /// Does the structure stand on that floor? Natural logarithm of the odds, by how much of the view
+  /// lies on it, and by what lies under it. 0 where no pixel has depth.
+  double LogOdds() const;
+  /// By what lies under it alone.
+  double LogOddsByBelow() const;
 };
 FloorFit FindFloor(const SensorView& view, const Structure& structure,
                    const Pose& structure_from_sensor, double table_height_m = 0);
@@ -42,7 +42,7 @@ std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& struct
                                  const std::vector<Pose>& poses, double table_height_m = 0);
 
 /// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
-/// FloorFit::share; 1 without aliases.
+/// FloorFit::LogOdds; infinity without aliases.
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
                    double table_height_m = 0);

@@ -159,7 +159,7 @@ class Search {
   Poses OnTheFloor(Poses poses) const {
     const auto off = [&](const GeometricPose& pose) {
       return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
-                   .share() > 0);
+                   .balance() > 0);
     };
     poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());
     return poses;

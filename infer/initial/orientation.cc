@@ -1,7 +1,6 @@
 #include "infer/initial/orientation.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "core/base/parallel_for.h"
@@ -39,14 +38,12 @@ void TakeChoice(const LabelContext& context, const LabelRequest& from, const Pos
     out->segmentation = Relabelled(std::move(out->segmentation), alias);
   }
   const Pose& pose = choice.structure_from_sensor;
-  if (choice.label_score < context.options.good_score) {
-    std::vector<const SegmentationResult*> others;
-    for (const OrientationTrial* other : trials) {
-      if (other != &trial) others.push_back(&other->segmentation);
-    }
-    ReconcileLabels(*from.view, context.structure, context.aliases, pose, others,
-                    context.initial.patch.min_confidence, &out->segmentation);
+  std::vector<const SegmentationResult*> others;
+  for (const OrientationTrial* other : trials) {
+    if (other != &trial) others.push_back(&other->segmentation);
   }
+  ReconcileLabels(*from.view, context.structure, context.aliases, pose, others,
+                  context.initial.patch.min_confidence, &out->segmentation);
   out->initial =
       EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
 }
@@ -63,78 +60,68 @@ void TakeGeometry(const LabelContext& context, const LabelRequest& from, const P
 }
 
 /// The trial of the only orientation that is beyond doubt; null where there is none or several.
-const OrientationTrial* OnlySettled(const LabelContext& context,
-                                    const std::vector<OrientationTrial*>& trials) {
+const OrientationTrial* OnlySettled(const std::vector<OrientationTrial*>& trials) {
   const OrientationTrial* only = nullptr;
   for (const OrientationTrial* trial : trials) {
-    if (!Settled(*trial, context.options)) continue;
+    if (!Settled(*trial)) continue;
     if (only) return nullptr;
     only = trial;
   }
   return only;
 }
 
-/// The network's poses that compete for a view over all orientations and aliases: the only one
-/// where a single orientation is beyond doubt. The paper's estimator knows none.
-std::vector<PoseCandidate> OfNetwork(const LabelContext& context, std::size_t i,
-                                     const std::vector<OrientationTrial*>& trials,
-                                     const std::vector<PoseTrial>& poses) {
+/// The poses that compete for a view, over all orientations and aliases, of the network and of
+/// geometry, which is not asked about what the network leaves no doubt of: labels and depths that
+/// agree with a pose whose floor no other pose has. Then there is only that one.
+std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t i,
+                                       const std::vector<OrientationTrial*>& trials) {
   const LabelRequest& from = context.views[i];
-  if (trials.empty() || context.initial.method == PoseMethod::kPaper) return {};
-  if (const OrientationTrial* only = OnlySettled(context, trials)) {
+  if (!from.usable || context.initial.method == PoseMethod::kPaper) return {};
+  if (const OrientationTrial* only = OnlySettled(trials)) {
     PoseCandidate pose;
     pose.structure_from_sensor = only->initial.structure_from_sensor;
     pose.trial =
         static_cast<std::size_t>(std::find(trials.begin(), trials.end(), only) - trials.begin());
+    pose.by_own_labels = only->by_view;
     return {pose};
   }
-  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
-                         from.quarter_turns != kAutoTurns, context.initial, context.options.choice);
-}
-
-/// Those of the network and of geometry, which is not asked about what the network leaves no doubt
-/// of: labels and depths that agree with a pose whose floor no other pose has.
-std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t i,
-                                       const std::vector<OrientationTrial*>& trials) {
-  const LabelRequest& from = context.views[i];
   std::vector<PoseTrial> poses;
   poses.reserve(trials.size());
   for (const OrientationTrial* t : trials) poses.push_back({&t->segmentation, &t->initial});
-  std::vector<PoseCandidate> of_network = OfNetwork(context, i, trials, poses);
-  if (!from.usable || !AsksGeometry(context.initial.method) || OnlySettled(context, trials))
-    return of_network;
-  return CombineProposals(
-      *from.view, context.structure, poses, std::move(of_network),
-      ProposeByGeometry(*from.view, context.structure, context.aliases, context.initial),
-      context.initial, context.options.choice);
+  return FindCompetitors(*from.view, context.structure, context.aliases, poses,
+                         from.quarter_turns != kAutoTurns, context.initial);
 }
 
-/// Chooses for each view alone and, where that leaves one ambiguous or two that are mounted in
-/// different ways, for all of them together.
+/// Turns of each of the poses that compete for a view; empty where they are given, or no labels led
+/// to any. Of a pose that geometry has found, they follow from the side of the picture that is up.
+std::vector<int> TurnsOf(const LabelContext& context, std::size_t i,
+                         const std::vector<OrientationTrial*>& trials,
+                         const std::vector<PoseCandidate>& poses) {
+  const auto by_network = std::find_if(poses.begin(), poses.end(), [](const PoseCandidate& pose) {
+    return pose.source == PoseSource::kNetwork;
+  });
+  if (context.views[i].quarter_turns != kAutoTurns || by_network == poses.end()) return {};
+  const int beside_upright = TurnsAt(context, *trials[by_network->trial], *by_network) + 4 -
+                             UprightTurns(by_network->structure_from_sensor);
+  std::vector<int> turns;
+  for (const PoseCandidate& pose : poses) {
+    turns.push_back(pose.source == PoseSource::kNetwork
+                        ? TurnsAt(context, *trials[pose.trial], pose)
+                        : (UprightTurns(pose.structure_from_sensor) + beside_upright) % 4);
+  }
+  return turns;
+}
+
+/// Chooses for all views together.
 std::vector<PoseChoice> ChooseAll(const LabelContext& context,
                                   const std::vector<std::vector<OrientationTrial*>>& trials,
                                   const std::vector<std::vector<PoseCandidate>>& competitors) {
-  std::vector<PoseChoice> choices(competitors.size());
   std::vector<SensorCandidates> sensors(competitors.size());
-  std::set<int> mounted;
-  bool ambiguous = false, open = false;
   for (std::size_t i = 0; i < competitors.size(); ++i) {
-    choices[i] = Decide(competitors[i], context.structure, context.options.choice);
-    sensors[i] = {context.views[i].view, competitors[i], {}, context.views[i].twin};
-    const bool all_of_network =
-        std::all_of(competitors[i].begin(), competitors[i].end(),
-                    [](const PoseCandidate& pose) { return pose.source == PoseSource::kNetwork; });
-    if (context.views[i].quarter_turns == kAutoTurns && all_of_network) {
-      for (const PoseCandidate& pose : competitors[i])
-        sensors[i].turns.push_back(TurnsAt(context, *trials[i][pose.trial], pose));
-    }
-    if (!choices[i].found) continue;
-    ambiguous = ambiguous || choices[i].ambiguous || sensors[i].twin > 0;
-    open = open || competitors[i].size() > 1;
-    mounted.insert(UprightTurns(choices[i].best.structure_from_sensor));
+    sensors[i] = {context.views[i].view, competitors[i],
+                  TurnsOf(context, i, trials[i], competitors[i]), context.views[i].twin};
   }
-  if (!ambiguous && !(open && mounted.size() > 1)) return choices;
-  return ChooseTogether(sensors, context.structure, context.options.choice);
+  return ChooseTogether(sensors, context.structure);
 }
 
 /// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, the
@@ -142,7 +129,6 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
 Labelled TakePose(const LabelContext& context, std::size_t i,
                   const std::vector<OrientationTrial*>& trials, const PoseChoice& choice) {
   const LabelRequest& from = context.views[i];
-  const OrientationOptions& options = context.options;
   Labelled out;
   out.up_unknown = choice.up_unknown;
   out.twins = choice.twins;
@@ -163,14 +149,16 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
     out.source = PoseSource::kGeometry;
     return out;
   }
-  const bool trusted = choice.found && choice.best.shape_iou >= options.min_shape_iou &&
-                       choice.best.label_score >= options.min_label_score;
-  const OrientationTrial& trial =
-      trusted ? *trials[choice.best.trial] : *BestTrial(trials, options);
+  // What is no structure can be made to look like one by renaming its sides.
+  const bool trusted =
+      choice.found &&
+      choice.best.by_depth + choice.best.by_outline + choice.best.by_own_labels >= 0;
+  const OrientationTrial& trial = trusted ? *trials[choice.best.trial] : *BestTrial(trials);
   out.quarter_turns = trial.turns;
   out.segmentation = trial.segmentation;
   out.initial = trial.initial;
-  if (trusted) TakeChoice(context, from, choice.best, trials, trial, &out);
+  const bool as_it_is = choice.best.alias < 0 && Settled(trial);
+  if (trusted && !as_it_is) TakeChoice(context, from, choice.best, trials, trial, &out);
   return out;
 }
 

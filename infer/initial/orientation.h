@@ -15,34 +15,10 @@
 namespace volalign {
 
 struct OrientationOptions {
-  double decided_score = 0.6;
-  double good_score = 0.85;
-  double min_shape_iou = 0.9;
-  double min_label_score = 0.4;
-  PoseChoiceOptions choice;
   std::vector<std::string> twins;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("decided_score", decided_score,
-       "agreement of labels and depth with the structure from which on an orientation whose pose "
-       "stands on a floor is taken without trying the others",
-       Between(0, 1));
-    ar("good_score", good_score,
-       "agreement from which on the network's labels are taken as they are: a single orientation "
-       "that reaches it on a floor is not compared with aliases, and its labels are not reconciled "
-       "with the pose",
-       Between(0, 1));
-    ar("min_shape_iou", min_shape_iou,
-       "least intersection over union of what was seen and the structure for a pose that was "
-       "chosen among "
-       "aliases; below it the best orientation's own pose is taken",
-       Between(0, 1), FormerlyNamed("min_shape_overlap"));
-    ar("min_label_score", min_label_score,
-       "least agreement of the labels, renamed as the alias has them, for such a pose: what is no "
-       "structure can be made to look like one by renaming its sides",
-       Between(0, 1));
-    ar("choice", choice, "choice among the poses of orientations and aliases");
     ar("twins", twins,
        "poses that a person has chosen where several fit, SENSOR=NUMBER each: 1 is the pose that "
        "would be chosen, 2 and on those of twins in extrinsics.json");

@@ -1,12 +1,16 @@
 #include "infer/initial/orientation_trials.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <tuple>
 #include <utility>
 
+#include "core/base/odds.h"
 #include "core/base/parallel_for.h"
+#include "infer/depth/explain_view.h"
 #include "infer/initial/floor.h"
+#include "infer/view/alike.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign::pose_internal {
@@ -35,22 +39,27 @@ std::vector<OrientationTrial> Try(const LabelContext& context, const Orientation
     const SensorView& view = *context.views[trial.view].view;
     trial.initial =
         EstimateInitialPose(view, trial.segmentation, context.structure, context.initial);
-    if (trial.initial.found) {
-      trial.floor_margin =
-          FloorMargin(view, context.structure, context.aliases, trial.initial.structure_from_sensor,
-                      context.initial.table_height_m);
-    }
+    if (!trial.initial.found) return;
+    const Pose& pose = trial.initial.structure_from_sensor;
+    const int stride = StrideForRays(view.depth.size(), kCoarseRays);
+    const SegmentationResult labels = Decimate(trial.segmentation, stride);
+    const ViewExplanation explanation =
+        ExplainView(Decimate(view, stride), &labels, context.structure, pose, kRoughPose,
+                    context.initial.patch.min_confidence);
+    trial.by_view = explanation.LogOddsByDepth() + explanation.LogOddsByLabels();
+    trial.by_floor =
+        FloorMargin(view, context.structure, context.aliases, pose, context.initial.table_height_m);
   });
   context.clock->Lap("initial_pose");
   return trials;
 }
 
-/// Views among the trials whose turns are to be found and that the trial does not decide.
-std::vector<std::size_t> Undecided(const LabelContext& context,
-                                   const std::vector<OrientationTrial>& trials) {
+/// Views among the trials whose turns are to be found and that the trial does not settle.
+std::vector<std::size_t> Open(const LabelContext& context,
+                              const std::vector<OrientationTrial>& trials) {
   std::vector<std::size_t> open;
   for (const OrientationTrial& trial : trials) {
-    if (context.views[trial.view].quarter_turns == kAutoTurns && !Decided(trial, context.options))
+    if (context.views[trial.view].quarter_turns == kAutoTurns && !Settled(trial))
       open.push_back(trial.view);
   }
   return open;
@@ -58,13 +67,9 @@ std::vector<std::size_t> Undecided(const LabelContext& context,
 
 }  // namespace
 
-bool Decided(const OrientationTrial& trial, const OrientationOptions& options) {
-  return trial.initial.found && trial.floor_margin >= options.choice.floor_margin &&
-         trial.score() >= options.decided_score;
-}
-
-bool Settled(const OrientationTrial& trial, const OrientationOptions& options) {
-  return Decided(trial, options) && trial.score() >= options.good_score;
+bool Settled(const OrientationTrial& trial) {
+  const double decisive = std::log(kDecisiveOdds);
+  return trial.initial.found && trial.by_view >= decisive && trial.by_floor >= decisive;
 }
 
 std::vector<OrientationTrial> TryOrientations(const LabelContext& context) {
@@ -78,14 +83,14 @@ std::vector<OrientationTrial> TryOrientations(const LabelContext& context) {
     std::move(trials.begin(), trials.end(), std::back_inserter(all));
   };
 
-  std::vector<std::size_t> open = Undecided(context, all);
+  std::vector<std::size_t> open = Open(context, all);
   if (open.empty()) return all;
   Orientations others;
   for (int turns = 1; turns < 4; ++turns) others.emplace_back(open.front(), turns);
   std::vector<OrientationTrial> probe = Try(context, others);
   int usual = 0;  // turns of the rig's sensors, as the probe tells
   for (const OrientationTrial& trial : probe) {
-    if (Decided(trial, context.options)) usual = trial.turns;
+    if (Settled(trial)) usual = trial.turns;
   }
   append(std::move(probe));
   open.erase(open.begin());
@@ -94,7 +99,7 @@ std::vector<OrientationTrial> TryOrientations(const LabelContext& context) {
     Orientations as_usual;
     for (const std::size_t i : open) as_usual.emplace_back(i, usual);
     std::vector<OrientationTrial> trials = Try(context, as_usual);
-    open = Undecided(context, trials);
+    open = Open(context, trials);
     append(std::move(trials));
   }
   Orientations rest;
@@ -107,13 +112,9 @@ std::vector<OrientationTrial> TryOrientations(const LabelContext& context) {
   return all;
 }
 
-OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials,
-                            const OrientationOptions& options) {
-  double best_score = 0;
-  for (const OrientationTrial* t : trials) best_score = std::max(best_score, t->score());
-  const auto rank = [&](const OrientationTrial* t) {
-    const bool rival = t->score() >= options.choice.rival_score * best_score;
-    return std::make_tuple(Settled(*t, options), rival, t->floor_margin, t->score());
+OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials) {
+  const auto rank = [](const OrientationTrial* t) {
+    return std::make_tuple(Settled(*t), t->initial.found, t->by_view + t->by_floor);
   };
   return *std::max_element(
       trials.begin(), trials.end(),

@@ -33,23 +33,19 @@ struct OrientationTrial {
   int turns = 0;
   SegmentationResult segmentation;
   InitialPose initial;
-  double floor_margin = 0;  // FloorMargin at the pose
-
-  double score() const { return initial.found ? initial.agreement.score() : 0; }
+  // Natural logarithms of the odds of the pose:
+  double by_view = 0;   // by depths and labels
+  double by_floor = 0;  // against that of any alias (FloorMargin)
 };
 
-/// Beyond doubt: the labels fit the structure, and it stands on a floor. Upside down, or shifted by
-/// a box, it would not.
-bool Decided(const OrientationTrial& trial, const OrientationOptions& options);
-
-/// Decided, and the labels fit so well that they are taken as they are.
-bool Settled(const OrientationTrial& trial, const OrientationOptions& options);
+/// Beyond doubt: labels and depths fit the structure, and it stands on a floor. Upside down, or
+/// shifted by a box, it would not.
+bool Settled(const OrientationTrial& trial);
 
 /// All trials that are needed to know every view's orientation; see LabelViews.
 std::vector<OrientationTrial> TryOrientations(const LabelContext& context);
 
-/// The trial whose pose fits and stands on the floor best.
-OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials,
-                            const OrientationOptions& options);
+/// The trial for whose pose most speaks.
+OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials);
 
 }  // namespace volalign::pose_internal

@@ -3,19 +3,16 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/base/lists.h"
-#include "infer/initial/agreement.h"
+#include "infer/depth/explain_view.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/relabel.h"
 #include "infer/initial/same_pose.h"
+#include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Of the margin between ShapeIou::ratio, before the poses are estimated again, which may improve
-/// them.
-constexpr double kFirstMargins = 2;
 /// Cosine of the angle between two verticals (60 deg) below which one pose turns the structure
 /// over.
 constexpr double kTurnedOver = 0.5;
@@ -44,13 +41,6 @@ SegmentationResult ImpliedLabels(const PoseCandidate& pose,
                                  const std::vector<StructureAlias>& aliases) {
   const SegmentationResult& own = labels[pose.trial];
   return pose.alias < 0 ? own : Relabelled(own, aliases[static_cast<std::size_t>(pose.alias)]);
-}
-
-double Overlap(const PoseCandidate& pose, const DecimatedTrials& coarse, const Structure& structure,
-               const InitialPoseOptions& options) {
-  return MeasureShapeIou(coarse.view, coarse.labels[pose.trial], structure,
-                         pose.structure_from_sensor, options.patch.min_confidence)
-      .ratio();
 }
 
 /// The pose, estimated again with the labels that it implies.
@@ -89,28 +79,8 @@ void EstimateAllAgain(const DecimatedTrials& coarse, const Structure& structure,
   }
 }
 
-/// The labels at the pose.
-void ScoreLabels(const DecimatedTrials& coarse, const Structure& structure,
-                 const std::vector<StructureAlias>& aliases, const InitialPoseOptions& initial,
-                 PoseCandidate* pose) {
-  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(coarse.view.errors);
-  const auto score = [&](const SegmentationResult& labels) {
-    return CompareWithView(coarse.view, labels, structure, pose->structure_from_sensor,
-                           initial.patch.min_confidence, tolerance)
-        .score();
-  };
-  for (const SegmentationResult& labels : coarse.labels)
-    pose->network_score = std::max(pose->network_score, score(labels));
-  pose->label_score = score(ImpliedLabels(*pose, coarse.labels, aliases));
-}
-
-/// Of the poses that stand on a floor as well as any does, the one with the best network score.
-const PoseCandidate* BestStanding(const std::vector<PoseCandidate>& poses, double min_floor) {
-  const PoseCandidate* best = nullptr;
-  for (const PoseCandidate& pose : poses) {
-    if (pose.floor > min_floor && (!best || pose.network_score > best->network_score)) best = &pose;
-  }
-  return best;
+double ByAllLabels(const ViewExplanation& view) {
+  return view.LogOddsByLabels() + view.LogOddsByOutline();
 }
 
 }  // namespace
@@ -123,93 +93,61 @@ bool TurnsOver(const Pose& from, const Pose& to) {
   return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
 }
 
-std::vector<PoseCandidate> ListCompetitors(const std::vector<PoseTrial>& trials,
-                                           const std::vector<StructureAlias>& aliases,
-                                           bool known_up, const PoseChoiceOptions& options) {
-  double best_score = 0;
-  for (const PoseTrial& trial : trials) {
-    if (trial.initial->found) best_score = std::max(best_score, trial.initial->agreement.score());
-  }
+std::vector<PoseCandidate> PosesOfTrials(const SensorView& view, const Structure& structure,
+                                         const std::vector<StructureAlias>& aliases,
+                                         const std::vector<PoseTrial>& trials, bool known_up,
+                                         const InitialPoseOptions& initial) {
   std::vector<PoseCandidate> poses;
   for (std::size_t t = 0; t < trials.size(); ++t) {
-    const InitialPose& initial = *trials[t].initial;
-    if (!initial.found || initial.agreement.score() < options.rival_score * best_score) continue;
+    if (!trials[t].initial->found) continue;
     PoseCandidate pose;
     pose.trial = t;
-    pose.structure_from_sensor = initial.structure_from_sensor;
+    pose.structure_from_sensor = trials[t].initial->structure_from_sensor;
     poses.push_back(pose);
     for (std::size_t a = 0; a < aliases.size(); ++a) {
       if (known_up && !aliases[a].keeps_up()) continue;
       pose.alias = static_cast<int>(a);
-      pose.structure_from_sensor = aliases[a].motion * initial.structure_from_sensor;
+      pose.structure_from_sensor = aliases[a].motion * trials[t].initial->structure_from_sensor;
       poses.push_back(pose);
     }
   }
+  if (!poses.empty())
+    EstimateAllAgain(DecimateTrials(view, trials), structure, aliases, initial, &poses);
   return poses;
 }
 
-void DropMisfits(double margin, std::vector<PoseCandidate>* poses) {
-  double best = 0;
-  for (const PoseCandidate& pose : *poses) best = std::max(best, pose.shape_iou);
-  const auto misfit = [&](const PoseCandidate& pose) { return pose.shape_iou < best - margin; };
-  poses->erase(std::remove_if(poses->begin(), poses->end(), misfit), poses->end());
-}
-
-PoseChoice Decide(const std::vector<PoseCandidate>& poses, const Structure& structure,
-                  const PoseChoiceOptions& options) {
-  PoseChoice choice;
-  double min_floor = -2 - options.floor_margin;
-  for (const PoseCandidate& pose : poses)
-    min_floor = std::max(min_floor, pose.floor - options.floor_margin);
-  const PoseCandidate* chosen = BestStanding(poses, min_floor);
-  if (!chosen) return choice;
-  choice.found = true;
-  choice.best = *chosen;
-  const Pose& chosen_pose = chosen->structure_from_sensor;
-  // Labels decide where they speak clearly for the best pose, but they do not tell up from down.
-  const auto labels_decide = [&](const PoseCandidate& other) {
-    return !TurnsOver(chosen_pose, other.structure_from_sensor) &&
-           choice.best.network_score - other.network_score >= options.score_margin;
-  };
-  for (const PoseCandidate& pose : poses) {
-    if (SamePose(structure, pose.structure_from_sensor, chosen_pose)) {
-      if (pose.label_score <= choice.best.label_score) continue;
-      const double network_score = choice.best.network_score;
-      choice.best = pose;
-      choice.best.network_score = std::max(network_score, pose.network_score);
-    } else if (pose.floor > min_floor && !labels_decide(pose) &&
-               !(choice.ambiguous && choice.rival.network_score >= pose.network_score)) {
-      choice.ambiguous = true;
-      choice.rival = pose;
+void WeighPoses(const SensorView& view, const Structure& structure,
+                const std::vector<StructureAlias>& aliases, const std::vector<PoseTrial>& trials,
+                const InitialPoseOptions& initial, std::vector<PoseCandidate>* poses) {
+  const DecimatedTrials coarse = DecimateTrials(view, trials);
+  std::vector<Pose> rivals;
+  for (const PoseCandidate& pose : *poses) rivals.push_back(pose.structure_from_sensor);
+  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, initial.table_height_m);
+  for (std::size_t k = 0; k < poses->size(); ++k) {
+    PoseCandidate& pose = (*poses)[k];
+    const auto explain = [&](const SegmentationResult* labels) {
+      return ExplainView(coarse.view, labels, structure, pose.structure_from_sensor, kRoughPose,
+                         initial.patch.min_confidence);
+    };
+    pose.by_floor = floors[k].LogOdds();
+    ViewExplanation best = explain(nullptr);
+    pose.by_depth = best.LogOddsByDepth();
+    for (const SegmentationResult& labels : coarse.labels) {
+      const ViewExplanation other = explain(&labels);
+      if (other.has_labels() && (!best.has_labels() || ByAllLabels(other) > ByAllLabels(best)))
+        best = other;
+    }
+    pose.by_labels = best.LogOddsByLabels();
+    pose.by_outline = best.LogOddsByOutline();
+    if (pose.source == PoseSource::kNetwork) {
+      const SegmentationResult own = ImpliedLabels(pose, coarse.labels, aliases);
+      pose.by_own_labels = explain(&own).LogOddsByLabels();
     }
   }
-  return choice;
-}
-
-std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structure& structure,
-                                           const std::vector<StructureAlias>& aliases,
-                                           const std::vector<PoseTrial>& trials, bool known_up,
-                                           const InitialPoseOptions& initial,
-                                           const PoseChoiceOptions& options) {
-  std::vector<PoseCandidate> poses = ListCompetitors(trials, aliases, known_up, options);
-  if (poses.empty()) return {};
-  const DecimatedTrials coarse = DecimateTrials(view, trials);
-  for (PoseCandidate& pose : poses) pose.shape_iou = Overlap(pose, coarse, structure, initial);
-  DropMisfits(kFirstMargins * options.shape_iou_margin, &poses);
-  SortLargestFirst(&poses, [](const PoseCandidate& pose) { return pose.shape_iou; });
-
-  EstimateAllAgain(coarse, structure, aliases, initial, &poses);
-  for (PoseCandidate& pose : poses) pose.shape_iou = Overlap(pose, coarse, structure, initial);
-  DropMisfits(options.shape_iou_margin, &poses);
-
-  std::vector<Pose> rivals;
-  for (const PoseCandidate& pose : poses) rivals.push_back(pose.structure_from_sensor);
-  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, initial.table_height_m);
-  for (std::size_t k = 0; k < poses.size(); ++k) {
-    poses[k].floor = floors[k].share();
-    ScoreLabels(coarse, structure, aliases, initial, &poses[k]);
-  }
-  return poses;
+  const bool labels_speak = std::any_of(
+      poses->begin(), poses->end(), [](const PoseCandidate& pose) { return pose.by_outline > 0; });
+  if (labels_speak) return;
+  for (PoseCandidate& pose : *poses) pose.by_labels = pose.by_outline = 0;
 }
 
 }  // namespace volalign

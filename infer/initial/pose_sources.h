@@ -16,22 +16,13 @@ namespace volalign {
 bool AsksNetwork(PoseMethod method, bool model);
 bool AsksGeometry(PoseMethod method);
 
-/// FindPosesByGeometry, with the floor as it speaks for each. What stands for the network's
-/// opinion is how well the shape fits.
-std::vector<PoseCandidate> ProposeByGeometry(const SensorView& view, const Structure& structure,
-                                             const std::vector<StructureAlias>& aliases,
-                                             const InitialPoseOptions& options);
-
-/// The poses that compete when network and geometry have proposed theirs for a view: the network's
-/// where geometry has none, or has the network's best one too; geometry's where the network's best
-/// one does not have the structure's shape and its labels fit geometry's better; and else those of
-/// both, judged alike. `trials`: those that the network's poses come from.
-std::vector<PoseCandidate> CombineProposals(const SensorView& view, const Structure& structure,
-                                            const std::vector<PoseTrial>& trials,
-                                            std::vector<PoseCandidate> network,
-                                            std::vector<PoseCandidate> geometry,
-                                            const InitialPoseOptions& initial,
-                                            const PoseChoiceOptions& options);
+/// The poses that compete for a view, and what speaks for each: those of the trials (PosesOfTrials)
+/// and, where the method asks geometry, its own (FindPosesByGeometry),
+/// but for those that turn the structure over where the orientation is known and has led to poses.
+std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structure& structure,
+                                           const std::vector<StructureAlias>& aliases,
+                                           const std::vector<PoseTrial>& trials, bool known_up,
+                                           const InitialPoseOptions& initial);
 
 /// The labels that a pose implies, and the initial pose that follows from them: what a network's
 /// labels lead to, for a pose that geometry has found.

@@ -9,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/odds.h"
 #include "infer/depth/measured_view.h"
 #include "infer/initial/same_pose.h"
 #include "infer/view/alike.h"
@@ -17,22 +18,11 @@ namespace volalign {
 
 namespace {
 
-/// Natural logarithm of the odds that a difference of one margin (PoseChoiceOptions) is taken for.
-const double kLogOddsOfMargin = std::log(kDecisiveOdds);
-constexpr double kDecides = 0.99;  // of it, but for rounding
-
-// Counted in margins:
-/// A floor that decides goes before everything else.
-constexpr double kFloorDecides = 2;
-/// Most that labels count where they tell up from down: enough to choose by.
-constexpr double kLabelsTellUp = 0.5;
-/// Against a sensor that is mounted otherwise than those of the network: enough to choose by.
-constexpr double kOtherThanNetwork = 0.3;
-/// Against a sensor that is mounted otherwise than several others, or than one other.
-constexpr double kMountedAsOthers = 1, kMountedAsOne = 0.5;
-
-/// Two choices between which less than this lies, in margins, are as good as each other.
-constexpr double kNothingTells = 0.25;
+/// Natural logarithms of odds. What decides; what is enough to choose by, but leaves a choice
+/// ambiguous; and what decides unless something else tells otherwise: one sensor in a thousand is
+/// taken to be mounted otherwise than several others, and one frame to be labelled as an alias of
+/// the structure would be.
+const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2, kUsual = kDecides + kTells;
 /// The index of the pose that each sensor has, of its options; -1: it has none, or any.
 using Choice = std::vector<int>;
 
@@ -42,10 +32,18 @@ enum class Count { kFit, kOrientation, kAll };
 
 /// One of the poses that a sensor may have, and those of its competitors that are about the same.
 struct Option {
-  PoseCandidate pose;  // the one with the best labels of its own, with the best network score
+  PoseCandidate pose;  // the one with the best labels of its own, and the most that speaks for any
   int upright = 0;     // UprightTurns
   int turns = 0;       // into the network's orientation
 };
+
+/// Of two that are about the same: a network's rather than geometry's, and by its own labels.
+bool SuitsBetter(const PoseCandidate& pose, const PoseCandidate& than) {
+  const auto rank = [](const PoseCandidate& each) {
+    return std::make_pair(each.source == PoseSource::kNetwork, each.by_own_labels);
+  };
+  return rank(pose) > rank(than);
+}
 
 std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
   std::vector<Option> distinct;
@@ -59,28 +57,23 @@ std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& st
                           sensor.turns.empty() ? 0 : sensor.turns[k]});
       continue;
     }
-    const double network_score = std::max(same->pose.network_score, pose.network_score);
-    const double floor = std::max(same->pose.floor, pose.floor);
-    if (pose.label_score > same->pose.label_score) same->pose = pose;
-    same->pose.network_score = network_score;
-    same->pose.floor = floor;
+    const PoseCandidate before = same->pose;
+    if (SuitsBetter(pose, before)) same->pose = pose;
+    same->pose.by_depth = std::max(before.by_depth, pose.by_depth);
+    same->pose.by_outline = std::max(before.by_outline, pose.by_outline);
+    same->pose.by_floor = std::max(before.by_floor, pose.by_floor);
+    same->pose.by_labels = std::max(before.by_labels, pose.by_labels);
   }
   return distinct;
 }
 
 class Rig {
  public:
-  Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure,
-      const PoseChoiceOptions& limits)
-      : limits_(limits) {
+  Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure)
+      : structure_(structure), measured_(sensors.size()) {
     for (const SensorCandidates& sensor : sensors) {
       options_.push_back(Distinct(sensor, structure));
-      std::vector<Pose> poses;
-      for (const Option& option : options_.back())
-        poses.push_back(option.pose.structure_from_sensor);
-      measured_.push_back(sensor.poses.empty()
-                              ? nullptr
-                              : std::make_unique<MeasuredView>(*sensor.view, structure, poses));
+      views_.push_back(sensor.view);
     }
   }
 
@@ -89,18 +82,18 @@ class Rig {
 
   /// Log odds of a choice, up to a constant.
   double Score(const Choice& choice, Count count) {
-    double margins = -Deviations(choice);
+    double score = -Deviations(choice);
     CauseShares between = {};
     for (std::size_t i = 0; i < size(); ++i) {
       if (choice[i] < 0) continue;
-      margins += Own(i, choice[i], count);
+      score += Own(i, choice[i], count);
       for (std::size_t j = 0; j < i; ++j) {
         if (choice[j] < 0) continue;
         const CauseShares& pair = OfPair(i, choice[i], j, choice[j]);
         for (std::size_t cause = 0; cause < kCauses; ++cause) between[cause] += pair[cause];
       }
     }
-    return LogOddsOfPairs(between) + margins * kLogOddsOfMargin;
+    return LogOddsOfPairs(between) + score;
   }
 
   /// The best choice in which each sensor has what `fixed` has, where that is not -1. Of choices
@@ -158,8 +151,7 @@ class Rig {
     for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
       if (!TurnsOver(PoseOf(i, choice[i]), PoseOf(i, k))) continue;
       fixed[i] = k;
-      if (BestScore(fixed, Count::kOrientation) > score - kNothingTells * kLogOddsOfMargin)
-        return true;
+      if (BestScore(fixed, Count::kOrientation) > score - kTells / 2) return true;
     }
     return false;
   }
@@ -189,27 +181,26 @@ class Rig {
     return choice;
   }
 
-  /// Floor and labels of a sensor's option, against the best of all its options.
+  /// What speaks for a sensor's option by its own view, against the best of all its options.
   double Own(std::size_t i, int k, Count count) const {
-    double best_floor = -2, best_label = 0;
-    std::size_t best = 0;
-    for (std::size_t other = 0; other < options_[i].size(); ++other) {
-      const PoseCandidate& pose = options_[i][other].pose;
-      best_floor = std::max(best_floor, pose.floor);
-      if (pose.network_score > best_label) best = other;
-      best_label = std::max(best_label, pose.network_score);
+    const auto largest = [&](double PoseCandidate::*by) {
+      return std::max_element(
+                 options_[i].begin(), options_[i].end(),
+                 [&](const Option& a, const Option& b) { return a.pose.*by < b.pose.*by; })
+          ->pose;
+    };
+    const Option& option = OptionOf(i, k);
+    const double floor = largest(&PoseCandidate::by_floor).by_floor - option.pose.by_floor;
+    const PoseCandidate named = largest(&PoseCandidate::by_labels);
+    const double labels = std::min(named.by_labels - option.pose.by_labels, kUsual);
+    double score = option.pose.by_depth + option.pose.by_outline;
+    if (floor >= kDecides || count != Count::kOrientation) score -= floor;
+    if (!TurnsOver(named.structure_from_sensor, option.pose.structure_from_sensor)) {
+      score -= labels;
+    } else if (count == Count::kAll) {
+      score -= std::min(labels, kTells);
     }
-    const Option& option = options_[i][static_cast<std::size_t>(k)];
-    const double floor = (best_floor - option.pose.floor) / limits_.floor_margin;
-    const double label = (best_label - option.pose.network_score) / limits_.score_margin;
-    const bool turned_over =
-        TurnsOver(options_[i][best].pose.structure_from_sensor, option.pose.structure_from_sensor);
-    double score = 0;
-    if (floor >= kDecides) score -= floor * kFloorDecides;
-    if (floor < kDecides && count != Count::kOrientation) score -= floor;
-    if (!turned_over) score -= label;
-    if (turned_over && count == Count::kAll) score -= std::min(label, kLabelsTellUp);
-    if (option.turns != 0 && count != Count::kFit) score -= kOtherThanNetwork;
+    if (option.turns != 0 && count != Count::kFit) score -= kTells;
     return score;
   }
 
@@ -221,8 +212,7 @@ class Rig {
       if (choice[i] >= 0) ++mounted[UprightOf(i, choice[i])];
     }
     const auto deviation = [](int count, int other) {
-      return std::min(count, other) *
-             (std::max(count, other) > 1 ? kMountedAsOthers : kMountedAsOne);
+      return std::min(count, other) * (std::max(count, other) > 1 ? kUsual : kTells);
     };
     return deviation(mounted[0], mounted[2]) + deviation(mounted[1], mounted[3]) +
            deviation(mounted[0] + mounted[2], mounted[1] + mounted[3]);
@@ -238,12 +228,21 @@ class Rig {
     return OptionOf(i, k).pose.structure_from_sensor;
   }
 
+  const MeasuredView& Measured(std::size_t i) {
+    if (!measured_[i]) {
+      std::vector<Pose> poses;
+      for (const Option& option : options_[i]) poses.push_back(option.pose.structure_from_sensor);
+      measured_[i] = std::make_unique<MeasuredView>(*views_[i], structure_, poses);
+    }
+    return *measured_[i];
+  }
+
   const CauseShares& OfPair(std::size_t i, int k, std::size_t j, int l) {
     const auto [known, missing] = of_pairs_.try_emplace({i, j, k, l}, CauseShares());
     // Two sensors of which nothing is open say nothing about the others.
     if (missing && (options_[i].size() > 1 || options_[j].size() > 1)) {
-      known->second = ExplainPair(*measured_[i], *measured_[j],
-                                  PoseOf(i, k).inverse() * PoseOf(j, l), kRoughPose);
+      known->second =
+          ExplainPair(Measured(i), Measured(j), PoseOf(i, k).inverse() * PoseOf(j, l), kRoughPose);
     }
     return known->second;
   }
@@ -266,9 +265,10 @@ class Rig {
     return choice;
   }
 
-  const PoseChoiceOptions& limits_;
+  const Structure& structure_;
+  std::vector<const SensorView*> views_;
   std::vector<std::vector<Option>> options_;
-  std::vector<std::unique_ptr<MeasuredView>> measured_;
+  std::vector<std::unique_ptr<MeasuredView>> measured_;  // where they are asked for
   std::map<std::tuple<std::size_t, std::size_t, int, int>, CauseShares> of_pairs_;
 };
 
@@ -327,9 +327,8 @@ Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& be
 }  // namespace
 
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
-                                       const Structure& structure,
-                                       const PoseChoiceOptions& options) {
-  Rig rig(sensors, structure, options);
+                                       const Structure& structure) {
+  Rig rig(sensors, structure);
   Choice fixed(rig.size(), -1);
   Choice best = rig.Best(fixed, Count::kAll);
   if (std::any_of(sensors.begin(), sensors.end(),
@@ -355,8 +354,7 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
                               twins[t].log_odds, pose_of(k).structure_from_sensor});
     }
     choice.given = fixed[i] >= 0;
-    choice.ambiguous =
-        !choice.twins.empty() && choice.twins.front().log_odds < kDecides * kLogOddsOfMargin;
+    choice.ambiguous = !choice.twins.empty() && choice.twins.front().log_odds < kDecides;
   }
   const std::size_t anchor = rig.Anchor(best, choices);
   for (std::size_t i = 0; i < rig.size(); ++i)

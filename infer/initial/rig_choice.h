@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// The poses among which a sensor's is chosen: those that compete (FindCompetitors), or the only
+/// The poses among which a sensor's is chosen: those that compete (pose_sources.h), or the only
 /// one. None: the sensor has no pose, and takes no part. The view must outlive the choice.
 struct SensorCandidates {
   const SensorView* view = nullptr;
@@ -23,24 +23,23 @@ struct SensorCandidates {
 };
 
 /// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another:
-/// those for which most speaks of
-/// - each sensor's own floor and labels, as for one sensor alone (Decide),
+/// those for which most speaks, in log odds, of
+/// - each sensor's own depths, outline, floor and labels (PoseCandidate). Labels tell one step of a
+///   spiral from the next, but not up from down: a network that is shown a part of the structure
+///   upside down labels it about as well,
 /// - what two sensors measured beside the structure, which does not lie where one of them sees
 ///   through it (infer/depth/measured_view.h),
 /// - that the sensors of a rig are mounted alike: they have the same side of the picture up, or one
 ///   side where the picture stands upright and one where it lies on its side,
 /// - and, where nothing else tells, that they are mounted as those that the network was trained on.
-/// A sensor is ambiguous where another set of poses, in which it has another one, has about as much
-/// for it. Labels that prefer one of a pose and its like upside down decide which is taken, but
-/// leave it ambiguous, and so does a single other sensor that is mounted alike. Where nothing, not
-/// even the network's orientation, tells whether a sensor is upside down as the others stand, its
-/// up is unknown: taken either way, it might contradict them.
-/// Every set of poses that is the best in which some sensor has another pose than the chosen one is
-/// listed with its odds (PoseTwin): what sensors see through by the odds that it has in recorded
-/// frames, everything else in margins (PoseChoiceOptions), a difference of which decides, and is
-/// taken for odds of kDecisiveOdds.
+/// A sensor is ambiguous where another set of poses, in which it has another one, has odds of more
+/// than 1 to kDecisiveOdds. Labels that prefer one of a pose and its like upside down decide which
+/// is taken, but leave it ambiguous, and so does a single other sensor that is mounted alike. Where
+/// nothing, not even the network's orientation, tells whether a sensor is upside down as the others
+/// stand, its up is unknown: taken either way, it might contradict them. Every set of poses that is
+/// the best in which some sensor has another pose than the chosen one is listed with its odds
+/// (PoseTwin).
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
-                                       const Structure& structure,
-                                       const PoseChoiceOptions& options);
+                                       const Structure& structure);
 
 }  // namespace volalign

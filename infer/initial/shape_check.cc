@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "infer/initial/agreement.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
@@ -38,8 +39,8 @@ bool IsTilted(const SidePatch& patch, const Structure& structure,
 
 bool SeesBelow(const SensorView& view, const Structure& structure,
                const Pose& structure_from_sensor, double table_height_m) {
-  const FloorFit floor = FindFloor(view, structure, structure_from_sensor, table_height_m);
-  return floor.below > kNotable * floor.pixels;
+  return FindFloor(view, structure, structure_from_sensor, table_height_m).LogOddsByBelow() <=
+         -std::log(kDecisiveOdds);
 }
 
 std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,

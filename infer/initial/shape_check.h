@@ -9,8 +9,8 @@
 
 namespace volalign {
 
-/// Is much of what was measured clearly under the ground that the structure would stand on at this
-/// pose? A room has nothing there; see floor.h for tables.
+/// Is so much of what was measured clearly under the ground that the structure would stand on at
+/// this pose that it cannot be its ground? A room has nothing there; see floor.h for tables.
 bool SeesBelow(const SensorView& view, const Structure& structure,
                const Pose& structure_from_sensor, double table_height_m);
 

@@ -8,13 +8,16 @@
 // the boxes as far as they go, and the best that the other structure has in the same frames. Of two
 // sensors, one has such a pose. One line each: "view" or "pair", "right" or "wrong", what it is of,
 // cells of surface, before, behind and missing, and of a view cells that the model, which knows the
-// structure, has named so and otherwise. Lines of "sensor" have, for the right pose and each wrong
-// one of this structure, what each factor says: log odds by the depths and by the labels of the
-// view, and by its pairs with all others at theirs, and the share of the pixels on the floor.
+// structure, has named so and otherwise, and that both label and depth have on the structure. Lines
+// of "floor" have cells on the floor and others; wrong are those of the wrong poses that stand on
+// another floor. Lines of "sensor" have, for the right pose and each wrong one of this structure,
+// what each factor says, log odds by the depths, the outline and the labels of the view, by its
+// pairs with all others at theirs, and by the floor, and whether the pose turns the structure over.
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -27,9 +30,11 @@
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
+#include "infer/initial/pose_choice.h"
 #include "infer/initial/same_pose.h"
 #include "infer/report/extrinsics.h"
 #include "infer/segment/load.h"
+#include "infer/view/alike.h"
 #include "tests/bench/program.h"
 
 namespace volalign {
@@ -38,10 +43,10 @@ namespace {
 constexpr double kSigmaOfBoxes = 0.005, kSigmaOfInitialPoses = 0.03;  // m
 
 void Print(const std::string& what, const std::string& of, const CauseShares& causes,
-           double named_so = 0, double named_otherwise = 0) {
+           double named_so = 0, double named_otherwise = 0, double labelled_on = 0) {
   fmt::print("{}\t{}", what, of);
   for (const double cells : causes) fmt::print("\t{:.4f}", cells);
-  fmt::print("\t{:.4f}\t{:.4f}\n", named_so, named_otherwise);
+  fmt::print("\t{:.4f}\t{:.4f}\t{:.4f}\n", named_so, named_otherwise, labelled_on);
 }
 
 /// Aliases, turns about the vertical and upside down, and steps of half a box.
@@ -93,7 +98,7 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
     const ViewExplanation view =
         ExplainView(sensor.view, &seen == &structure ? sensor.segmentation.get() : nullptr, seen,
                     pose, kSigmaOfBoxes, SidePatchOptions().min_confidence);
-    Print(what, sensor.name, view.causes, view.named_so, view.named_otherwise);
+    Print(what, sensor.name, view.causes, view.named_so, view.named_otherwise, view.labelled_on);
   };
   print("view\tright", structure, sensor.pose);
   const std::vector<OrientedPoint> points = PointsOf(PrepareSurface(sensor.view, structure));
@@ -136,9 +141,17 @@ void MeasureSensor(const std::vector<Sensor>& sensors, std::size_t i,
     const ViewExplanation view =
         ExplainView(sensor.view, sensor.segmentation.get(), structure, poses[k], kSigmaOfBoxes,
                     SidePatchOptions().min_confidence);
-    fmt::print("sensor\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\n", k == 0 ? "right" : "wrong",
-               sensor.name, view.LogOddsByDepth(), view.LogOddsByLabels(),
-               LogOddsOfPairs(between[k]), floors[k].share());
+    const std::string pose = k == 0 ? "right" : "wrong";
+    fmt::print("sensor\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{}\n", pose, sensor.name,
+               view.LogOddsByDepth(), view.LogOddsByOutline(), view.LogOddsByLabels(),
+               LogOddsOfPairs(between[k]), floors[k].LogOdds(), TurnsOver(poses[0], poses[k]));
+    const Pose motion = poses[k] * poses[0].inverse();
+    const bool same_floor =
+        motion.linear()(1, 1) >= kFacesAlike && std::abs(motion.translation().y()) <= kFarthestOff;
+    if (k > 0 && same_floor) continue;
+    const double of_pixel = floors[k].cells / std::max(floors[k].pixels, 1);
+    fmt::print("floor\t{}\t{}\t{:.4f}\t{:.4f}\n", pose, sensor.name, of_pixel * floors[k].on_floor,
+               of_pixel * (floors[k].pixels - floors[k].on_floor));
   }
 }
 

@@ -23,8 +23,10 @@ import subprocess
 import numpy as np
 
 CAUSES = ["surface", "before", "behind", "missing"]
-# What is told by which share: columns that are for a pose and those that are against it. The last two are the labels'.
-SHARES = [("view", "not behind", [0], [2]), ("view", "named so", [4], [5]), ("pair", "not floating", [0, 1], [2])]
+# What is told by which share: cells for a pose and against it, of the columns of causes, named so, named otherwise, labelled on the structure.
+SHARES = [("view", "not behind", lambda c: (c[0], c[2])), ("view", "named so", lambda c: (c[4], c[5])),
+          ("view", "in outline", lambda c: (c[6], c[0] + c[4] + c[5] - 2 * c[6])),
+          ("pair", "not floating", lambda c: (c[0] + c[1], c[2])), ("floor", "on floor", lambda c: (c[0], c[1]))]
 PAPER, OTHER, MODEL = "configs/structure.yaml", "foreign/own6_kinects/boxes.yaml", "models/m05-lite.pt"
 LEAST_CELLS = 2  # less says nothing
 
@@ -73,24 +75,25 @@ def quantiles(values, digits):
     return " / ".join(f"{v:.{digits}f}" for v in np.quantile(values, (0, 0.05, 0.5, 0.95, 1)))
 
 
-FACTORS = ["depths", "labels", "pairs", "floor"]
-FLOOR_MARGIN = 0.05  # orientation.choice.floor_margin: counts as 100 : 1
+FACTORS = ["depths", "outline", "labels", "pairs", "floor"]
+MOST_OF_LABELS = math.log(1000)  # as infer/initial/rig_choice.cc has it
 
 
 def ablation(rows):
     """Log odds of each sensor's right pose against each wrong one, by each factor, and what is left without one."""
     right, number, against = None, 0, []
     for row in (row for row in rows if row[0] == "sensor"):
-        odds = np.array([float(x) for x in row[3:7]])
-        odds[3] *= math.log(100) / FLOOR_MARGIN
+        odds = np.array([float(x) for x in row[3:8]])
         if row[1] == "right":
             right, number = odds, number + 1
         else:
             against.append((number, right - odds))
+            against[-1][1][2] = 0 if row[8] == "true" else min(against[-1][1][2], MOST_OF_LABELS)
     sensor, odds = np.array([of for of, _ in against]), np.stack([each for _, each in against])
     print(f"{len(set(sensor))} sensors, {len(odds)} wrong poses; log odds of the right one: 1 / 5 / 50 %; wrong poses preferred, not refuted at "
           "100 : 1; sensors with a wrong pose preferred")
-    kinds = [("all", [0, 1, 2, 3])] + [(f"without {name}", [k for k in range(4) if k != without]) for without, name in enumerate(FACTORS)]
+    every = range(len(FACTORS))
+    kinds = [("all", list(every))] + [(f"without {name}", [k for k in every if k != without]) for without, name in enumerate(FACTORS)]
     for name, factors in kinds + [(f"{name} alone", [k]) for k, name in enumerate(FACTORS)]:
         total = odds[:, factors].sum(1)
         print(f"  {name:16} {' / '.join(f'{x:.1f}' for x in np.quantile(total, (0.01, 0.05, 0.5)))}; {(total < 0).sum()}, "
@@ -114,18 +117,20 @@ def main():
         if options.tsv:
             options.tsv.write_text("\n".join("\t".join(row) for row in rows))
     table = {}
-    for what, pose in itertools.product(("view", "pair"), ("right", "wrong")):
-        of = np.array([[float(x) for x in row[3:9]] for row in rows if row[:2] == [what, pose]])
+    for what, pose in itertools.product(("view", "pair", "floor"), ("right", "wrong")):
+        of = np.array([[float(x) for x in row[3:]] for row in rows if row[:2] == [what, pose]])
         table[what, pose] = of[of[:, :4].sum(1) >= LEAST_CELLS]
     for what in ("view", "pair"):
         causes = table[what, "right"][:, :4]
         shares = causes / causes.sum(1, keepdims=True)
         print(f"{what}: {len(causes)} right poses, cells {quantiles(causes.sum(1), 1)}; mean shares: "
               + ", ".join(f"{cause} {share:.4f}" for cause, share in zip(CAUSES, shares.mean(0))))
-    for what, name, so, otherwise in SHARES:
+    for what, name, cells in SHARES:
         counts = {}
         for pose in ("right", "wrong"):
-            of = np.stack([table[what, pose][:, columns].sum(1) for columns in (so, otherwise)], 1)
+            of = np.stack(cells(table[what, pose].T), 1)
+            if name == "in outline":
+                of = of[table[what, pose][:, 4:6].sum(1) >= LEAST_CELLS]  # those that have labels
             counts[pose] = of[of.sum(1) >= LEAST_CELLS]
         parameters = {pose: fit(of) for pose, of in counts.items()}
         print(f"{what}, {name}: {{{{{', '.join(f'{x:.3g}' for x in parameters['right'])}}}, {{{', '.join(f'{x:.3g}' for x in parameters['wrong'])}}}}}")

@@ -70,6 +70,7 @@ TEST(ExplainView, CountsCells) {
   // Labelled and with depth: 1, 3, 4, 5, 8, 15; on the side that the label names: 3, 4, 8.
   const double so = CellsOfColumns(3, 4) + CellsOfColumn(8);
   EXPECT_NEAR(view.named_so, so, 0.01);
+  EXPECT_NEAR(view.labelled_on, so + CellsOfColumn(5), 0.01);
   EXPECT_NEAR(view.named_so + view.named_otherwise,
               so + CellsOfColumn(1) + CellsOfColumn(5) + CellsOfColumn(15), 0.01);
 }

@@ -56,7 +56,7 @@ TEST(FindFloor, CountsPixels) {
     EXPECT_EQ(floor.on_floor, c.on_floor) << c.depth << " m at " << c.x;
     EXPECT_EQ(floor.below, c.below) << c.depth << " m at " << c.x;
     EXPECT_EQ(floor.balance(), c.on_floor - 2 * c.below);
-    EXPECT_DOUBLE_EQ(floor.share(), c.on_floor / 49.);
+    EXPECT_EQ(floor.LogOdds() > 0, c.on_floor > 0) << c.on_floor;
   }
 }
 
@@ -99,7 +99,7 @@ TEST(FindFloor, IsNotTheStructureAtAPoseThatCompetes) {
 TEST(FindFloor, NothingMeasuredSaysNothing) {
   const FloorFit floor = FindFloor(FromAbove(0), Cube(), Above(-0.5));
   EXPECT_EQ(floor.pixels, 0);
-  EXPECT_EQ(floor.share(), 0);
+  EXPECT_EQ(floor.LogOdds(), 0);
 }
 
 /// Distance to the nearest side, side by side.
@@ -140,15 +140,15 @@ TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
   const SensorView view = MakeSensorView(Render(structure, Kinect(), pose).depth, Kinect());
-  EXPECT_EQ(FloorMargin(view, structure, {}, pose), 1);
+  EXPECT_EQ(FloorMargin(view, structure, {}, pose), std::numeric_limits<double>::infinity());
   // Two motions by hand: upside down about the stack's middle, which is at the origin's height, and
   // 0.4 m higher.
   StructureAlias over, higher;
   over.motion.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal();
   higher.motion.translation().y() = 0.4;
-  const double own = FindFloor(view, structure, pose).share();
-  const double upside_down = FindFloor(view, structure, over.motion * pose).share();
-  const double raised = FindFloor(view, structure, higher.motion * pose).share();
+  const double own = FindFloor(view, structure, pose).LogOdds();
+  const double upside_down = FindFloor(view, structure, over.motion * pose).LogOdds();
+  const double raised = FindFloor(view, structure, higher.motion * pose).LogOdds();
   EXPECT_LT(upside_down, own);
   EXPECT_LT(raised, own);
   EXPECT_DOUBLE_EQ(FloorMargin(view, structure, {over}, pose), own - upside_down);
@@ -157,7 +157,7 @@ TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
   // At the raised pose the true one is an alias that the floor speaks for.
   StructureAlias lower;
   lower.motion.translation().y() = -0.4;
-  EXPECT_LT(FloorMargin(view, structure, {lower}, higher.motion * pose), -0.05);
+  EXPECT_LT(FloorMargin(view, structure, {lower}, higher.motion * pose), -std::log(100.0));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/pose_choice.h"
 #include "infer/initial/pose_sources.h"
+#include "infer/initial/rig_choice.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::testing_infer {
@@ -37,8 +38,13 @@ inline PoseChoice Choose(const SensorView& view, const Structure& structure,
                          double table_height_m = 0) {
   InitialPoseOptions options;
   options.table_height_m = table_height_m;
-  return Decide(ProposeByGeometry(view, structure, FindAliases(structure), options), structure,
-                PoseChoiceOptions());
+  return ChooseTogether(
+             {{&view,
+               FindCompetitors(view, structure, FindAliases(structure), {}, false, options),
+               {},
+               0}},
+             structure)
+      .front();
 }
 
 /// Found as one of the poses, to 5 cm and 2 deg.

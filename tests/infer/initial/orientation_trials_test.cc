@@ -5,10 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <utility>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "infer/initial/floor.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -20,58 +22,33 @@ using testing_infer::Kinect;
 using testing_infer::Render;
 using testing_infer::RingPose;
 
-/// With an agreement of `hundredths` of a hundred pixels.
-OrientationTrial Trial(int hundredths, double floor_margin, bool found = true) {
+OrientationTrial Trial(double by_view, double by_floor, bool found = true) {
   OrientationTrial trial;
   trial.initial.found = found;
-  trial.initial.agreement.same_label = hundredths;
-  trial.initial.agreement.either = 100;
-  trial.floor_margin = floor_margin;
+  trial.by_view = by_view;
+  trial.by_floor = by_floor;
   return trial;
 }
 
-OrientationOptions Options() {
-  OrientationOptions options;
-  options.decided_score = 0.6;
-  options.good_score = 0.85;
-  options.choice.floor_margin = 0.05;
-  options.choice.rival_score = 0.5;
-  return options;
-}
-
-TEST(OrientationTrial, IsDecidedByLabelsAndFloor) {
-  struct Case {
-    OrientationTrial trial;
-    bool decided, settled;
-  };
-  const Case cases[] = {{Trial(60, 0.05), true, false},        {Trial(59, 0.05), false, false},
-                        {Trial(60, 0.049), false, false},      {Trial(85, 0.05), true, true},
-                        {Trial(84, 0.3), true, false},         {Trial(95, 0.049), false, false},
-                        {Trial(95, 0.3, false), false, false}, {Trial(95, -0.2), false, false}};
-  for (const Case& c : cases) {
-    EXPECT_EQ(Decided(c.trial, Options()), c.decided) << c.trial.score();
-    EXPECT_EQ(Settled(c.trial, Options()), c.settled) << c.trial.score();
-  }
-  EXPECT_EQ(Trial(95, 0.3, false).score(), 0) << "no pose agrees with nothing";
+TEST(OrientationTrial, IsSettledByViewAndFloor) {
+  const double decisive = std::log(kDecisiveOdds), less = decisive - 0.01;
+  EXPECT_TRUE(Settled(Trial(decisive, decisive)));
+  EXPECT_FALSE(Settled(Trial(less, 20)));
+  EXPECT_FALSE(Settled(Trial(20, less)));
+  EXPECT_FALSE(Settled(Trial(20, 20, false)));
 }
 
 std::size_t Best(std::vector<OrientationTrial> trials) {
   std::vector<OrientationTrial*> pointers;
   for (OrientationTrial& trial : trials) pointers.push_back(&trial);
-  return static_cast<std::size_t>(BestTrial(pointers, Options()) - trials.data());
+  return static_cast<std::size_t>(BestTrial(pointers) - trials.data());
 }
 
-TEST(BestTrial, StandsOnTheFloorAmongThoseThatFit) {
-  // A settled one before all others, whatever their floor.
-  EXPECT_EQ(Best({Trial(84, 0.9), Trial(85, 0.05), Trial(70, 0.5)}), 1u);
-  // Without one, of those with half of the best score the one with the clearest floor.
-  EXPECT_EQ(Best({Trial(80, 0.01), Trial(41, 0.2), Trial(39, 0.9)}), 1u);
-  EXPECT_EQ(Best({Trial(80, 0.01), Trial(39, 0.2), Trial(10, 0.9)}), 0u);
-  // Where the floor says nothing, the labels.
-  EXPECT_EQ(Best({Trial(50, 0), Trial(55, 0), Trial(52, 0)}), 1u);
-  // One that has no pose counts for nothing.
-  EXPECT_EQ(Best({Trial(95, 0.9, false), Trial(20, -0.1)}), 1u);
-  EXPECT_EQ(Best({Trial(20, 0, false)}), 0u);
+TEST(BestTrial, IsTheOneForWhichMostSpeaks) {
+  EXPECT_EQ(Best({Trial(4, 20), Trial(5, 5), Trial(3, 15)}), 1u) << "a settled one";
+  EXPECT_EQ(Best({Trial(4, 0.1), Trial(3, 2), Trial(-4, 5)}), 1u);
+  EXPECT_EQ(Best({Trial(9, 9, false), Trial(-10, -10)}), 1u) << "one that has a pose";
+  EXPECT_EQ(Best({Trial(2, 0, false)}), 0u);
 }
 
 /// Right in one orientation of each view, else nothing.
@@ -116,14 +93,14 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
   for (const OrientationTrial& trial : trials) {
     const bool right = trial.view == 0 && trial.turns == 2;
     EXPECT_EQ(trial.initial.found, right);
-    EXPECT_EQ(Decided(trial, options), right);
+    EXPECT_EQ(Settled(trial), right);
     if (!right) continue;
     const PoseError error = ComparePoses(trial.initial.structure_from_sensor, truth);
     EXPECT_LT(error.translation_m, 0.01);
     EXPECT_LT(error.rotation_deg, 0.3);
     EXPECT_EQ(trial.segmentation.labels, rendered.labels);
-    EXPECT_EQ(trial.floor_margin, FloorMargin(images[0], structure, context.aliases,
-                                              trial.initial.structure_from_sensor));
+    EXPECT_EQ(trial.by_floor, FloorMargin(images[0], structure, context.aliases,
+                                          trial.initial.structure_from_sensor));
   }
 }
 

@@ -3,12 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
+#include "infer/initial/relabel.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_choice_test {
@@ -20,16 +24,6 @@ using testing_infer::Rig;
 using testing_infer::RingPose;
 using testing_infer::Scene;
 using testing_infer::StoredSegmenter;
-
-PoseCandidate Competitor(const Pose& pose, double floor, double network_score,
-                         double label_score = 0) {
-  PoseCandidate evidence;
-  evidence.structure_from_sensor = pose;
-  evidence.floor = floor;
-  evidence.network_score = network_score;
-  evidence.label_score = label_score;
-  return evidence;
-}
 
 Pose Upright(double yaw_deg, double height) {
   Pose pose = Pose::Identity();
@@ -45,30 +39,27 @@ Pose UpsideDown() {
   return pose;
 }
 
-PoseChoice DecideAmong(const std::vector<PoseCandidate>& poses) {
-  return Decide(poses, PaperStructure(), PoseChoiceOptions());
-}
-
-TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {
-  const auto initial = [](bool found, int same_label, double height) {
+TEST(PosesOfTrials, AreThoseThatWereFoundAndTheirAliases) {
+  const auto initial = [](bool found, double height) {
     InitialPose pose;
     pose.found = found;
-    pose.agreement.same_label = same_label;
-    pose.agreement.either = 100;
     pose.structure_from_sensor = Upright(0, height);
     return pose;
   };
-  const InitialPose good = initial(true, 80, 1), half = initial(true, 40, 2),
-                    bad = initial(true, 39, 3), none = initial(false, 90, 4);
-  const SegmentationResult labels;
-  const std::vector<PoseTrial> trials = {
-      {&labels, &bad}, {&labels, &half}, {&labels, &none}, {&labels, &good}};
+  const InitialPose one = initial(true, 1), two = initial(true, 2), none = initial(false, 4);
+  // Nothing was measured or labelled, so that no pose is estimated again.
+  const SensorView view = MakeSensorView(DepthImage(20, 10), testing_infer::Coarse());
+  const SegmentationResult labels = Certain(LabelImage(20, 10));
+  const std::vector<PoseTrial> trials = {{&labels, &none}, {&labels, &two}, {&labels, &one}};
   std::vector<StructureAlias> aliases(2);
   aliases[0].motion = UpsideDown();
   aliases[1].motion = Upright(90, 0.4);
-  const std::vector<PoseCandidate> all = ListCompetitors(trials, aliases, false, {});
+  const auto poses_of = [&](const std::vector<PoseTrial>& of, bool known_up) {
+    return PosesOfTrials(view, PaperStructure(), aliases, of, known_up, {});
+  };
+  const std::vector<PoseCandidate> all = poses_of(trials, false);
   const std::vector<std::pair<std::size_t, int>> expected = {{1, -1}, {1, 0}, {1, 1},
-                                                             {3, -1}, {3, 0}, {3, 1}};
+                                                             {2, -1}, {2, 0}, {2, 1}};
   ASSERT_EQ(all.size(), expected.size());
   for (std::size_t k = 0; k < all.size(); ++k) {
     EXPECT_EQ(all[k].trial, expected[k].first) << k;
@@ -78,86 +69,63 @@ TEST(ListCompetitors, TakesTrialsThatFitHalfAsWellAsTheBestAndTheirAliases) {
   EXPECT_NEAR(all[1].structure_from_sensor.translation().y(), -2, 1e-12);
   EXPECT_NEAR(all[2].structure_from_sensor.translation().y(), 2.4, 1e-12);
 
-  const std::vector<PoseCandidate> upright = ListCompetitors(trials, aliases, true, {});
+  const std::vector<PoseCandidate> upright = poses_of(trials, true);
   ASSERT_EQ(upright.size(), 4u);
   for (const PoseCandidate& pose : upright) EXPECT_NE(pose.alias, 0);
-  EXPECT_TRUE(ListCompetitors({{&labels, &none}}, aliases, false, {}).empty());
+  EXPECT_TRUE(poses_of({{&labels, &none}}, false).empty());
 }
 
-TEST(DropMisfits, KeepsPosesAboutAsGoodAsTheBest) {
+// A rendered view of the paper's stack, labelled rightly in one orientation, not at all in another,
+// and as a step of its spiral has it in a third.
+TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(40);
+  const Intrinsics kinect = testing_infer::Kinect();
+  const auto rendered = testing_infer::Render(structure, kinect, truth, {true, 3.5});
+  const SensorView view = MakeSensorView(rendered.depth, kinect);
+  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  const auto step = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return alias.keeps_up(); });
+  const auto over = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
+  ASSERT_NE(step, aliases.end());
+  ASSERT_NE(over, aliases.end());
+  const SegmentationResult right = Certain(rendered.labels), empty = Certain(LabelImage(320, 288)),
+                           shifted = Relabelled(right, *step);
+  const InitialPose initial;
   std::vector<PoseCandidate> poses(4);
-  poses[0].shape_iou = 0.5;
-  poses[1].shape_iou = 0.75;
-  poses[2].shape_iou = 0.62;
-  poses[3].shape_iou = 0.66;
-  DropMisfits(0.1, &poses);
-  ASSERT_EQ(poses.size(), 2u);
-  EXPECT_EQ(poses[0].shape_iou, 0.75);
-  EXPECT_EQ(poses[1].shape_iou, 0.66);
-  std::vector<PoseCandidate> none;
-  DropMisfits(0.1, &none);
-  EXPECT_TRUE(none.empty());
-}
-
-TEST(Decide, NothingAmongNothing) {
-  const PoseChoice choice = DecideAmong({});
-  EXPECT_FALSE(choice.found);
-  EXPECT_FALSE(choice.ambiguous);
-}
-
-TEST(Decide, TheFloorGoesBeforeTheLabels) {
-  const PoseChoice choice =
-      DecideAmong({Competitor(Upright(0, 0), 0.2, 0.4), Competitor(Upright(90, 0.4), 0.14, 0.9)});
-  ASSERT_TRUE(choice.found);
-  EXPECT_EQ(choice.best.network_score, 0.4);
-  EXPECT_FALSE(choice.ambiguous);
-}
-
-TEST(Decide, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
-  const PoseCandidate low = Competitor(Upright(0, 0), 0.2, 0.5);
-  for (const double score : {0.69, 0.71}) {
-    const PoseChoice choice = DecideAmong({low, Competitor(Upright(90, 0.4), 0.16, score)});
-    EXPECT_EQ(choice.best.network_score, score);
-    EXPECT_EQ(choice.ambiguous, score < 0.7) << score;
-    if (choice.ambiguous) {
-      EXPECT_EQ(choice.rival.network_score, 0.5);
-    }
-  }
-}
-
-TEST(Decide, LabelsDoNotTellUpFromDown) {
-  const PoseChoice choice =
-      DecideAmong({Competitor(Upright(0, 0), 0.0, 0.9), Competitor(UpsideDown(), 0.0, 0.1)});
-  EXPECT_EQ(choice.best.network_score, 0.9);
-  EXPECT_TRUE(choice.ambiguous);
-  EXPECT_EQ(choice.rival.network_score, 0.1);
-  // A floor does.
-  EXPECT_FALSE(
-      DecideAmong({Competitor(Upright(0, 0), 0.1, 0.9), Competitor(UpsideDown(), 0.0, 0.1)})
-          .ambiguous);
-}
-
-TEST(Decide, TheRivalIsTheBestOfSeveral) {
-  const PoseChoice choice =
-      DecideAmong({Competitor(Upright(0, 0), 0, 0.8), Competitor(Upright(90, 0.4), 0, 0.65),
-                   Competitor(Upright(180, 0.8), 0, 0.75), Competitor(Upright(-90, -0.4), 0, 0.7)});
-  EXPECT_TRUE(choice.ambiguous);
-  EXPECT_EQ(choice.rival.network_score, 0.75);
-}
-
-// Poses 10 cm and 5 deg apart are one pose that different labels led to.
-TEST(Decide, TakesTheLabelsThatSuitThePoseBest) {
-  PoseCandidate first = Competitor(Upright(0, 0), 0, 0.8, 0.3);
-  PoseCandidate second = Competitor(Upright(5, 0.1), 0, 0.6, 0.9);
-  first.trial = 0;
-  second.trial = 1;
-  second.alias = 2;
-  const PoseChoice choice = DecideAmong({first, second});
-  EXPECT_FALSE(choice.ambiguous);
-  EXPECT_EQ(choice.best.trial, 1u);
-  EXPECT_EQ(choice.best.alias, 2);
-  EXPECT_EQ(choice.best.label_score, 0.9);
-  EXPECT_EQ(choice.best.network_score, 0.8);
+  poses[0].structure_from_sensor = truth;
+  poses[1].structure_from_sensor = step->motion * truth;
+  poses[2].structure_from_sensor = over->motion * truth;
+  poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
+  poses[3].trial = 2;
+  const auto weigh = [&](const std::vector<PoseTrial>& trials) {
+    WeighPoses(view, structure, aliases, trials, {}, &poses);
+  };
+  const double decisive = std::log(kDecisiveOdds);
+  weigh({{&empty, &initial}, {&right, &initial}, {&shifted, &initial}});
+  // A step that moves three of four boxes onto boxes leaves the fourth unexplained, and the floor
+  // is a box lower; upside down every box is one, and only the floor tells.
+  EXPECT_GT(poses[0].by_outline, poses[1].by_outline + decisive);
+  EXPECT_GT(poses[0].by_floor, poses[1].by_floor + decisive);
+  EXPECT_GT(poses[0].by_floor, poses[2].by_floor + decisive);
+  EXPECT_NEAR(poses[0].by_depth, poses[2].by_depth, 0.5);
+  EXPECT_NEAR(poses[0].by_outline, poses[2].by_outline, 0.5);
+  // Labels: of the trial that knows the pose, and of the pose's own, as they are.
+  EXPECT_GT(poses[0].by_labels, 2);
+  EXPECT_GT(poses[1].by_labels, 0) << "the third trial names its sides";
+  EXPECT_LT(poses[2].by_labels, -decisive);
+  EXPECT_EQ(poses[0].by_own_labels, 0) << "the first trial has no labels";
+  EXPECT_LT(poses[3].by_own_labels, -decisive);
+  poses[3].alias = static_cast<int>(step - aliases.begin());
+  weigh({{&empty, &initial}, {&empty, &initial}, {&right, &initial}});
+  EXPECT_LT(poses[3].by_own_labels, -decisive) << "renamed";
+  EXPECT_GT(poses[3].by_labels, 2) << "as they are";
+  // Without a trial there are no labels.
+  for (PoseCandidate& pose : poses) pose.source = PoseSource::kGeometry;
+  weigh({});
+  EXPECT_EQ(poses[0].by_outline, 0);
+  EXPECT_EQ(poses[0].by_labels, 0);
 }
 
 /// A wide picture that cuts the stack off at the top and the bottom.

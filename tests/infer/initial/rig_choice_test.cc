@@ -4,8 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <vector>
 
+#include "core/base/odds.h"
 #include "infer/initial/aliases.h"
 #include "infer/initial/same_pose.h"
 #include "tests/infer/view/synthetic.h"
@@ -16,7 +19,7 @@ namespace {
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-/// What speaks for a pose and for the same upside down.
+/// What speaks for a pose and for the same upside down: log odds.
 struct Evidence {
   double floor, labels;
   double floor_over, labels_over;
@@ -42,11 +45,11 @@ struct Candidates {
           testing_infer::Kinect()));
       PoseCandidate a, b;
       a.structure_from_sensor = right.back();
-      a.floor = evidence[i].floor;
-      a.network_score = evidence[i].labels;
+      a.by_floor = evidence[i].floor;
+      a.by_labels = evidence[i].labels;
       b.structure_from_sensor = over.back();
-      b.floor = evidence[i].floor_over;
-      b.network_score = evidence[i].labels_over;
+      b.by_floor = evidence[i].floor_over;
+      b.by_labels = evidence[i].labels_over;
       poses.push_back({a, b});
     }
   }
@@ -55,15 +58,95 @@ struct Candidates {
     std::vector<SensorCandidates> sensors;
     for (std::size_t i = 0; i < views.size(); ++i)
       sensors.push_back({&views[i], poses[i], turns, i + 1 == views.size() ? twin : 0});
-    return ChooseTogether(sensors, structure, {});
+    return ChooseTogether(sensors, structure);
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
     return choice.found && SamePose(structure, choice.best.structure_from_sensor, right[i]);
   }
 };
 
+PoseCandidate Candidate(const Pose& pose, double floor, double names, double own_names = 0) {
+  PoseCandidate candidate;
+  candidate.structure_from_sensor = pose;
+  candidate.by_floor = floor;
+  candidate.by_labels = names;
+  candidate.by_own_labels = own_names;
+  return candidate;
+}
+
+Pose Upright(double yaw_deg, double height) {
+  return Eigen::Translation3d(0, height, 0) *
+         Pose(Eigen::AngleAxisd(yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()));
+}
+
+/// Of a single sensor.
+PoseChoice ChooseAmong(const std::vector<PoseCandidate>& poses) {
+  const Candidates rig({{0, 0, 0, 0}});
+  return ChooseTogether({{&rig.views[0], poses, {}, 0}}, rig.structure).front();
+}
+
+TEST(ChooseAlone, NothingAmongNothing) {
+  const PoseChoice choice = ChooseAmong({});
+  EXPECT_FALSE(choice.found);
+  EXPECT_FALSE(choice.ambiguous);
+}
+
+TEST(ChooseAlone, TheFloorGoesBeforeTheLabels) {
+  const PoseChoice choice =
+      ChooseAmong({Candidate(Upright(0, 0), 12, -13), Candidate(Upright(90, 0.4), -10, 3)});
+  ASSERT_TRUE(choice.found);
+  EXPECT_EQ(choice.best.by_floor, 12);
+  EXPECT_FALSE(choice.ambiguous);
+}
+
+TEST(ChooseAlone, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
+  for (const double names : {-1.5, -1.7}) {
+    const PoseChoice choice =
+        ChooseAmong({Candidate(Upright(90, 0.4), 1, names), Candidate(Upright(0, 0), 1, 3)});
+    EXPECT_EQ(choice.best.by_labels, 3);
+    EXPECT_EQ(choice.ambiguous, 3 - names < std::log(kDecisiveOdds)) << names;
+  }
+}
+
+TEST(ChooseAlone, LabelsDoNotTellUpFromDown) {
+  const Pose over = FindAliases(PaperStructure()).front().motion;
+  const PoseChoice choice = ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(over, 0, -9)});
+  EXPECT_EQ(choice.best.by_labels, 3);
+  EXPECT_TRUE(choice.ambiguous);
+  EXPECT_EQ(choice.rival.by_labels, -9);
+  EXPECT_FALSE(ChooseAmong({Candidate(Upright(0, 0), 5, 3), Candidate(over, 0, -9)}).ambiguous)
+      << "a floor does";
+}
+
+TEST(ChooseAlone, TheRivalIsTheBestOfSeveral) {
+  const PoseChoice choice =
+      ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), 0, 0),
+                   Candidate(Upright(180, 0.8), 0, 2), Candidate(Upright(-90, -0.4), 0, 1)});
+  EXPECT_TRUE(choice.ambiguous);
+  EXPECT_EQ(choice.rival.by_labels, 2);
+  ASSERT_EQ(choice.twins.size(), 3u);
+  EXPECT_NEAR(choice.twins[0].log_odds, 1, 1e-9);
+  EXPECT_NEAR(choice.twins[2].log_odds, 3, 1e-9);
+}
+
+// Poses 10 cm and 5 deg apart are one pose that different labels led to; geometry has none.
+TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
+  PoseCandidate first = Candidate(Upright(0, 0), 0, 3, -9);
+  PoseCandidate second = Candidate(Upright(5, 0.1), 0, 1, 2);
+  PoseCandidate third = Candidate(Upright(2, 0), 0, 1, 4);
+  second.trial = 1;
+  second.alias = 2;
+  third.source = PoseSource::kGeometry;
+  const PoseChoice choice = ChooseAmong({first, second, third});
+  EXPECT_FALSE(choice.ambiguous);
+  EXPECT_EQ(choice.best.trial, 1u);
+  EXPECT_EQ(choice.best.alias, 2);
+  EXPECT_EQ(choice.best.by_own_labels, 2);
+  EXPECT_EQ(choice.best.by_labels, 3);
+}
+
 TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
-  const Evidence good{0, 0.8, 0, 0.3}, misled{0, 0.2, 0, 0.9};
+  const Evidence good{0, 3, 0, -9}, misled{0, -12, 0, 4};
   const Candidates rig({good, misled, good, good, misled});
   const std::vector<PoseChoice> choices = rig.Choose();
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -82,7 +165,7 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
 
 // Sensors that are mounted alike are upside down together or not at all: one other set of poses.
 TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
-  const Candidates rig(std::vector<Evidence>(4, {0, 0.8, 0, 0.3}));
+  const Candidates rig(std::vector<Evidence>(4, {0, 3, 0, -9}));
   const std::vector<PoseChoice> choices = rig.Choose(), turned = rig.Choose({}, 2),
                                 confirmed = rig.Choose({}, 1);
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -105,7 +188,7 @@ TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
 // Half of the pictures stand upright and half lie on their side: none of either contradicts the
 // others that are mounted so.
 TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
-  const Evidence good{0, 0.8, 0, 0.3}, misled{0, 0.2, 0, 0.9};
+  const Evidence good{0, 3, 0, -9}, misled{0, -12, 0, 4};
   for (std::size_t wrong = 0; wrong < 6; ++wrong) {
     std::vector<Evidence> evidence(6, good);
     evidence[wrong] = misled;
@@ -121,18 +204,18 @@ TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
 // Of two kinds of mounting with nothing that joins them, one is the network's: the others' up is
 // unknown, unless there is a floor.
 TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
-  const Evidence open{0, 0.8, 0, 0.75};
+  const Evidence open{0, 3, 0, 2};
   const std::vector<double> roll = {0, 90, 0, 90, 0, 90};
   for (const bool floor : {false, true}) {
     std::vector<Evidence> evidence(6, open);
-    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {0.2, 0.8, -0.2, 0.8};
+    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {12, 3, -14, 3};
     const Candidates rig(evidence, roll);
     std::vector<SensorCandidates> sensors;
     for (std::size_t i = 0; i < rig.views.size(); ++i) {
       sensors.push_back({&rig.views[i], rig.poses[i],
                          roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
     }
-    const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure, {});
+    const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure);
     for (std::size_t i = 0; i < choices.size(); ++i) {
       EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
       EXPECT_EQ(choices[i].ambiguous, !floor) << i;
@@ -142,7 +225,7 @@ TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
 }
 
 TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
-  const Evidence floor{0.2, 0.8, -0.2, 0.8}, misled{0, 0.2, 0, 0.9};
+  const Evidence floor{12, 3, -14, 3}, misled{0, -12, 0, 4};
   for (const std::size_t count : {1u, 2u}) {
     std::vector<Evidence> evidence(count, floor);
     evidence.push_back(misled);
@@ -158,7 +241,7 @@ TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
 }
 
 TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
-  const Evidence floor{0.2, 0.8, -0.2, 0.8};
+  const Evidence floor{12, 3, -14, 3};
   const Candidates rig({floor, floor, floor, floor}, {90, 90, 90, -90});
   const std::vector<PoseChoice> choices = rig.Choose();
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -169,7 +252,7 @@ TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
 
 // Nothing tells up from down: sensors are then taken to be mounted as the network's were.
 TEST(ChooseTogether, TheNetworksOrientationIsTakenWhereNothingElseTells) {
-  const Evidence open{0, 0.8, 0, 0.8};
+  const Evidence open{0, 3, 0, 3};
   const Candidates rig({open, open, open});
   for (const bool right : {true, false}) {
     const std::vector<PoseChoice> choices =
@@ -182,7 +265,7 @@ TEST(ChooseTogether, TheNetworksOrientationIsTakenWhereNothingElseTells) {
 }
 
 TEST(ChooseTogether, ASensorWithoutPosesTakesNoPart) {
-  const Evidence good{0, 0.8, 0, 0.3};
+  const Evidence good{0, 3, 0, -9};
   Candidates rig({good, good, good});
   rig.poses[1].clear();
   const std::vector<PoseChoice> choices = rig.Choose();
@@ -193,7 +276,7 @@ TEST(ChooseTogether, ASensorWithoutPosesTakesNoPart) {
 
 // A wall on one side only, which two sensors see: where both are upright, in one place.
 TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
-  const Evidence open{0, 0.5, 0, 0.5};
+  const Evidence open{0, 1, 0, 1};
   Candidates rig({open, open});
   rig.poses[0].resize(1);  // known
   for (std::size_t i = 0; i < 2; ++i) {
