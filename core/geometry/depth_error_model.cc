@@ -16,6 +16,8 @@ double DepthErrorModel::White(double z) const { return white_m * Growth(white_po
 
 double DepthErrorModel::SmoothGrowth(double z) const { return Growth(smooth_power, z); }
 
+double DepthErrorModel::TiltGrowth(double z) const { return Growth(white_power, z); }
+
 double DepthErrorModel::Smooth(double z) const { return smooth_m * SmoothGrowth(z); }
 
 double DepthErrorModel::WithinSurface(double z) const {

@@ -14,7 +14,10 @@ struct DepthErrorModel {
   double smooth_rad = 0;  ///< within which the correlation of that error falls to 1/e or so
   double offset_m = 0;    ///< of a whole frame
   double gain = 0;        ///< of a whole frame, as a share of the depth
-  double seam_m = 0;      ///< in a concave corner, from where it falls linearly
+  /// Of a whole frame, per rad from its middle along each axis of the picture, at 2 m; grows as
+  /// white_m does.
+  double tilt_m = 0;
+  double seam_m = 0;  ///< in a concave corner, from where it falls linearly
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
   double edge_gap_rad = 0;  ///< without depth on the far side of a depth edge
@@ -22,6 +25,7 @@ struct DepthErrorModel {
   double White(double z) const;
   double Smooth(double z) const;
   double SmoothGrowth(double z) const;  ///< of smooth_m, from 2 m
+  double TiltGrowth(double z) const;    ///< of tilt_m, from 2 m
   /// Of a pixel against others of its surface in the same frame, m. Corners count as in the mean
   /// over their reach.
   double WithinSurface(double z) const;
@@ -38,6 +42,9 @@ struct DepthErrorModel {
     ar("smooth_rad", smooth_rad, "its correlation length, rad", Above(0));
     ar("offset_m", offset_m, "standard deviation, m, of a constant error of a frame", AtLeast(0));
     ar("gain", gain, "standard deviation of a frame's error as a share of the depth", AtLeast(0));
+    ar("tilt_m", tilt_m,
+       "standard deviation, m per rad at 2 m, of an error that grows from the middle of a frame",
+       AtLeast(0));
     ar("seam_m", seam_m, "standard deviation, m, in a concave corner", AtLeast(0));
     ar("seam_reach_m", seam_reach_m, "m, from the corner to where that has fallen to 0", Above(0));
     ar("lateral_rad", lateral_rad, "standard deviation, rad, across the ray", AtLeast(0));

@@ -43,12 +43,13 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   if (observed.faces.empty() && observed.edges.empty()) return {};
   const PoseBlock block(pose);
   constexpr std::array<double, kNuisances> kNone = {};
+  constexpr std::array<double, kTilts> kLevel = {};
   const double none = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;
   Residuals(model, observed,
-            {block.values, &none, &none, &none, kNone.data(), state.Lens(sensor).data(),
-             state.Build(state.StillOf(sensor))},
+            {block.values, &none, &none, &none, kNone.data(), kLevel.data(),
+             state.Lens(sensor).data(), state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = FrameColumns::kOwn;
   const Eigen::VectorXd sigmas =

@@ -40,7 +40,7 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
                    const std::vector<LensChange>& lenses, const std::vector<char>& constant,
                    const Eigen::VectorXd& prior_sigmas, const FreeSet& free) {
   FreeSet kept = free;
-  Posterior posterior = ComputePosterior(normal, layout, constant, prior_sigmas);
+  Posterior posterior = ComputePosterior(normal, constant, prior_sigmas);
   const auto observable = [&](Eigen::Index column, double prior) {
     return posterior.Sigma(column) < kObservable * prior;
   };

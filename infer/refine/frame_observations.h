@@ -15,8 +15,9 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  double multipath = 0;  ///< see SeamShare
-  double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
+  double multipath = 0;                            ///< see SeamShare
+  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();  ///< see TiltAt
+  double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
 

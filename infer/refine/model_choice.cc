@@ -155,8 +155,6 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
   for (std::size_t k = 0; k < all.size(); ++k) {
     if (evidence[k] && std::exp(*evidence[k] - most) >= kNegligible) believed.push_back(k);
   }
-  const Eigen::VectorXd common =
-      CommonShiftPull(cost.normal.information, layout, cost.prior_sigmas);
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(layout.size(), layout.size());
   double weights = 0;
   // As many at a time as there are threads: of a large rig each takes much memory.
@@ -166,7 +164,7 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
     ParallelFor(count, threads, [&](std::size_t k) {
       fits[k] = FitModel(cost, layout.Scales(all[believed[begin + k]]), true);
       if (!fits[k]) return;
-      const Eigen::VectorXd follows = fits[k]->covariance * common;
+      const Eigen::MatrixXd follows = fits[k]->covariance * cost.normal.pulls;
       fits[k]->covariance +=
           fits[k]->step * fits[k]->step.transpose() + follows * follows.transpose();
     });

@@ -54,8 +54,8 @@ std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
 
 /// Covariance of the parameters about the solution: the mean over all scales, weighted by their
 /// evidence, of the covariance under these scales, of the square of the step to their most probable
-/// values, and of what CommonShiftPull adds. Scales under which it cannot be computed take no part;
-/// nothing, or a finite covariance.
+/// values, and of what NormalEquations::pulls add. Scales under which it cannot be computed take no
+/// part; nothing, or a finite covariance.
 std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
                                                     const ParameterLayout& layout, int threads);
 

@@ -29,7 +29,7 @@ constexpr double kWidening = 4;   // of what an outlier's square exceeds the lim
 
 /// One image block's points on one side, without those that lie apart from the others.
 FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
-                       int label, double seam_reach_m,
+                       int label, const DepthErrorModel& errors,
                        const std::vector<const SidePoint*>& points) {
   const Side& side = built.SideOfLabel(label);
   std::vector<double> distances;
@@ -55,8 +55,9 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   }
   face.p /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  face.multipath =
-      SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p), seam_reach_m);
+  face.multipath = SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p),
+                             errors.seam_reach_m);
+  face.tilt = TiltAt(errors, face.p);
   return face;
 }
 
@@ -180,8 +181,8 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   observed->faces.clear();
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
-      observed->faces.push_back(FaceOf(nominal, built, places.front(), key.first,
-                                       observed->noise.depth.seam_reach_m, of));
+      observed->faces.push_back(
+          FaceOf(nominal, built, places.front(), key.first, observed->noise.depth, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();

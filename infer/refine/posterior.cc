@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "core/geometry/factor.h"
+#include "core/geometry/sensor_kind.h"
 #include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
@@ -91,30 +92,40 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   if (!ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian)) {
     const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.observed);
     return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
-            false};
+            false, Eigen::MatrixXd(sigmas.size(), 0)};
   }
   NormalEquations normal;
   normal.information = Information(jacobian);
   normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), normal.information.rows());
+  std::vector<double> tilts;
+  for (std::size_t i = 0; i < problem.size(); ++i)
+    tilts.push_back(ErrorsOf(problem.KindOf(i)).tilt_m);
+  normal.pulls =
+      PullsOf(normal.information, problem.layout, PriorSigmas(problem, solution.observed), tilts);
   return normal;
 }
 
-Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                                const Eigen::VectorXd& prior_sigmas) {
-  // What pulls on each shift, but its own prior.
-  Eigen::VectorXd pull = Eigen::VectorXd::Zero(information.rows());
+Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
+                        const Eigen::VectorXd& prior_sigmas, const std::vector<double>& tilts) {
+  const auto frames = static_cast<Eigen::Index>(layout.frames());
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + kTilts * frames);
+  // What pulls on a column, but its own prior.
+  const auto pull = [&](Eigen::Index column) {
+    Eigen::VectorXd of = information.col(column);
+    of[column] -= 1 / Square(prior_sigmas[column]);
+    return of;
+  };
+  Eigen::Index next = 1;
   for (std::size_t i = 0; i < layout.frames(); ++i) {
-    for (const int shift : {kEdgeShift, kEdgeShift + 1}) {
-      const Eigen::Index column = layout.Nuisance(i, shift);
-      pull += information.col(column);
-      pull[column] -= 1 / Square(prior_sigmas[column]);
-    }
+    for (const int shift : {kEdgeShift, kEdgeShift + 1})
+      pulls.col(0) += kCommonEdgeShift * pull(layout.Nuisance(i, shift));
+    for (int k = 0; k < kTilts; ++k) pulls.col(next++) = tilts[i] * pull(layout.Tilt(i) + k);
   }
-  return kCommonEdgeShift * pull;
+  return pulls;
 }
 
-Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout& layout,
-                           const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas) {
+Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,
+                           const Eigen::VectorXd& prior_sigmas) {
   const Eigen::MatrixXd& h = normal.information;
   const Inverse inverse(h, prior_sigmas);
   Posterior posterior;
@@ -125,7 +136,7 @@ Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout&
   };
   if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; }))
     widen(inverse.Times(normal.gradient));
-  widen(inverse.Times(CommonShiftPull(h, layout, prior_sigmas)));
+  for (Eigen::Index k = 0; k < normal.pulls.cols(); ++k) widen(inverse.Times(normal.pulls.col(k)));
   return posterior;
 }
 

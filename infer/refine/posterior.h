@@ -18,16 +18,20 @@ struct NormalEquations {
   Eigen::MatrixXd information;  ///< J^T J
   Eigen::VectorXd gradient;     ///< J^T r
   bool evaluated = true;        ///< false: they are those of the priors alone
+  /// By how much an error that is not estimated, of one standard deviation, pulls on every
+  /// parameter, a column each: the parameters follow by covariance * pull.
+  Eigen::MatrixXd pulls;
 };
 
 /// Of the refinement's cost at a solution, with everything free. Where the cost cannot be
 /// evaluated, of the priors alone.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
-/// By how much a shift of silhouettes that all sensors have in common pulls on every parameter: the
-/// parameters follow it by covariance * pull. Such a shift looks like another size.
-Eigen::VectorXd CommonShiftPull(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                                const Eigen::VectorXd& prior_sigmas);
+/// NormalEquations::pulls: of a shift of silhouettes that all sensors have in common, which looks
+/// like another size; and of the tilt of each frame along rows and along columns, which looks like
+/// another pose. `tilts`: standard deviation of each frame's, m per rad.
+Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
+                        const Eigen::VectorXd& prior_sigmas, const std::vector<double>& tilts);
 
 struct Posterior {
   Eigen::MatrixXd covariance;
@@ -41,11 +45,10 @@ struct Posterior {
 };
 
 /// Covariance with everything free. Where something was not asked for (`constant`), widened by the
-/// square of the step that everything would take from here if it were free; and for a shift of
-/// silhouettes that all sensors have in common, which looks like another size. `prior_sigmas`: of
-/// all parameters. The covariance is finite, whatever the normal equations are.
-Posterior ComputePosterior(const NormalEquations& normal, const ParameterLayout& layout,
-                           const std::vector<char>& constant, const Eigen::VectorXd& prior_sigmas);
+/// square of the step that everything would take from here if it were free; and by what pulls.
+/// `prior_sigmas`: of all parameters. The covariance is finite, whatever the normal equations are.
+Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,
+                           const Eigen::VectorXd& prior_sigmas);
 
 /// Covariance where the constant parameters are known.
 Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant,

@@ -53,8 +53,8 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   const QuadraticCost cost = CostAround(problem, solution);
-  Posterior posterior = ComputePosterior(cost.normal, problem.layout,
-                                         problem.layout.Constant(asked_for), cost.prior_sigmas);
+  Posterior posterior =
+      ComputePosterior(cost.normal, problem.layout.Constant(asked_for), cost.prior_sigmas);
   if (!problem.setup.free.where_told || !posterior.exact) return posterior;
   if (std::optional<Eigen::MatrixXd> over_models =
           CovarianceOverModels(cost, problem.layout, problem.setup.schedule.threads))

@@ -58,7 +58,8 @@ class Scene {
   /// Along `ray`, of unit depth, at the true depth.
   Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
     return Corrected(face.p.z() * ray, parameters_.gain[0],
-                     parameters_.offset[0] - nuisance(kMultipath) * face.multipath);
+                     parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
+                         face.tilt.dot(Eigen::Map<const Eigen::Vector2d>(parameters_.tilt)));
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -124,6 +125,7 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     (*jacobian)(row, FrameColumns::kOffset) = along;
     (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
     (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
+    jacobian->row(row).segment<kTilts>(FrameColumns::kTilt) = along * face.tilt.transpose();
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
     jacobian->row(row) /= scene.gain();
@@ -195,7 +197,7 @@ SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observe
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
   *mutable_parameter_block_sizes() = {
-      7, 1, 1, 1, kNuisances, kLensParameters, 1, model.box_parameters()};
+      7, 1, 1, 1, kNuisances, kTilts, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
@@ -209,7 +211,8 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
              parameters[3],
              parameters[4],
              parameters[5],
-             {parameters[6], parameters[7]}},
+             parameters[6],
+             {parameters[7], parameters[8]}},
             &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(observed_.faces.size());
   const auto edges = static_cast<Eigen::Index>(observed_.edges.size());

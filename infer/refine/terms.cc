@@ -14,14 +14,14 @@ namespace {
 
 /// Overlap that the structure does not hold already: of one frame's points against what the other
 /// measured. Errors within a correlation length are one error.
-void AddOverlapTerms(const JointProblem& problem, const PairOverlap& pair, State* state,
-                     CeresProblem* ceres) {
+void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObservations>& observed,
+                     const PairOverlap& pair, State* state, CeresProblem* ceres) {
   const std::size_t size = pair.of_a.size() + pair.of_b.size();
   if (size < kFewestMatches) return;  // for their spread
   const double share = pair.cells / static_cast<double>(size);
   const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
     const SensorPoints& points = *problem.frames[i].points;
-    return LensPoint{p, points.RayByLensAt(p), points.lens};
+    return LensPoint{p, points.RayByLensAt(p), points.lens, TiltAt(observed[i].noise.depth, p)};
   };
   const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
     if (matches.empty()) return;
@@ -33,9 +33,9 @@ void AddOverlapTerms(const JointProblem& problem, const PairOverlap& pair, State
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {
-        state->poses[i].values, state->poses[j].values, &state->offsets[i],
-        &state->offsets[j],     state->Gain(i),         state->Gain(j),
-        state->Focal(i),        state->Focal(j),        state->Lens(i).data()};
+        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
+        state->Gain(i),         state->Gain(j),         state->Focal(i),      state->Focal(j),
+        state->tilts[i].data(), state->tilts[j].data(), state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -61,6 +61,7 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
     sought.insert(problem.frame_of[i].sensor);
     AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
     AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
+    AddPriors(sigmas, problem.layout.Tilt(i), kTilts, state->tilts[i].data(), ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
@@ -75,8 +76,8 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
   if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->Lens(i).data(),
-      &state->size, state->boxes[state->StillOf(i)].data());
+      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->tilts[i].data(),
+      state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data());
 }
 
 /// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
@@ -178,6 +179,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
     ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
+    ceres.problem->AddParameterBlock(state->tilts[i].data(), kTilts);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(
@@ -192,7 +194,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
   AddLensTerms(problem, sigmas, state, &ceres);
   AddBuild(layout, sigmas, state, &ceres);
   HoldConstant(layout, constant, state, &ceres);
-  for (const PairOverlap& pair : overlaps) AddOverlapTerms(problem, pair, state, &ceres);
+  for (const PairOverlap& pair : overlaps) AddOverlapTerms(problem, observed, pair, state, &ceres);
   return ceres;
 }
 

@@ -69,6 +69,15 @@ TEST(ErrorsOf, AStereoCamerasGrowWithTheSquareOfTheDepthAndWithItsShortBaseline)
       EXPECT_NEAR(ErrorsOf(kind).White(z) / d415.White(z), 51.9 / scale, 0.02);
       EXPECT_NEAR(ErrorsOf(kind).Smooth(z) / d415.Smooth(z), 51.9 / scale, 0.02);
     }
+    EXPECT_NEAR(d415.TiltGrowth(z), z * z / 4, 1e-12);
+  }
+  // 0.1 px at the border, 640 px from the middle.
+  const std::tuple<const char*, double, double> tilts[] = {{"realsense_d415", 943.6, 51.9},
+                                                           {"realsense_d435", 644.9, 32.2},
+                                                           {"realsense_d455", 640, 60.8}};
+  for (const auto& [kind, focal, focal_baseline] : tilts) {
+    const double expected = 0.1 * focal / 640 * 4 / focal_baseline;
+    EXPECT_NEAR(ErrorsOf(kind).tilt_m, expected, 0.05 * expected) << kind;
   }
 }
 

@@ -45,7 +45,8 @@ NormalEquations RandomNormal(const ParameterLayout& layout) {
 
 TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   const ParameterLayout layout = LayoutOf(2, 2);
-  const NormalEquations normal = RandomNormal(layout);
+  NormalEquations normal = RandomNormal(layout);
+  normal.pulls = PullsOf(normal.information, layout, PriorSigmas(layout), {0, 0});
   const Eigen::MatrixXd inverse = normal.information.fullPivLu().inverse();
   // All silhouettes shifted by 0.3 px: the estimate takes its prior's share of that for nothing.
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(layout.size());
@@ -56,9 +57,9 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   const Eigen::VectorXd error = inverse * pull;
   const Eigen::MatrixXd widened = inverse + error * error.transpose();
   std::vector<char> constant(static_cast<std::size_t>(layout.size()), 0);
-  const Posterior asked = ComputePosterior(normal, layout, constant, PriorSigmas(layout));
+  const Posterior asked = ComputePosterior(normal, constant, PriorSigmas(layout));
   constant[static_cast<std::size_t>(layout.Size())] = 1;
-  const Posterior not_asked = ComputePosterior(normal, layout, constant, PriorSigmas(layout));
+  const Posterior not_asked = ComputePosterior(normal, constant, PriorSigmas(layout));
   const Eigen::VectorXd step = inverse * normal.gradient;
   for (Eigen::Index r = 0; r < layout.size(); ++r) {
     for (Eigen::Index c = 0; c < layout.size(); ++c) {
@@ -75,6 +76,42 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   }
 }
 
+// An estimate that takes tilts for 0 is off by its least squares' answer to them, and has the
+// covariance that it has where they are 0.
+TEST(Posterior, CountsTiltsThatAreNotEstimated) {
+  const ParameterLayout layout = LayoutOf(2, 1);
+  const Eigen::VectorXd sigmas = PriorSigmas(layout);
+  NormalEquations normal = RandomNormal(layout);
+  const std::vector<double> tilts = {0.01, 0.02};
+  std::vector<char> is_tilt(static_cast<std::size_t>(layout.size()), 0);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (int k = 0; k < kTilts; ++k) is_tilt[static_cast<std::size_t>(layout.Tilt(i) + k)] = 1;
+  }
+  const Eigen::MatrixXd held = ConditionalPosterior(normal, is_tilt, sigmas).covariance;
+  Eigen::MatrixXd expected = held;
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (int k = 0; k < kTilts; ++k) {
+      const Eigen::VectorXd error = tilts[i] * held * normal.information.col(layout.Tilt(i) + k);
+      expected += error * error.transpose();
+    }
+  }
+  for (std::size_t k = 0; k < is_tilt.size(); ++k) {
+    const auto column = static_cast<Eigen::Index>(k);
+    if (is_tilt[k]) normal.information(column, column) += 1 / Square(sigmas[column]);
+  }
+  normal.pulls = PullsOf(normal.information, layout, sigmas, tilts).rightCols(2 * kTilts);
+  const std::vector<char> none(is_tilt.size(), 0);
+  const Eigen::MatrixXd covariance = ComputePosterior(normal, none, sigmas).covariance;
+  for (Eigen::Index r = 0; r < layout.size(); ++r) {
+    for (Eigen::Index c = 0; c < layout.size(); ++c) {
+      if (is_tilt[static_cast<std::size_t>(r)] || is_tilt[static_cast<std::size_t>(c)]) continue;
+      EXPECT_NEAR(covariance(r, c), expected(r, c),
+                  1e-6 * std::sqrt(expected(r, r) * expected(c, c)));
+    }
+  }
+  EXPECT_GT(expected(0, 0), held(0, 0));
+}
+
 TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {
   const ParameterLayout layout = LayoutOf(2, 1);
   const Eigen::VectorXd sigmas = PriorSigmas(layout);
@@ -82,13 +119,13 @@ TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {
   NormalEquations normal;
   normal.information = 100 * Eigen::MatrixXd::Identity(layout.size(), layout.size());
   normal.gradient = Eigen::VectorXd::Zero(layout.size());
-  EXPECT_TRUE(ComputePosterior(normal, layout, constant, sigmas).exact);
+  EXPECT_TRUE(ComputePosterior(normal, constant, sigmas).exact);
   // Neither measured nor even held by its prior; and not a number.
   for (const double nothing : {0.0, std::nan("")}) {
     NormalEquations singular = normal;
     singular.information(layout.Offset(0), layout.Offset(0)) = nothing;
     singular.information(layout.Pose(1) + 2, layout.Pose(1) + 2) = nothing;
-    const Posterior posterior = ComputePosterior(singular, layout, constant, sigmas);
+    const Posterior posterior = ComputePosterior(singular, constant, sigmas);
     EXPECT_FALSE(posterior.exact);
     ASSERT_TRUE(posterior.covariance.allFinite());
     EXPECT_NEAR(posterior.Sigma(layout.Offset(0)), 1, 1e-9);

@@ -66,7 +66,8 @@ TEST(Residuals, DoNotShrinkWithTheWorld) {
   smaller.x[5] += (1 - kFactor) * model.floor();  // it shrinks about a point of the floor
   for (const Eigen::Index gain : {FrameColumns::kGain, FrameColumns::kSize})
     smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
-  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath})
+  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath,
+                                    FrameColumns::kTilt, FrameColumns::kTilt + 1})
     smaller.x[length] *= kFactor;
   for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
     const Eigen::Vector3d centre =
@@ -168,8 +169,8 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, observed);
   const FrameParameters p = at.Parameters();
-  const std::array<const double*, 8> blocks = {p.pose,     p.offset, p.gain,       p.focal,
-                                               p.nuisance, p.lens,   p.build.size, p.build.boxes};
+  const std::array<const double*, 9> blocks = {
+      p.pose, p.offset, p.gain, p.focal, p.nuisance, p.tilt, p.lens, p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, observed, p, &residuals, nullptr);
