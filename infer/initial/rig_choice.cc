@@ -23,6 +23,7 @@ namespace {
 /// taken to be mounted otherwise than several others, and one frame to be labelled as an alias of
 /// the structure would be.
 const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2, kUsual = kDecides + kTells;
+
 /// The index of the pose that each sensor has, of its options; -1: it has none, or any.
 using Choice = std::vector<int>;
 
