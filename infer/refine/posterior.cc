@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "core/geometry/factor.h"
-#include "core/geometry/sensor_kind.h"
 #include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
@@ -97,28 +96,27 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   NormalEquations normal;
   normal.information = Information(jacobian);
   normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), normal.information.rows());
-  std::vector<double> tilts;
-  for (std::size_t i = 0; i < problem.size(); ++i)
-    tilts.push_back(ErrorsOf(problem.KindOf(i)).tilt_m);
   normal.pulls =
-      PullsOf(normal.information, problem.layout, PriorSigmas(problem, solution.observed), tilts);
+      PullsOf(normal.information, problem.layout, PriorSigmas(problem, solution.observed), {});
   return normal;
 }
 
 Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
                         const Eigen::VectorXd& prior_sigmas, const std::vector<double>& tilts) {
-  const auto frames = static_cast<Eigen::Index>(layout.frames());
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + kTilts * frames);
+  const auto tilted = static_cast<Eigen::Index>(kTilts * tilts.size());
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + tilted);
   // What pulls on a column, but its own prior.
   const auto pull = [&](Eigen::Index column) {
     Eigen::VectorXd of = information.col(column);
     of[column] -= 1 / Square(prior_sigmas[column]);
     return of;
   };
-  Eigen::Index next = 1;
   for (std::size_t i = 0; i < layout.frames(); ++i) {
     for (const int shift : {kEdgeShift, kEdgeShift + 1})
       pulls.col(0) += kCommonEdgeShift * pull(layout.Nuisance(i, shift));
+  }
+  Eigen::Index next = 1;
+  for (std::size_t i = 0; i < tilts.size(); ++i) {
     for (int k = 0; k < kTilts; ++k) pulls.col(next++) = tilts[i] * pull(layout.Tilt(i) + k);
   }
   return pulls;

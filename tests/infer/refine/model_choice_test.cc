@@ -90,7 +90,7 @@ struct Measured {
     cost.prior_sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
     cost.normal.information = 101 * cost.prior_sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
     cost.normal.gradient = Eigen::VectorXd::Zero(layout.size());
-    cost.normal.pulls = PullsOf(cost.normal.information, layout, cost.prior_sigmas, {0, 0});
+    cost.normal.pulls = PullsOf(cost.normal.information, layout, cost.prior_sigmas, {});
     cost.values = Eigen::VectorXd::Zero(layout.size());
   }
 };

@@ -46,7 +46,7 @@ NormalEquations RandomNormal(const ParameterLayout& layout) {
 TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   const ParameterLayout layout = LayoutOf(2, 2);
   NormalEquations normal = RandomNormal(layout);
-  normal.pulls = PullsOf(normal.information, layout, PriorSigmas(layout), {0, 0});
+  normal.pulls = PullsOf(normal.information, layout, PriorSigmas(layout), {});
   const Eigen::MatrixXd inverse = normal.information.fullPivLu().inverse();
   // All silhouettes shifted by 0.3 px: the estimate takes its prior's share of that for nothing.
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(layout.size());
