@@ -286,7 +286,9 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
     }
     SomeFrames<FrameInput> again = FramesToRefine(seen, located.results, options.refine);
     setup = RefineSetup(options.refine);
-    if (looks > 1 && again.size() == frames.size()) setup.choice = refined.choice;
+    const bool same = std::equal(again.begin(), again.end(), frames.begin(), frames.end(),
+                                 [](const auto& a, const auto& b) { return a.first == b.first; });
+    if (looks > 1 && same) setup.choice = refined.choice;
     frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();
     labelled = 0;

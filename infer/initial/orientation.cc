@@ -82,7 +82,6 @@ std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t 
     pose.structure_from_sensor = only->initial.structure_from_sensor;
     pose.trial =
         static_cast<std::size_t>(std::find(trials.begin(), trials.end(), only) - trials.begin());
-    pose.by_own_labels = only->by_view;
     return {pose};
   }
   std::vector<PoseTrial> poses;
@@ -149,16 +148,16 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
     out.source = PoseSource::kGeometry;
     return out;
   }
+  const PoseCandidate& best = choice.best;
+  const bool settled = choice.found && best.alias < 0 && Settled(*trials[best.trial]);
   // What is no structure can be made to look like one by renaming its sides.
   const bool trusted =
-      choice.found &&
-      choice.best.by_depth + choice.best.by_outline + choice.best.by_own_labels >= 0;
-  const OrientationTrial& trial = trusted ? *trials[choice.best.trial] : *BestTrial(trials);
+      settled || (choice.found && best.by_depth + best.by_outline + best.by_own_labels >= 0);
+  const OrientationTrial& trial = trusted ? *trials[best.trial] : *BestTrial(trials);
   out.quarter_turns = trial.turns;
   out.segmentation = trial.segmentation;
   out.initial = trial.initial;
-  const bool as_it_is = choice.best.alias < 0 && Settled(trial);
-  if (trusted && !as_it_is) TakeChoice(context, from, choice.best, trials, trial, &out);
+  if (trusted && !settled) TakeChoice(context, from, best, trials, trial, &out);
   return out;
 }
 

@@ -68,6 +68,8 @@ std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& st
   return distinct;
 }
 
+double Fit(const Option& option) { return option.pose.by_depth + option.pose.by_outline; }
+
 class Rig {
  public:
   Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure)
@@ -75,6 +77,7 @@ class Rig {
     for (const SensorCandidates& sensor : sensors) {
       options_.push_back(Distinct(sensor, structure));
       views_.push_back(sensor.view);
+      DropImprobable(options_.size() - 1);
     }
   }
 
@@ -182,21 +185,35 @@ class Rig {
     return choice;
   }
 
+  /// Drops the options that would not be named.
+  void DropImprobable(std::size_t i) {
+    std::vector<double> own;
+    for (int k = 0; k < static_cast<int>(options_[i].size()); ++k)
+      own.push_back(Own(i, k, Count::kFit));
+    std::vector<Option> kept;
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      if (own[k] >= *std::max_element(own.begin(), own.end()) - std::log(kNamedOdds))
+        kept.push_back(options_[i][k]);
+    }
+    options_[i] = std::move(kept);
+  }
+
   /// What speaks for a sensor's option by its own view, against the best of all its options.
   double Own(std::size_t i, int k, Count count) const {
-    const auto largest = [&](double PoseCandidate::*by) {
-      return std::max_element(
-                 options_[i].begin(), options_[i].end(),
-                 [&](const Option& a, const Option& b) { return a.pose.*by < b.pose.*by; })
-          ->pose;
-    };
     const Option& option = OptionOf(i, k);
-    const double floor = largest(&PoseCandidate::by_floor).by_floor - option.pose.by_floor;
-    const PoseCandidate named = largest(&PoseCandidate::by_labels);
-    const double labels = std::min(named.by_labels - option.pose.by_labels, kUsual);
-    double score = option.pose.by_depth + option.pose.by_outline;
+    double fit = 0, floor = 0;
+    const Option* named = &option;  // the one that labels speak for most
+    for (const Option& other : options_[i]) {
+      fit = std::max(fit, Fit(other) - Fit(option));
+      floor = std::max(floor, other.pose.by_floor - option.pose.by_floor);
+      if (other.pose.by_labels > named->pose.by_labels) named = &other;
+    }
+    const double labels = std::min(named->pose.by_labels - option.pose.by_labels, kUsual);
+    double score = 0;
+    // Poses that are a centimetre off differ by less, and in a large rig that would add up.
+    if (fit >= kTells) score -= fit;
     if (floor >= kDecides || count != Count::kOrientation) score -= floor;
-    if (!TurnsOver(named.structure_from_sensor, option.pose.structure_from_sensor)) {
+    if (!TurnsOver(named->pose.structure_from_sensor, option.pose.structure_from_sensor)) {
       score -= labels;
     } else if (count == Count::kAll) {
       score -= std::min(labels, kTells);

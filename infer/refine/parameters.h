@@ -24,9 +24,9 @@ namespace volalign::refine_internal {
 /// and along columns (a stereo matcher widens them along its baseline). All depend on what is seen.
 inline constexpr int kMultipath = 0, kEdgeShift = 1, kNuisances = kEdgeShift + 2;
 
-/// What a frame's depths are off by more, m per rad at 2 m, along rows and along columns
-/// (DepthErrorModel::tilt_m). It looks like another pose, and is not estimated: derivatives by it
-/// tell how far the pose may be off for it.
+/// A frame's tilts, along rows and along columns, m per rad at 2 m (DepthErrorModel::tilt_m). They
+/// look like another pose, and are not estimated: derivatives by them tell how far the pose may be
+/// off for them.
 inline constexpr int kTilts = 2;
 
 /// Of the pose priors, which bound directions that nothing constrains: m and rad.

@@ -185,6 +185,28 @@ TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
   EXPECT_FALSE(rig.Choose({}, 7)[3].given) << "it has no such pose";
 }
 
+// What says nothing in one view does not say something in six, and what is clear in one does.
+TEST(ChooseTogether, SmallDifferencesOfDepthsDoNotAddUp) {
+  for (const double difference : {2.2, 2.4}) {
+    Candidates rig(std::vector<Evidence>(6, {0, 3, 0, 3}));
+    for (std::vector<PoseCandidate>& poses : rig.poses) {
+      poses[0].by_depth = 1;
+      poses[0].by_outline = difference - 1;
+    }
+    const std::vector<PoseChoice> choices = rig.Choose();
+    for (std::size_t i = 0; i < choices.size(); ++i)
+      EXPECT_EQ(choices[i].ambiguous, difference < std::log(kDecisiveOdds) / 2) << i;
+  }
+}
+
+TEST(ChooseAlone, WhatIsImprobableIsNoTwin) {
+  for (const double floor : {-13.0, -14.0}) {
+    const PoseChoice choice =
+        ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), floor, 3)});
+    EXPECT_EQ(choice.twins.size(), -floor > std::log(kNamedOdds) ? 0u : 1u) << floor;
+  }
+}
+
 // Half of the pictures stand upright and half lie on their side: none of either contradicts the
 // others that are mounted so.
 TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
