@@ -93,7 +93,7 @@ TEST(ChooseAlone, NothingAmongNothing) {
 
 TEST(ChooseAlone, TheFloorGoesBeforeTheLabels) {
   const PoseChoice choice =
-      ChooseAmong({Candidate(Upright(0, 0), 12, -13), Candidate(Upright(90, 0.4), -10, 3)});
+      ChooseAmong({Candidate(Upright(0, 0), 12, -13), Candidate(Upright(90, 0.4), 0, 3)});
   ASSERT_TRUE(choice.found);
   EXPECT_EQ(choice.best.by_floor, 12);
   EXPECT_FALSE(choice.ambiguous);
