@@ -33,9 +33,9 @@ struct SensorCandidates {
 ///   side where the picture stands upright and one where it lies on its side,
 /// - and, where nothing else tells, that they are mounted as those that the network was trained on.
 /// A sensor is ambiguous where another set of poses, in which it has another one, has odds of more
-/// than 1 to kDecisiveOdds. Depths and outlines of a sensor count from half of that on, so that
-/// what says nothing in one view says nothing in many. Labels that prefer one of a pose and its
-/// like upside down decide which is taken, but leave it ambiguous, and so does a single other
+/// than 1 to kDecisiveOdds. Depths and outlines of a sensor count from odds of its square root on,
+/// so that what says nothing in one view says nothing in many. Labels that prefer one of a pose and
+/// its like upside down decide which is taken, but leave it ambiguous, and so does a single other
 /// sensor that is mounted alike. Where nothing, not even the network's orientation, tells whether a
 /// sensor is upside down as the others stand, its up is unknown: taken either way, it might
 /// contradict them. Every set of poses that is the best in which some sensor has another pose than
