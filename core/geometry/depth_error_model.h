@@ -17,6 +17,10 @@ struct DepthErrorModel {
   /// Of a whole frame, per rad from its middle along each axis of the picture, at 2 m; grows as
   /// white_m does.
   double tilt_m = 0;
+  double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
+  /// Of light that comes by the floor or by another box, on a side, seam_reach_m from there and
+  /// seen along the normal, where it is most.
+  double bounce_m = 0;
   double seam_m = 0;  ///< in a concave corner, from where it falls linearly
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
@@ -25,7 +29,7 @@ struct DepthErrorModel {
   double White(double z) const;
   double Smooth(double z) const;
   double SmoothGrowth(double z) const;  ///< of smooth_m, from 2 m
-  double TiltGrowth(double z) const;    ///< of tilt_m, from 2 m
+  double TiltGrowth(double z) const;    ///< of tilt_m and twist_m, from 2 m
   /// Of a pixel against others of its surface in the same frame, m. Corners count as in the mean
   /// over their reach.
   double WithinSurface(double z) const;
@@ -44,6 +48,15 @@ struct DepthErrorModel {
     ar("gain", gain, "standard deviation of a frame's error as a share of the depth", AtLeast(0));
     ar("tilt_m", tilt_m,
        "standard deviation, m per rad at 2 m, of an error that grows from the middle of a frame",
+       AtLeast(0));
+    ar("twist_m", twist_m,
+       "standard deviation, m per rad^2 at 2 m, of one that grows with the product of the "
+       "distances "
+       "from the middle along rows and along columns",
+       AtLeast(0));
+    ar("bounce_m", bounce_m,
+       "standard deviation, m, of what light that bounced off the floor or another box adds to the "
+       "depth of a side, seam_reach_m from there",
        AtLeast(0));
     ar("seam_m", seam_m, "standard deviation, m, in a concave corner", AtLeast(0));
     ar("seam_reach_m", seam_reach_m, "m, from the corner to where that has fallen to 0", Above(0));

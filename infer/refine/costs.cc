@@ -114,7 +114,8 @@ MeasuredOverlapCost::MeasuredOverlapCost(std::vector<MeasuredMatch> matches, dou
                                          bool shared)
     : matches_(std::move(matches)), share_(share), shared_(shared) {
   set_num_residuals(static_cast<int>(matches_.size()));
-  *mutable_parameter_block_sizes() = {7, 7, 1, 1, 1, 1, 1, 1, kTilts, kTilts, kLensParameters};
+  *mutable_parameter_block_sizes() = {
+      7, 7, 1, 1, 1, 1, 1, 1, kConsiderParameters, kConsiderParameters, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
@@ -138,14 +139,15 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
 
 void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
                                         double* residual, double** jacobians) const {
-  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2, kTilt = kFocal + 2,
-                kLens = kTilt + 2;  // of a; those of b follow
+  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2, kConsidered = kFocal + 2,
+                kLens = kConsidered + 2;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
   const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], *parameters[kFocal]),
                         seen_b = match.b.Through(parameters[lens_b], *parameters[kFocal + 1]);
   const auto corrected = [&](const LensPoint& point, const Eigen::Vector3d& seen, int b) {
-    const double tilt = point.tilt.dot(Eigen::Map<const Eigen::Vector2d>(parameters[kTilt + b]));
-    return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0] + tilt);
+    const double more =
+        point.considered.dot(Eigen::Map<const ConsiderVector>(parameters[kConsidered + b]));
+    return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0] + more);
   };
   const Eigen::Vector3d p = corrected(match.a, seen_a, 0), q = corrected(match.b, seen_b, 1);
   const double gain = 1 + (parameters[kGain][0] + parameters[kGain + 1][0]) / 2;
@@ -158,8 +160,8 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     const double by_offset = by_point.dot(seen) / seen.z();
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_offset;
-    if (jacobians[kTilt + b])
-      Eigen::Map<Eigen::Vector2d>{jacobians[kTilt + b]} = by_offset * point.tilt;
+    if (jacobians[kConsidered + b])
+      Eigen::Map<ConsiderVector>{jacobians[kConsidered + b]} = by_offset * point.considered;
     if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
     const Eigen::RowVector3d by_lens = true_depth * by_point.head<2>() * point.by_lens;
     if (jacobians[kFocal + b]) jacobians[kFocal + b][0] = by_lens[0];

@@ -12,6 +12,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
+#include "infer/refine/consider.h"
 #include "infer/refine/pose_block.h"
 
 namespace volalign::refine_internal {
@@ -35,8 +36,8 @@ class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {
 struct LensPoint {
   Eigen::Vector3d p;
   RayByLensMatrix by_lens;
-  LensChange lens;                                 ///< with which p was measured
-  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();  ///< see TiltAt
+  LensChange lens;                                     ///< with which p was measured
+  ConsiderVector considered = ConsiderVector::Zero();  ///< see ConsideredAt
 
   /// Where it is when the lens is another, and the sensor's own focal length (see State).
   Eigen::Vector3d Through(const double* change, double focal) const {
@@ -65,7 +66,8 @@ struct MeasuredMatch {
 /// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
 /// of points as the sensors' own errors have them, divided by the mean of the gains (see
 /// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
-/// Corrected), their own focal lengths, their tilts, and their lenses, a single one where `shared`.
+/// Corrected), their own focal lengths, their consider
+/// parameters, and their lenses, a single one where `shared`.
 /// Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "infer/lens/sensor_lens.h"
+#include "infer/refine/consider.h"
 #include "infer/refine/noise_model.h"
 
 namespace volalign::refine_internal {
@@ -15,8 +16,8 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  double multipath = 0;                            ///< see SeamShare
-  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();  ///< see TiltAt
+  double multipath = 0;                                ///< see SeamShare
+  ConsiderVector considered = ConsiderVector::Zero();  ///< see ConsideredAt and BouncedShare
   double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };

@@ -55,9 +55,12 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   }
   face.p /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  face.multipath = SeamShare(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p),
-                             errors.seam_reach_m);
-  face.tilt = TiltAt(errors, face.p);
+  const double seam = SeamDistance(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p));
+  face.multipath = std::max(0.0, 1 - seam / errors.seam_reach_m);
+  face.considered = ConsideredAt(errors, face.p);
+  const Eigen::Vector3d ray = sensor.structure_from_sensor.linear() * face.p.normalized();
+  face.considered[kBounced] =
+      BouncedShare(seam, errors.seam_reach_m, std::abs(side.normal.dot(ray)));
   return face;
 }
 
@@ -132,9 +135,8 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
 
 }  // namespace
 
-double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
-                 double reach) {
-  double nearest = reach;
+double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q) {
+  double nearest = kFarthest;
   if (std::abs(side.normal.y()) < 0.5)
     nearest = std::clamp(q.y() - structure.FloorHeight(), 0.0, nearest);
   const double plane = side.normal.dot(side.centre);
@@ -149,7 +151,12 @@ double SeamShare(const Structure& structure, const Side& side, const Eigen::Vect
     const Eigen::Vector3d d = box_from_structure * (q - box.structure_from_box.translation());
     nearest = std::min(nearest, (d.cwiseAbs() - half).cwiseMax(0.0).norm());
   }
-  return 1 - nearest / reach;
+  return nearest;
+}
+
+double BouncedShare(double seam_distance, double reach, double cosine) {
+  const double x = seam_distance / reach;
+  return x * std::exp(1 - x) / std::max(cosine, kGrazing);
 }
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,

@@ -13,11 +13,15 @@
 
 namespace volalign::refine_internal {
 
-/// Share of the multipath error that a point at q on a side takes: 1 in a concave seam, falling to
-/// 0 at `reach` from it, m (DepthErrorModel::seam_reach_m). Seams are where another box, or the
-/// floor, rises in front of the side.
-double SeamShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
-                 double reach);
+/// m, from a point at q on a side to the nearest concave seam of its plane: where another box, or
+/// the floor, rises in front of it. kFarthest where none does.
+double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
+
+/// Share of bounced light (DepthErrorModel::bounce_m) at this distance from a seam. `cosine`: of
+/// the angle between ray and normal. 1 at `reach` (DepthErrorModel::seam_reach_m), seen along the
+/// normal. Light that comes straight falls with the cosine (Lambert), bounced light does not; at
+/// the seam itself its way is no longer.
+double BouncedShare(double seam_distance, double reach, double cosine);
 
 /// Gathers the points of one use into one observation for each image block and side
 /// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor

@@ -9,11 +9,11 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/geometry/depth_error_model.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
+#include "infer/refine/consider.h"
 #include "infer/refine/estimate_choice.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
@@ -23,11 +23,6 @@ namespace volalign::refine_internal {
 /// A frame's nuisance block: multipath in m, outward shift in px of silhouettes along image rows
 /// and along columns (a stereo matcher widens them along its baseline). All depend on what is seen.
 inline constexpr int kMultipath = 0, kEdgeShift = 1, kNuisances = kEdgeShift + 2;
-
-/// A frame's tilts, along rows and along columns, m per rad at 2 m (DepthErrorModel::tilt_m). They
-/// look like another pose, and are not estimated: derivatives by them tell how far the pose may be
-/// off for them.
-inline constexpr int kTilts = 2;
 
 /// Of the pose priors, which bound directions that nothing constrains: m and rad.
 inline constexpr double kPoseSigma = 1;
@@ -47,7 +42,7 @@ struct FrameParameters {
   const double* gain;
   const double* focal;
   const double* nuisance;
-  const double* tilt;
+  const double* considered;
   const double* lens;
   BuildParameters build;
 };
@@ -58,7 +53,8 @@ struct FrameColumns {
   static constexpr Eigen::Index kPose = 0,
                                 kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
                                 kGain = kOffset + 1, kFocal = kGain + 1, kNuisance = kFocal + 1,
-                                kTilt = kNuisance + kNuisances, kLens = kTilt + kTilts,
+                                kConsidered = kNuisance + kNuisances,
+                                kLens = kConsidered + kConsiderParameters,
                                 kSize = kLens + kLensParameters, kBoxes = kSize + 1;
   /// How many columns are the sensor's own errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
@@ -84,7 +80,8 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, gain, focal length, nuisances, tilt (0), lens, size, boxes. `multipath`,
+/// FrameColumns: offset, gain, focal length, nuisances, consider parameters (0), lens, size,
+/// boxes. `multipath`,
 /// m, belongs to the frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
@@ -96,11 +93,6 @@ Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes);
 inline Eigen::Vector3d Corrected(const Eigen::Vector3d& measured, double gain_error,
                                  double offset) {
   return measured * (1 + gain_error + offset / measured.z());
-}
-
-/// How far a tilt of 1 m per rad moves the depth of a point, m, along rows and along columns.
-inline Eigen::Vector2d TiltAt(const DepthErrorModel& errors, const Eigen::Vector3d& p) {
-  return p.head<2>() / p.z() * errors.TiltGrowth(p.z());
 }
 
 /// How a sensor stands and how it measures depth.
@@ -128,12 +120,12 @@ struct State {
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
   std::vector<double> gains;          ///< of each sensor, depth gain - 1
   std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
-  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
-  std::vector<std::array<double, kTilts>> tilts;          ///< of each frame: 0
-  std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
-  double size = 0;                                        ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
-  PriorScales scales;  ///< of the priors; they are estimated as well
+  std::vector<std::array<double, kNuisances>> nuisances;            ///< of each frame
+  std::vector<std::array<double, kConsiderParameters>> considered;  ///< of each frame: 0
+  std::vector<LensChange> lenses;                                   ///< from the assumed intrinsics
+  double size = 0;                                                  ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;  ///< of each still, see BuildModel
+  PriorScales scales;                      ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
   std::vector<Structure> built;
@@ -156,8 +148,8 @@ struct State {
   }
   BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values,     &offsets[i],     &gains[SensorOf(i)], &focals[SensorOf(i)],
-            nuisances[i].data(), tilts[i].data(), Lens(i).data(),      Build(StillOf(i))};
+    return {poses[i].values,     &offsets[i],          &gains[SensorOf(i)], &focals[SensorOf(i)],
+            nuisances[i].data(), considered[i].data(), Lens(i).data(),      Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
   void UpdateBuilt(const BuildModel& model);
@@ -176,7 +168,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
 /// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each)
-/// and tilts (kTilts each), the lenses (kLensParameters each), the size, the boxes of each still.
+/// and consider parameters (kConsiderParameters each), the lenses (kLensParameters each), the size,
+/// the boxes of each still.
 class ParameterLayout {
  public:
   /// `boxes`: of one still.
@@ -211,11 +204,11 @@ class ParameterLayout {
   Eigen::Index Nuisance(std::size_t frame, int which) const {
     return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
-  Eigen::Index Tilt(std::size_t frame) const {
-    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kTilts * frame);
+  Eigen::Index Considered(std::size_t frame) const {
+    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kConsiderParameters * frame);
   }
   Eigen::Index Lens(std::size_t lens) const {
-    return Tilt(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);
+    return Considered(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
   /// Of all boxes.
   Eigen::Index Size() const { return Lens(lenses_); }
@@ -241,7 +234,7 @@ class ParameterLayout {
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
   /// Is a column one of a pose, a placement or a frame's nuisances, which are never held, or of its
-  /// tilt, which always is?
+  /// consider parameters, which always are?
   bool IsAlwaysFree(Eigen::Index column) const {
     return column < Offset(0) || (column >= Nuisance(0, 0) && column < Lens(0));
   }
@@ -252,8 +245,8 @@ class ParameterLayout {
   Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where the frames marked in
-  /// `held` stand where they are, with their offsets and all of a sensor that has no others. Tilts
-  /// are held where `held` is not empty.
+  /// `held` stand where they are, with their offsets and all of a sensor that has no others.
+  /// Consider parameters are held where `held` is not empty.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
   /// Gives what `free` leaves out its nominal value, zero.

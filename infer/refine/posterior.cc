@@ -102,9 +102,10 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
 }
 
 Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                        const Eigen::VectorXd& prior_sigmas, const std::vector<double>& tilts) {
-  const auto tilted = static_cast<Eigen::Index>(kTilts * tilts.size());
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + tilted);
+                        const Eigen::VectorXd& prior_sigmas,
+                        const std::vector<ConsiderVector>& considered) {
+  const auto own = static_cast<Eigen::Index>(kConsiderParameters * considered.size());
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + own);
   // What pulls on a column, but its own prior.
   const auto pull = [&](Eigen::Index column) {
     Eigen::VectorXd of = information.col(column);
@@ -116,8 +117,9 @@ Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayou
       pulls.col(0) += kCommonEdgeShift * pull(layout.Nuisance(i, shift));
   }
   Eigen::Index next = 1;
-  for (std::size_t i = 0; i < tilts.size(); ++i) {
-    for (int k = 0; k < kTilts; ++k) pulls.col(next++) = tilts[i] * pull(layout.Tilt(i) + k);
+  for (std::size_t i = 0; i < considered.size(); ++i) {
+    for (int k = 0; k < kConsiderParameters; ++k)
+      pulls.col(next++) = considered[i][k] * pull(layout.Considered(i) + k);
   }
   return pulls;
 }

@@ -23,15 +23,16 @@ struct NormalEquations {
   Eigen::MatrixXd pulls;
 };
 
-/// Of the refinement's cost at a solution, with everything free, and without pulls of tilts. Where
-/// the cost cannot be evaluated, of the priors alone.
+/// Of the refinement's cost at a solution, with everything free, and without pulls of consider
+/// parameters. Where the cost cannot be evaluated, of the priors alone.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
 /// NormalEquations::pulls: of a shift of silhouettes that all sensors have in common, which looks
-/// like another size; and of the tilt of each frame along rows and along columns, which looks like
-/// another pose. `tilts`: standard deviation of each frame's, m per rad; none: they do not count.
+/// like another size; and of each frame's consider parameters. `considered`: their standard
+/// deviations, of each frame; none: they do not count.
 Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                        const Eigen::VectorXd& prior_sigmas, const std::vector<double>& tilts);
+                        const Eigen::VectorXd& prior_sigmas,
+                        const std::vector<ConsiderVector>& considered);
 
 struct Posterior {
   Eigen::MatrixXd covariance;

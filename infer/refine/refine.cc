@@ -50,16 +50,17 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 }
 
 /// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
-/// of that is part of it. Tilts count here alone: what is estimated is better chosen without them
-/// (D415s of the physics simulator are 8.8 mm off in the median, not 9.4).
+/// of that is part of it. Consider parameters count here alone: with tilts in the choice of what is
+/// estimated, D415s of the physics simulator are 9.4 mm off in the median, not 8.8.
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   QuadraticCost cost = CostAround(problem, solution);
-  std::vector<double> tilts;
+  std::vector<ConsiderVector> considered;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    tilts.push_back(ErrorsOf(problem.KindOf(i)).tilt_m);
+    considered.push_back(ConsiderSigmas(ErrorsOf(problem.KindOf(i))));
   if (cost.normal.evaluated) {
-    cost.normal.pulls = PullsOf(cost.normal.information, problem.layout, cost.prior_sigmas, tilts);
+    cost.normal.pulls =
+        PullsOf(cost.normal.information, problem.layout, cost.prior_sigmas, considered);
   }
   Posterior posterior =
       ComputePosterior(cost.normal, problem.layout.Constant(asked_for), cost.prior_sigmas);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <vector>
 
 namespace volalign::refine_internal {
 
@@ -57,9 +58,10 @@ class Scene {
 
   /// Along `ray`, of unit depth, at the true depth.
   Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
-    return Corrected(face.p.z() * ray, parameters_.gain[0],
-                     parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
-                         face.tilt.dot(Eigen::Map<const Eigen::Vector2d>(parameters_.tilt)));
+    return Corrected(
+        face.p.z() * ray, parameters_.gain[0],
+        parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
+            face.considered.dot(Eigen::Map<const ConsiderVector>(parameters_.considered)));
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -125,7 +127,8 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     (*jacobian)(row, FrameColumns::kOffset) = along;
     (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
     (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
-    jacobian->row(row).segment<kTilts>(FrameColumns::kTilt) = along * face.tilt.transpose();
+    jacobian->row(row).segment<kConsiderParameters>(FrameColumns::kConsidered) =
+        along * face.considered.transpose();
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
     jacobian->row(row) /= scene.gain();
@@ -197,7 +200,7 @@ SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observe
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
   *mutable_parameter_block_sizes() = {
-      7, 1, 1, 1, kNuisances, kTilts, kLensParameters, 1, model.box_parameters()};
+      7, 1, 1, 1, kNuisances, kConsiderParameters, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
@@ -222,16 +225,23 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
   out.head(faces) = face_root.solve(r.head(faces));
   out.tail(edges) = edge_root.solve(r.tail(edges));
   if (!jacobians) return true;
-  j.topRows(faces) = face_root.solve(j.topRows(faces)).eval();
-  j.bottomRows(edges) = edge_root.solve(j.bottomRows(edges)).eval();
+  // Whitening costs most: of what is held constant, no derivatives are wanted.
+  std::vector<Eigen::Index> wanted;
   Eigen::Index column = 0;
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
-    const Eigen::Index width = parameter_block_sizes()[b];
-    if (jacobians[b]) {
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> block(
-          jacobians[b], faces + edges, width);
-      block = j.middleCols(column, width);
+    for (int k = 0; k < parameter_block_sizes()[b]; ++k, ++column) {
+      if (jacobians[b]) wanted.push_back(column);
     }
+  }
+  Eigen::MatrixXd white = j(Eigen::all, wanted);
+  face_root.solveInPlace(white.topRows(faces));
+  edge_root.solveInPlace(white.bottomRows(edges));
+  column = 0;
+  for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
+    if (!jacobians[b]) continue;
+    const Eigen::Index width = parameter_block_sizes()[b];
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    Eigen::Map<RowMajor>(jacobians[b], faces + edges, width) = white.middleCols(column, width);
     column += width;
   }
   return true;

@@ -21,7 +21,8 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   const double share = pair.cells / static_cast<double>(size);
   const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
     const SensorPoints& points = *problem.frames[i].points;
-    return LensPoint{p, points.RayByLensAt(p), points.lens, TiltAt(observed[i].noise.depth, p)};
+    return LensPoint{p, points.RayByLensAt(p), points.lens,
+                     ConsideredAt(observed[i].noise.depth, p)};
   };
   const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
     if (matches.empty()) return;
@@ -32,10 +33,17 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
                           match.plane->normal, 1 / (pair.excess * match.sigma)});
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
-    std::vector<double*> blocks = {
-        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
-        state->Gain(i),         state->Gain(j),         state->Focal(i),      state->Focal(j),
-        state->tilts[i].data(), state->tilts[j].data(), state->Lens(i).data()};
+    std::vector<double*> blocks = {state->poses[i].values,
+                                   state->poses[j].values,
+                                   &state->offsets[i],
+                                   &state->offsets[j],
+                                   state->Gain(i),
+                                   state->Gain(j),
+                                   state->Focal(i),
+                                   state->Focal(j),
+                                   state->considered[i].data(),
+                                   state->considered[j].data(),
+                                   state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -61,7 +69,8 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
     sought.insert(problem.frame_of[i].sensor);
     AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
     AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
-    AddPriors(sigmas, problem.layout.Tilt(i), kTilts, state->tilts[i].data(), ceres);
+    AddPriors(sigmas, problem.layout.Considered(i), kConsiderParameters,
+              state->considered[i].data(), ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
@@ -76,7 +85,7 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
   if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->tilts[i].data(),
+      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->considered[i].data(),
       state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data());
 }
 
@@ -179,7 +188,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
     ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
-    ceres.problem->AddParameterBlock(state->tilts[i].data(), kTilts);
+    ceres.problem->AddParameterBlock(state->considered[i].data(), kConsiderParameters);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(

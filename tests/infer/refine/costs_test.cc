@@ -152,16 +152,19 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const bool shared = trial % 2 == 0;
     const auto point = [&] {
       LensPoint of{RandomPoint(random), RayByLensMatrix::Zero(), RandomVector(random, 0.01),
-                   RandomVector(random, 1).head<2>()};
+                   RandomVector(random, 1).homogeneous()};
       for (double& entry : of.by_lens.reshaped()) entry = random.Normal();
       return of;
     };
     const LensPoint a = point(), b = point();
     const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
     const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
-    // Offsets, gains, own focal lengths, tilts, lenses.
-    std::vector<std::vector<double>> others = {{0.004}, {-0.003}, {0.006},         {-0.002},
-                                               {0.003}, {-0.005}, {0.002, -0.004}, {-0.001, 0.003}};
+    // Offsets, gains, own focal lengths, consider parameters, lenses.
+    const ConsiderVector of_a(0.002, -0.004, 0.001, 0.003), of_b(-0.001, 0.003, 0.002, -0.002);
+    std::vector<std::vector<double>> others = {{0.004},  {-0.003}, {0.006},
+                                               {-0.002}, {0.003},  {-0.005}};
+    for (const ConsiderVector* of : {&of_a, &of_b})
+      others.emplace_back(of->data(), of->data() + kConsiderParameters);
     const Eigen::Vector3d lens_a = RandomVector(random, 0.01);
     const Eigen::Vector3d lens_b = shared ? lens_a : RandomVector(random, 0.01);
     others.emplace_back(lens_a.data(), lens_a.data() + 3);
@@ -174,13 +177,11 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     for (const std::vector<double>& block : others) parameters.push_back(block.data());
     std::array<double, 2> residuals{};
     ASSERT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), nullptr));
-    const Eigen::Vector3d q =
-        poses[1] * TruePoint(b, -0.003 + b.tilt.dot(Eigen::Vector2d(-0.001, 0.003)), -0.002,
-                             lens_b - 0.005 * LensChange::UnitX());
+    const Eigen::Vector3d q = poses[1] * TruePoint(b, -0.003 + b.considered.dot(of_b), -0.002,
+                                                   lens_b - 0.005 * LensChange::UnitX());
     const auto expected = [&](const LensPoint& of) {
-      const Eigen::Vector3d p =
-          poses[0] * TruePoint(of, 0.004 + of.tilt.dot(Eigen::Vector2d(0.002, -0.004)), 0.006,
-                               lens_a + 0.003 * LensChange::UnitX());
+      const Eigen::Vector3d p = poses[0] * TruePoint(of, 0.004 + of.considered.dot(of_a), 0.006,
+                                                     lens_a + 0.003 * LensChange::UnitX());
       // The mean of the gains is 1.002.
       return MakeRobust(1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 0.3).value;
     };

@@ -70,10 +70,10 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
           {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
     }
-    for (int k = 0; k < kTilts; ++k) {
+    for (int k = 0; k < kConsiderParameters; ++k) {
       all.push_back(
-          {"tilt" + std::to_string(k) + of, layout.Tilt(i) + k,
-           [i, k](State* s, double h) { s->tilts[i][static_cast<std::size_t>(k)] += h; }});
+          {"consider parameter" + std::to_string(k) + of, layout.Considered(i) + k,
+           [i, k](State* s, double h) { s->considered[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
@@ -154,7 +154,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     std::copy(before.gains.begin(), before.gains.end(), state.gains.begin());
     std::copy(before.focals.begin(), before.focals.end(), state.focals.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
-    std::copy(before.tilts.begin(), before.tilts.end(), state.tilts.begin());
+    std::copy(before.considered.begin(), before.considered.end(), state.considered.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
     for (std::size_t still = 0; still < 2; ++still)
@@ -183,7 +183,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
   lens.own_focal_sigma = 0.0015;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + 2) + 3 + 1 + 3 * 3);
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kConsiderParameters) + 3 + 1 + 3 * 3);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
@@ -192,7 +192,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Focal(i)], 0.0015);
     EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
-    EXPECT_EQ(sigmas[layout.Tilt(i) + 1], 1e-6) << "it is not estimated";
+    EXPECT_EQ(sigmas[layout.Considered(i) + 1], 1e-6) << "it is not estimated";
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
   for (Eigen::Index b = 0; b < 3; ++b) {
@@ -214,7 +214,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
   EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0),
-            3 + 1 + kKnownLens + 6 + 1 + 4 + 2 * kTilts);
+            3 + 1 + kKnownLens + 6 + 1 + 4 + 2 * kConsiderParameters);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;

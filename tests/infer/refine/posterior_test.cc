@@ -76,35 +76,39 @@ TEST(Posterior, IsTheInverseWidenedByWhatWasLeftOut) {
   }
 }
 
-// An estimate that takes tilts for 0 is off by its least squares' answer to them, and has the
-// covariance that it has where they are 0.
-TEST(Posterior, CountsTiltsThatAreNotEstimated) {
+// An estimate that takes consider parameters for 0 is off by its least squares' answer to them, and
+// has the covariance that it has where they are 0.
+TEST(Posterior, CountsConsiderParameters) {
   const ParameterLayout layout = LayoutOf(2, 1);
   const Eigen::VectorXd sigmas = PriorSigmas(layout);
   NormalEquations normal = RandomNormal(layout);
-  const std::vector<double> tilts = {0.01, 0.02};
-  std::vector<char> is_tilt(static_cast<std::size_t>(layout.size()), 0);
+  const std::vector<ConsiderVector> considered = {{0.01, 0.02, 0.03, 0.04}, {0.02, 0.01, 0, 0.03}};
+  std::vector<char> is_considered(static_cast<std::size_t>(layout.size()), 0);
   for (std::size_t i = 0; i < 2; ++i) {
-    for (int k = 0; k < kTilts; ++k) is_tilt[static_cast<std::size_t>(layout.Tilt(i) + k)] = 1;
+    for (int k = 0; k < kConsiderParameters; ++k)
+      is_considered[static_cast<std::size_t>(layout.Considered(i) + k)] = 1;
   }
-  const Eigen::MatrixXd held = ConditionalPosterior(normal, is_tilt, sigmas).covariance;
+  const Eigen::MatrixXd held = ConditionalPosterior(normal, is_considered, sigmas).covariance;
   Eigen::MatrixXd expected = held;
   for (std::size_t i = 0; i < 2; ++i) {
-    for (int k = 0; k < kTilts; ++k) {
-      const Eigen::VectorXd error = tilts[i] * held * normal.information.col(layout.Tilt(i) + k);
+    for (int k = 0; k < kConsiderParameters; ++k) {
+      const Eigen::VectorXd error =
+          considered[i][k] * held * normal.information.col(layout.Considered(i) + k);
       expected += error * error.transpose();
     }
   }
-  for (std::size_t k = 0; k < is_tilt.size(); ++k) {
+  for (std::size_t k = 0; k < is_considered.size(); ++k) {
     const auto column = static_cast<Eigen::Index>(k);
-    if (is_tilt[k]) normal.information(column, column) += 1 / Square(sigmas[column]);
+    if (is_considered[k]) normal.information(column, column) += 1 / Square(sigmas[column]);
   }
-  normal.pulls = PullsOf(normal.information, layout, sigmas, tilts).rightCols(2 * kTilts);
-  const std::vector<char> none(is_tilt.size(), 0);
+  normal.pulls =
+      PullsOf(normal.information, layout, sigmas, considered).rightCols(2 * kConsiderParameters);
+  const std::vector<char> none(is_considered.size(), 0);
   const Eigen::MatrixXd covariance = ComputePosterior(normal, none, sigmas).covariance;
   for (Eigen::Index r = 0; r < layout.size(); ++r) {
     for (Eigen::Index c = 0; c < layout.size(); ++c) {
-      if (is_tilt[static_cast<std::size_t>(r)] || is_tilt[static_cast<std::size_t>(c)]) continue;
+      if (is_considered[static_cast<std::size_t>(r)] || is_considered[static_cast<std::size_t>(c)])
+        continue;
       EXPECT_NEAR(covariance(r, c), expected(r, c),
                   1e-6 * std::sqrt(expected(r, r) * expected(c, c)));
     }

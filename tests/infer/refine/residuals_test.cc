@@ -67,7 +67,8 @@ TEST(Residuals, DoNotShrinkWithTheWorld) {
   for (const Eigen::Index gain : {FrameColumns::kGain, FrameColumns::kSize})
     smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
   for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath,
-                                    FrameColumns::kTilt, FrameColumns::kTilt + 1})
+                                    FrameColumns::kConsidered, FrameColumns::kConsidered + 1,
+                                    FrameColumns::kConsidered + 2, FrameColumns::kConsidered + 3})
     smaller.x[length] *= kFactor;
   for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
     const Eigen::Vector3d centre =
@@ -169,8 +170,9 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, observed);
   const FrameParameters p = at.Parameters();
-  const std::array<const double*, 9> blocks = {
-      p.pose, p.offset, p.gain, p.focal, p.nuisance, p.tilt, p.lens, p.build.size, p.build.boxes};
+  const std::array<const double*, 9> blocks = {p.pose,  p.offset,     p.gain,
+                                               p.focal, p.nuisance,   p.considered,
+                                               p.lens,  p.build.size, p.build.boxes};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, observed, p, &residuals, nullptr);
