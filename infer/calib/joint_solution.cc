@@ -249,12 +249,17 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
   SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results, options.refine);
   RefineSetup setup(options.refine);
   for (;;) {
+    const auto labels_stay = [&](const RefineResult& refined) {
+      return Largest(MovesOf(frames, PosesForLabels(frames, refined))) < kLabelsStay ||
+             labelled == kLabelRounds;
+    };
+    setup.is_final = labels_stay;
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
     Moves moves = MovesOf(frames, poses);
     report.moved_m = Largest(moves);
-    if (report.moved_m >= kLabelsStay && labelled < kLabelRounds) {  // label
+    if (!labels_stay(refined)) {  // label
       const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
       before = std::move(moves);
       frames = LabelledAt(seen, std::move(frames), starts, refined, locate);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -110,6 +111,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   }
 };
 
+struct RefineResult;
+
 /// A refinement: what is free, what is known of it, and in which steps it is sought.
 struct RefineSetup {
   RefineSetup() : RefineSetup(RefineOptions()) {}
@@ -123,6 +126,9 @@ struct RefineSetup {
   /// That of an earlier refinement of the same frames (RefineResult::choice), to be kept; nothing:
   /// it is chosen anew what is estimated.
   std::optional<refine_internal::EstimateChoice> choice;
+  /// Asked of a result without covariances, sigmas and pairs, for a caller that goes on from some
+  /// poses and needs none: are they wanted? Nothing: they are.
+  std::function<bool(const RefineResult&)> is_final;
 };
 
 }  // namespace volalign

@@ -125,8 +125,11 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   }
   Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
-  const Posterior posterior = PosteriorOf(problem, accepted.solution, asked_for);
-  return MakeResult(problem, accepted, unsolved, posterior, agreed, lenses.size());
+  RefineResult result = MakeResult(problem, accepted, agreed, lenses.size());
+  if (setup.is_final && !setup.is_final(result)) return result;
+  AddUncertainties(problem, accepted, unsolved, PosteriorOf(problem, accepted.solution, asked_for),
+                   agreed, &result);
+  return result;
 }
 
 }  // namespace volalign

@@ -35,10 +35,8 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 }
 
 RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accepted,
-                            const std::vector<char>& unsolved, const Posterior& posterior,
                             const Agreed& agreed, std::size_t i) {
   const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
-  const ParameterLayout& layout = problem.layout;
   RefinedFrame frame;
   frame.accepted = !held[i];
   frame.structure_from_sensor =
@@ -47,19 +45,12 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
   if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
   if (free.lens[state.LensOf(i)] && frame.accepted)
     frame.own_focal = state.focals[state.SensorOf(i)];
-  frame.sigma_depth_offset = posterior.Sigma(layout.Offset(i));
-  frame.sigma_depth_gain = posterior.Sigma(layout.Gain(i));
-  const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
-  frame.covariance =
-      (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
-  frame.problem = Problem(unsolved[i], posterior.exact);
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
   frame.rms_together = agreed.measured[i].rms_together;
   frame.rms_alone = agreed.measured[i].rms_alone;
   if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
     frame.accepted = true;
-    frame.covariance = agreed.measured[i].covariance;
     frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
     frame.depth_offset = set_aside->alone.offsets[i];
     frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
@@ -67,16 +58,29 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
     frame.refused_fit =
         RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
   }
-  const Pose placement = state.placements[state.StillOf(i)].ToPose();
-  frame.first_from_sensor = placement * frame.structure_from_sensor;
-  frame.first_covariance = CovarianceInFirst(problem, posterior, placement, i, frame.covariance);
+  frame.first_from_sensor =
+      state.placements[state.StillOf(i)].ToPose() * frame.structure_from_sensor;
   return frame;
 }
 
+void AddUncertainty(const JointProblem& problem, const Acceptance& accepted,
+                    const std::vector<char>& unsolved, const Posterior& posterior,
+                    const Agreed& agreed, std::size_t i, RefinedFrame* frame) {
+  const ParameterLayout& layout = problem.layout;
+  const State& state = accepted.solution.state;
+  frame->sigma_depth_offset = posterior.Sigma(layout.Offset(i));
+  frame->sigma_depth_gain = posterior.Sigma(layout.Gain(i));
+  const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
+  frame->covariance =
+      (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
+  if (agreed.of[i]) frame->covariance = agreed.measured[i].covariance;
+  frame->problem = Problem(unsolved[i], posterior.exact);
+  frame->first_covariance = CovarianceInFirst(
+      problem, posterior, state.placements[state.StillOf(i)].ToPose(), i, frame->covariance);
+}
+
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
-                                   const Posterior& posterior, std::size_t still) {
-  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
-                                           GaugeProjection(problem.structure, problem.priors));
+                                   std::size_t still) {
   const std::vector<double>& of_boxes = accepted.solution.state.boxes[still];
   const char* free = accepted.solution.free.boxes.data() + still * problem.layout.boxes();
   std::vector<RefinedBox> boxes;
@@ -86,12 +90,26 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
-    box.sigma_x = sigmas[Eigen::Index{3} * b];
-    box.sigma_z = sigmas[Eigen::Index{3} * b + 1];
-    box.sigma_yaw = sigmas[Eigen::Index{3} * b + 2];
     boxes.push_back(box);
   }
   return boxes;
+}
+
+void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std::size_t still,
+                    RefinedPlacement* placement) {
+  if (still > 0) {
+    const Eigen::Index column = problem.layout.Placement(still);
+    placement->covariance = posterior.covariance.block<6, 6>(column, column);
+  }
+  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
+                                           GaugeProjection(problem.structure, problem.priors));
+  for (std::size_t b = 0; b < placement->boxes.size(); ++b) {
+    RefinedBox& box = placement->boxes[b];
+    const auto first = static_cast<Eigen::Index>(3 * b);
+    box.sigma_x = sigmas[first];
+    box.sigma_z = sigmas[first + 1];
+    box.sigma_yaw = sigmas[first + 2];
+  }
 }
 
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
@@ -114,18 +132,13 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
 }
 
 std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
-                                               const Acceptance& accepted,
-                                               const Posterior& posterior) {
+                                               const Acceptance& accepted) {
   const State& state = accepted.solution.state;
   std::vector<RefinedPlacement> placements;
   for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
     RefinedPlacement placement;
     placement.first_from_placement = state.placements[still].ToPose();
-    if (still > 0) {
-      const Eigen::Index column = problem.layout.Placement(still);
-      placement.covariance = posterior.covariance.block<6, 6>(column, column);
-    }
-    placement.boxes = BoxResults(problem, accepted, posterior, still);
+    placement.boxes = BoxResults(problem, accepted, still);
     placement.built = state.built[still];
     placements.push_back(std::move(placement));
   }
@@ -135,29 +148,37 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 }  // namespace
 
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const std::vector<char>& unsolved, const Posterior& posterior,
                         const Agreed& agreed, std::size_t given_lenses) {
   const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.frames.push_back(RefinedFrameOf(problem, accepted, unsolved, posterior, agreed, i));
-  result.placements = PlacementResults(problem, accepted, posterior);
+    result.frames.push_back(RefinedFrameOf(problem, accepted, agreed, i));
+  result.placements = PlacementResults(problem, accepted);
   result.size_estimated =
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
                                [](const RefinedFrame& frame) { return frame.accepted; });
   result.size_scale = 1 + state.size;
   result.choice = choice;
   result.converged = state.converged;
-  result.sigma_size_scale = posterior.Sigma(problem.layout.Size());
-  result.pairs = PairResults(problem, state);
-  for (std::size_t lens = 0; lens < given_lenses; ++lens) {
-    const Eigen::Index column = problem.layout.Lens(lens);
-    result.lenses.push_back(
-        {state.lenses[lens],
-         free.lens[lens] != 0,
-         {posterior.Sigma(column), posterior.Sigma(column + 1), posterior.Sigma(column + 2)}});
-  }
+  for (std::size_t lens = 0; lens < given_lenses; ++lens)
+    result.lenses.push_back({state.lenses[lens], free.lens[lens] != 0});
   return result;
+}
+
+void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
+                      const std::vector<char>& unsolved, const Posterior& posterior,
+                      const Agreed& agreed, RefineResult* result) {
+  for (std::size_t i = 0; i < problem.size(); ++i)
+    AddUncertainty(problem, accepted, unsolved, posterior, agreed, i, &result->frames[i]);
+  for (std::size_t still = 0; still < result->placements.size(); ++still)
+    AddUncertainty(problem, posterior, still, &result->placements[still]);
+  result->sigma_size_scale = posterior.Sigma(problem.layout.Size());
+  for (std::size_t lens = 0; lens < result->lenses.size(); ++lens) {
+    const Eigen::Index column = problem.layout.Lens(lens);
+    result->lenses[lens].sigmas << posterior.Sigma(column), posterior.Sigma(column + 1),
+        posterior.Sigma(column + 2);
+  }
+  result->pairs = PairResults(problem, accepted.solution.state);
 }
 
 }  // namespace volalign::refine_internal

@@ -13,11 +13,14 @@
 
 namespace volalign::refine_internal {
 
-/// `unsolved`: frames whose part of the problem could not be solved. `agreed`: but for its
-/// solution, which `accepted` has. `given_lenses`: how many of the problem's lenses the caller
-/// gave.
+/// Without covariances, sigmas and pairs. `agreed`: but for its solution, which `accepted` has.
+/// `given_lenses`: how many of the problem's lenses the caller gave.
 RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const std::vector<char>& unsolved, const Posterior& posterior,
                         const Agreed& agreed, std::size_t given_lenses);
+
+/// Adds those. `unsolved`: frames whose part of the problem could not be solved.
+void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
+                      const std::vector<char>& unsolved, const Posterior& posterior,
+                      const Agreed& agreed, RefineResult* result);
 
 }  // namespace volalign::refine_internal

@@ -73,7 +73,9 @@ struct TwoStills {
   }
 
   RefineResult Result() const {
-    return MakeResult(*problem, accepted, unsolved, posterior, agreed, lenses.size());
+    RefineResult result = MakeResult(*problem, accepted, agreed, lenses.size());
+    AddUncertainties(*problem, accepted, unsolved, posterior, agreed, &result);
+    return result;
   }
 };
 

@@ -57,6 +57,35 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
   EXPECT_EQ(neighbours, 8);
 }
 
+TEST(Refine, ComputesNoCovariancesThatAreNotWanted) {
+  const Rig rig = RingOfEight();
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  std::vector<FrameInput> frames;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
+  }
+  const RefineResult whole = Refine(rig.structure, frames, {});
+  for (const bool wanted : {false, true}) {
+    int asked = 0;
+    RefineSetup setup;
+    setup.is_final = [&](const RefineResult& result) {
+      ++asked;
+      EXPECT_EQ(result.frames.size(), frames.size());
+      return wanted;
+    };
+    const RefineResult result = Refine(rig.structure, frames, setup);
+    EXPECT_EQ(asked, 1);
+    EXPECT_EQ(result.pairs.size(), wanted ? whole.pairs.size() : 0u);
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const RefinedFrame &frame = result.frames[i], &expected = whole.frames[i];
+      EXPECT_EQ(frame.structure_from_sensor.matrix(), expected.structure_from_sensor.matrix());
+      EXPECT_EQ(frame.first_from_sensor.matrix(), expected.first_from_sensor.matrix());
+      EXPECT_EQ(frame.covariance, wanted ? expected.covariance : Matrix6d::Zero());
+    }
+  }
+}
+
 TEST(Refine, OverlapAloneBringsASensorBack) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
