@@ -54,7 +54,7 @@ struct KdTree::Index {
         tree(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {
     tree.buildIndex();
   }
-  static constexpr std::size_t kLeafSize = 10;
+  static constexpr std::size_t kLeafSize = 20;
   Points points;
   Tree tree;
 };

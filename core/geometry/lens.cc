@@ -71,15 +71,17 @@ class LensInverse {
     fold_ = static_cast<double>(bent_.size()) * kRadiusStep;
   }
 
-  /// The ray that the lens bends to `target`, both on the plane z = 1.
-  std::optional<Eigen::Vector2d> operator()(const Eigen::Vector2d& target) const {
+  /// The ray that the lens bends to `target`, both on the plane z = 1. It is found soonest where
+  /// the last target was near.
+  std::optional<Eigen::Vector2d> operator()(const Eigen::Vector2d& target) {
     const double bent = target.norm();
     Eigen::Vector2d ray = bent > 0 ? Eigen::Vector2d(target * (Radius(bent) / bent)) : target;
+    const double widest = fold_ * (1 + kFoldMargin);
     Eigen::Matrix2d jacobian;
     for (int i = 0; i < kNewtonSteps; ++i) {
       const Eigen::Vector2d error = lens_.Bend(ray, &jacobian) - target;
-      if (!(jacobian.determinant() > 0) || !(ray.norm() <= fold_ * (1 + kFoldMargin))) break;
-      if (error.norm() <= tolerance_) return ray;
+      if (!(jacobian.determinant() > 0) || !(ray.squaredNorm() <= widest * widest)) break;
+      if (error.squaredNorm() <= tolerance_ * tolerance_) return ray;
       ray -= jacobian.inverse() * error;
     }
     return std::nullopt;
@@ -87,17 +89,18 @@ class LensInverse {
 
  private:
   /// Radius that the radial part alone bends to `bent`; the widest one where none does.
-  double Radius(double bent) const {
-    const auto above = std::upper_bound(bent_.begin(), bent_.end(), bent);
-    if (above == bent_.end()) return static_cast<double>(bent_.size() - 1) * kRadiusStep;
-    const double low = *(above - 1);
-    return (static_cast<double>(above - bent_.begin() - 1) + (bent - low) / (*above - low)) *
-           kRadiusStep;
+  double Radius(double bent) {
+    while (last_ > 0 && bent_[last_] > bent) --last_;
+    while (last_ + 1 < bent_.size() && bent_[last_ + 1] <= bent) ++last_;
+    if (last_ + 1 == bent_.size()) return static_cast<double>(last_) * kRadiusStep;
+    const double low = bent_[last_];
+    return (static_cast<double>(last_) + (bent - low) / (bent_[last_ + 1] - low)) * kRadiusStep;
   }
 
   Coefficients lens_;
   double tolerance_;
   std::vector<double> bent_;  ///< of radii in steps of kRadiusStep, rising
+  std::size_t last_ = 0;      ///< of the radius that was last looked up
   double fold_ = 0;           ///< radius from which on the model does not rise
 };
 
@@ -115,7 +118,7 @@ RayTable PinholeRays(const Intrinsics& intrinsics) {
 }
 
 RayTable RaysThroughLens(const Intrinsics& intrinsics) {
-  const LensInverse inverse(intrinsics);
+  LensInverse inverse(intrinsics);
   RayTable table{intrinsics.width, intrinsics.height, {}};
   const auto pixels =
       static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
@@ -151,7 +154,7 @@ Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& 
 void RequireRays(const Intrinsics& intrinsics, const std::string& what) {
   if (intrinsics.distortion.empty()) return;
   constexpr int kSteps = 32;
-  const LensInverse inverse(intrinsics);
+  LensInverse inverse(intrinsics);
   int lost = 0;
   for (int j = 0; j < kSteps; ++j) {
     for (int i = 0; i < kSteps; ++i) {

@@ -89,7 +89,8 @@ Solution ChooseEstimates(const JointProblem& problem, Solution solution) {
   if (!kept) return solution;
   const std::optional<PriorScales> scales =
       earlier ? earlier->scales
-              : MostProbableScales(CostAround(problem, *kept), problem.layout, told);
+              : MostProbableScales(CostAround(problem, *kept), problem.layout, told,
+                                   problem.setup.schedule.threads);
   if (!scales) return *kept;
 
   // The tolerance of edges stays: boxes that are found where the structure has them have their

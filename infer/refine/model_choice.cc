@@ -117,25 +117,39 @@ std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
   return marginal;
 }
 
+namespace {
+
+constexpr double kNoEvidence = -std::numeric_limits<double>::infinity();  // cannot be computed
+
+/// Of each of `all`, with the columns marked in `constant` held.
+std::vector<double> LogEvidence(const MarginalCost& marginal, const ParameterLayout& layout,
+                                const std::vector<PriorScales>& all,
+                                const std::vector<char>& constant, int threads) {
+  std::vector<double> evidence(all.size(), kNoEvidence);
+  ParallelFor(all.size(), threads, [&](std::size_t k) {
+    Eigen::VectorXd scales = layout.Scales(all[k]);
+    for (Eigen::Index column = 0; column < scales.size(); ++column) {
+      if (constant[static_cast<std::size_t>(column)]) scales[column] = 0;
+    }
+    const std::optional<ModelFit> fit = FitModel(marginal.cost, scales(marginal.columns), false);
+    if (fit) evidence[k] = fit->log_evidence;
+  });
+  return evidence;
+}
+
+}  // namespace
+
 std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
-                                              const ParameterLayout& layout, const FreeSet& free) {
-  const std::vector<char> constant = layout.Constant(free);
+                                              const ParameterLayout& layout, const FreeSet& free,
+                                              int threads) {
   const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
   if (!marginal) return std::nullopt;
-  std::optional<PriorScales> best;
-  double most = -std::numeric_limits<double>::infinity();
-  for (const PriorScales& scales : AllScales()) {
-    Eigen::VectorXd of_all = layout.Scales(scales);
-    for (Eigen::Index k = 0; k < of_all.size(); ++k) {
-      if (constant[static_cast<std::size_t>(k)]) of_all[k] = 0;
-    }
-    const std::optional<ModelFit> fit = FitModel(marginal->cost, of_all(marginal->columns), false);
-    if (fit && fit->log_evidence > most) {
-      most = fit->log_evidence;
-      best = scales;
-    }
-  }
-  return best;
+  const std::vector<PriorScales> all = AllScales();
+  const std::vector<double> evidence =
+      LogEvidence(*marginal, layout, all, layout.Constant(free), threads);
+  const auto best = std::max_element(evidence.begin(), evidence.end());
+  if (*best == kNoEvidence) return std::nullopt;
+  return all[static_cast<std::size_t>(best - evidence.begin())];
 }
 
 std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
@@ -143,17 +157,14 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
   const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
   if (!marginal) return std::nullopt;
   const std::vector<PriorScales> all = AllScales();
-  std::vector<std::optional<double>> evidence(all.size());
-  ParallelFor(all.size(), threads, [&](std::size_t k) {
-    const Eigen::VectorXd scales = layout.Scales(all[k])(marginal->columns);
-    if (const std::optional<ModelFit> fit = FitModel(marginal->cost, scales, false))
-      evidence[k] = fit->log_evidence;
-  });
-  double most = -std::numeric_limits<double>::infinity();
-  for (const std::optional<double>& of : evidence) most = std::max(most, of.value_or(most));
+  const std::vector<double> evidence =
+      LogEvidence(*marginal, layout, all,
+                  std::vector<char>(static_cast<std::size_t>(layout.size()), 0), threads);
+  const double most = *std::max_element(evidence.begin(), evidence.end());
   std::vector<std::size_t> believed;
   for (std::size_t k = 0; k < all.size(); ++k) {
-    if (evidence[k] && std::exp(*evidence[k] - most) >= kNegligible) believed.push_back(k);
+    if (evidence[k] != kNoEvidence && std::exp(evidence[k] - most) >= kNegligible)
+      believed.push_back(k);
   }
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(layout.size(), layout.size());
   double weights = 0;
@@ -170,7 +181,7 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
     });
     for (std::size_t k = 0; k < count; ++k) {
       if (!fits[k]) continue;
-      const double weight = std::exp(*evidence[believed[begin + k]] - most);
+      const double weight = std::exp(evidence[believed[begin + k]] - most);
       sum += weight * fits[k]->covariance;
       weights += weight;
     }

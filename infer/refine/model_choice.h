@@ -50,7 +50,8 @@ std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
 /// The scales under which the measurements are most probable, where only `free` may stray. Nothing
 /// where that cannot be computed.
 std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
-                                              const ParameterLayout& layout, const FreeSet& free);
+                                              const ParameterLayout& layout, const FreeSet& free,
+                                              int threads);
 
 /// Covariance of the parameters about the solution: the mean over all scales, weighted by their
 /// evidence, of the covariance under these scales, of the square of the step to their most probable

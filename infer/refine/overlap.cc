@@ -16,6 +16,7 @@ constexpr double kAround = 0.3;  // m from the structure's bounding box
 
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
                                      const Pose& structure_from_sensor, int most) {
+  if (most == 0) return {};
   Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
                   high = -low;
   for (const Side& side : structure.sides()) {
@@ -38,8 +39,13 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   // (Weyl's sequence).
   const auto take = [&](std::vector<int> from, std::size_t count) {
     const auto place = [](int j) { return static_cast<std::uint32_t>(j) * 0x9E3779B9U; };
-    std::sort(from.begin(), from.end(), [&](int a, int b) { return place(a) < place(b); });
-    from.resize(std::min(from.size(), count));
+    const auto is_before = [&](int a, int b) { return place(a) < place(b); };
+    if (from.size() > count) {
+      std::nth_element(from.begin(), from.begin() + static_cast<std::ptrdiff_t>(count), from.end(),
+                       is_before);
+      from.resize(count);
+    }
+    std::sort(from.begin(), from.end(), is_before);
     chosen.insert(chosen.end(), from.begin(), from.end());
   };
   take(std::move(near), static_cast<std::size_t>(most) / 2);

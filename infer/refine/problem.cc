@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <map>
 
+#include "core/base/parallel_for.h"
+
 namespace volalign::refine_internal {
 
 namespace {
@@ -48,9 +50,11 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
       layout(frame_of, stills, structure_in.boxes().size(), lenses.size()) {
   const int overlap_each = frames.size() > 1 ? setup.schedule.max_overlap_points : 0;
-  for (const FrameInput& frame : frames)
-    overlap_points.push_back(
-        ChooseOverlapPoints(structure, *frame.points, frame.start, overlap_each));
+  overlap_points.resize(frames.size());
+  ParallelFor(frames.size(), setup.schedule.threads, [&](std::size_t i) {
+    overlap_points[i] =
+        ChooseOverlapPoints(structure, *frames[i].points, frames[i].start, overlap_each);
+  });
 }
 
 bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {

@@ -98,7 +98,7 @@ struct Measured {
 TEST(MostProbableScales, AreNominalWhereNothingStrays) {
   const Measured measured;
   const PriorScales scales =
-      MostProbableScales(measured.cost, measured.layout, measured.free).value();
+      MostProbableScales(measured.cost, measured.layout, measured.free, 2).value();
   EXPECT_EQ(scales.places, 0);
   EXPECT_EQ(scales.turns, 0);
   EXPECT_EQ(scales.size, 0);
@@ -118,14 +118,14 @@ TEST(MostProbableScales, FollowWhatStrays) {
     stray(measured.layout.Boxes() + BuildModel::Z(box), -0.35);
   }
   const PriorScales scales =
-      MostProbableScales(measured.cost, measured.layout, measured.free).value();
+      MostProbableScales(measured.cost, measured.layout, measured.free, 2).value();
   EXPECT_EQ(scales.offset, 1);
   EXPECT_EQ(scales.places, 0.3);
   EXPECT_EQ(scales.turns, 0) << "boxes out of their places are not turned";
   EXPECT_EQ(scales.size, 0);
   EXPECT_EQ(scales.gain, 0);
   measured.free.offset = {0, 0};
-  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free)->places, 0.3)
+  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free, 2)->places, 0.3)
       << "whatever is held";
 }
 
@@ -203,7 +203,7 @@ TEST(CovarianceOverModels, SaysWhereThereIsNone) {
   const Eigen::Index pose = measured.layout.Pose(1);
   measured.cost.normal.information(pose, pose) = -1;
   EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
-  EXPECT_FALSE(MostProbableScales(measured.cost, measured.layout, measured.free));
+  EXPECT_FALSE(MostProbableScales(measured.cost, measured.layout, measured.free, 2));
   EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
 }
 
@@ -213,7 +213,7 @@ TEST(CovarianceOverModels, IsFiniteOrNone) {
   Measured measured;
   measured.cost.normal.gradient[measured.layout.Pose(1)] = 1e200;
   ASSERT_TRUE(WithoutAlwaysFree(measured.cost, measured.layout));
-  ASSERT_TRUE(MostProbableScales(measured.cost, measured.layout, measured.free));
+  ASSERT_TRUE(MostProbableScales(measured.cost, measured.layout, measured.free, 2));
   EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
 }
 
