@@ -100,8 +100,9 @@ std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorX
 std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout) {
   std::vector<Eigen::Index> free, others;
-  for (Eigen::Index k = 0; k < layout.size(); ++k)
-    (layout.IsAlwaysFree(k) ? free : others).push_back(k);
+  for (Eigen::Index k = 0; k < layout.size(); ++k) {
+    if (!layout.IsConsidered(k)) (layout.IsAlwaysFree(k) ? free : others).push_back(k);
+  }
   const Eigen::MatrixXd& h = cost.normal.information;
   const Eigen::VectorXd& g = cost.normal.gradient;
   const Eigen::MatrixXd cross = h(free, others);

@@ -42,8 +42,8 @@ struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
 };
-/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
-/// where it cannot be computed.
+/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree), and with
+/// consider parameters at 0. Nothing where it cannot be computed.
 std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout);
 

@@ -198,6 +198,7 @@ Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
   for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
   for (std::size_t s = 0; s < sensors_; ++s) of[GainOfSensor(s)] = scales.gain;
+  of.segment(Considered(0), Lens(0) - Considered(0)).setZero();
   of[Size()] = scales.size;
   of.tail(size() - Boxes(0)).setConstant(scales.places);
   for (std::size_t still = 0; still < stills_; ++still) {

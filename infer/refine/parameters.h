@@ -233,13 +233,17 @@ class ParameterLayout {
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
-  /// Is a column one of a pose, a placement or a frame's nuisances, which are never held, or of its
-  /// consider parameters, which always are?
+  /// Is a column one of a pose, a placement or a frame's nuisances, which are never held?
   bool IsAlwaysFree(Eigen::Index column) const {
-    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Lens(0));
+    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Considered(0));
+  }
+  /// Is a column one of a frame's consider parameters, which always are?
+  bool IsConsidered(Eigen::Index column) const {
+    return column >= Considered(0) && column < Lens(0);
   }
 
-  /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
+  /// The scale of every parameter's prior; 0 of consider parameters, and 1 of others that are of
+  /// none of these kinds.
   Eigen::VectorXd Scales(const PriorScales& scales) const;
   /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
