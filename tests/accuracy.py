@@ -136,12 +136,13 @@ def measure(result, set_name, capture, extrinsics, truths, align=False):
             delta = difference(poses[name], truths[name])
             row["sigmas"] = list(delta / np.sqrt(np.diag(covariances[name])))
             row["square"] = delta @ np.linalg.solve(covariances[name], delta)
+    between = {(pair["a"], pair["b"]): np.array(pair["covariance"]) for pair in extrinsics["pairs"] if "covariance" in pair}
     for a, b in itertools.combinations(covariances, 2):
         # What moves both in common cancels out.
         delta = difference(truths[a] @ np.linalg.inv(poses[a]), truths[b] @ np.linalg.inv(poses[b]))
         error = errors(np.linalg.inv(poses[a]) @ poses[b], np.linalg.inv(truths[a]) @ truths[b])
         result["pairs"].append(dict(where, a=a, b=b, mm=1000 * error[0], deg=error[1],
-                                    square=delta @ np.linalg.solve(covariances[a] + covariances[b], delta)))
+                                    square=delta @ np.linalg.solve(between.get((a, b), covariances[a] + covariances[b]), delta)))
     for pair in extrinsics["pairs"]:
         if "rms_m" in pair:
             result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], overlap=pair["overlap"], rms_mm=1000 * pair["rms_m"]))

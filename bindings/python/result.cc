@@ -162,7 +162,15 @@ void AddStack(py::module_& module) {
       .def_readonly("a", &PairResult::a)
       .def_readonly("b", &PairResult::b)
       .def_readonly("overlap", &PairResult::overlap)
-      .def_readonly("rms_m", &PairResult::rms_m);
+      .def_readonly("rms_m", &PairResult::rms_m)
+      .def_property_readonly(
+          "covariance",
+          [](const PairResult& pair) { return ArrayOf(Eigen::MatrixXd(pair.covariance)); },
+          "(6, 6) float64 of the poses to each other, of d of b less that of a (see "
+          "SensorResult.covariance); NaN where it is not known.")
+      .def_readonly("sigma_m", &PairResult::sigma_m,
+                    "The largest standard deviation, m, of where b is as a has it.")
+      .def_readonly("sigma_deg", &PairResult::sigma_deg, "The same of how it is turned, deg.");
 
   py::class_<BoxPart> box(module, "BoxResult", "A box as it was found, against its nominal place.");
   box.def_readonly("name", &BoxPart::name);

@@ -162,11 +162,13 @@ std::vector<RigTwin> CombineTwins(const std::vector<StillResult>& stills,
   return twins;
 }
 
-/// Each two sensors' overlap, of the first still that has both.
+/// Each two sensors' overlap, of the first still that has both, in the structure of the first one.
 std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
   std::vector<PairResult> pairs;
   for (const StillResult& still : stills) {
-    for (const PairResult& pair : still.pairs) {
+    const Matrix6d turn = Adjoint(still.first_from_placement);
+    for (PairResult pair : still.pairs) {
+      pair.covariance = turn * pair.covariance * turn.transpose();
       AddIfNew(pair, &pairs, [&](const PairResult& other) {
         return (other.a == pair.a && other.b == pair.b) || (other.a == pair.b && other.b == pair.a);
       });

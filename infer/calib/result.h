@@ -86,6 +86,13 @@ struct PairResult {
   std::string a, b;
   double overlap = 0;
   double rms_m = 0;
+  /// Of the poses to each other: of delta of b less that of a (see SensorOutcome::covariance). NaN:
+  /// not known.
+  Matrix6d covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
+  /// The largest standard deviation of where b is as a has it, along an axis, and of how it is
+  /// turned about one. NaN: not known.
+  double sigma_m = std::numeric_limits<double>::quiet_NaN();
+  double sigma_deg = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// A sensor in a set of poses that the rig may have instead.

@@ -71,6 +71,9 @@ struct RefinedPair {
   int a = 0, b = 0;    ///< indices of the frames, a < b, of one still
   double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
   double rms = 0;      ///< m, point to plane over them
+  /// Of delta of b less that of a, see RefinedFrame::covariance: what moves both alike is no part
+  /// of it.
+  Matrix6d covariance = Matrix6d::Zero();
 };
 
 /// Where the stack stood in a still, and how its boxes did.

@@ -131,6 +131,20 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& s
   return pairs;
 }
 
+/// Errors of frames that are not of the joint solution are independent of the others'.
+Matrix6d CovarianceBetween(const JointProblem& problem, const Acceptance& accepted,
+                           const Posterior& posterior, const Agreed& agreed,
+                           const RefineResult& result, const RefinedPair& pair) {
+  const auto a = static_cast<std::size_t>(pair.a), b = static_cast<std::size_t>(pair.b);
+  Matrix6d between = result.frames[a].covariance + result.frames[b].covariance;
+  const std::vector<char>& held = accepted.solution.held;
+  if (held[a] || held[b] || agreed.of[a] || agreed.of[b]) return between;
+  const Matrix6d cross =
+      posterior.covariance.block<6, 6>(problem.layout.Pose(a), problem.layout.Pose(b));
+  between -= cross + cross.transpose();
+  return between;
+}
+
 std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
                                                const Acceptance& accepted) {
   const State& state = accepted.solution.state;
@@ -179,6 +193,8 @@ void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
         posterior.Sigma(column + 2);
   }
   result->pairs = PairResults(problem, accepted.solution.state);
+  for (RefinedPair& pair : result->pairs)
+    pair.covariance = CovarianceBetween(problem, accepted, posterior, agreed, *result, pair);
 }
 
 }  // namespace volalign::refine_internal

@@ -27,11 +27,16 @@ const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::stri
 std::string OverlapTable(const CalibrationResult& result) {
   constexpr std::size_t kWidest = 16;  // sensors
   if (result.pairs.empty()) return "";
-  double worst = 0;
-  for (const PairResult& pair : result.pairs) worst = std::max(worst, pair.rms_m);
-  std::string summary =
-      fmt::format("{} overlapping pair{}, at most {:.1f} mm RMS apart\n", result.pairs.size(),
-                  result.pairs.size() == 1 ? "" : "s", 1000 * worst);
+  double worst = 0, sigma = 0;
+  for (const PairResult& pair : result.pairs) {
+    worst = std::max(worst, pair.rms_m);
+    sigma = std::max(sigma, pair.sigma_m);
+  }
+  std::string summary = fmt::format(
+      "{} overlapping pair{}, at most {:.1f} mm RMS apart; where one is as the other has it is "
+      "known "
+      "to {:.1f} mm (sigma) or better\n",
+      result.pairs.size(), result.pairs.size() == 1 ? "" : "s", 1000 * worst, 1000 * sigma);
   std::vector<std::string> names;
   std::size_t width = 5;
   for (const FrameResult& sensor : result.sensors) {

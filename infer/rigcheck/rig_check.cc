@@ -272,7 +272,16 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
   };
   out.pairs.erase(std::remove_if(out.pairs.begin(), out.pairs.end(), is_of_updated),
                   out.pairs.end());
-  std::copy_if(now.pairs.begin(), now.pairs.end(), std::back_inserter(out.pairs), is_of_updated);
+  for (PairResult pair : now.pairs) {
+    if (!is_of_updated(pair)) continue;
+    const bool both = Contains(updated, pair.a) && Contains(updated, pair.b);
+    if (both) {
+      pair.covariance = turn * pair.covariance * turn.transpose();
+    } else {  // one of them is where it was before
+      pair = {pair.a, pair.b, pair.overlap, pair.rms_m};
+    }
+    out.pairs.push_back(std::move(pair));
+  }
   out.metrics.reset();
   out.timings_s = now.timings_s;
   out.captures.insert(out.captures.end(), now.captures.begin(), now.captures.end());

@@ -40,6 +40,9 @@ def test_places_sensors(result):
         assert sensor.intrinsics_given == CAMERA
     assert result.model is None
     assert {pair.a for pair in result.pairs} | {pair.b for pair in result.pairs} <= set(NAMES)
+    for pair in result.pairs:
+        assert np.allclose(pair.covariance, pair.covariance.T) and np.linalg.eigvalsh(pair.covariance).min() > 0
+        assert 0 < pair.sigma_m < 0.2 and 0 < pair.sigma_deg < 10
     assert list(result.boxes) == ["low", "high"]
     assert "S1" in str(result)
 

@@ -133,7 +133,9 @@ TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
   const ParameterLayout layout = LayoutOf(2, 3);
   const auto n = static_cast<int>(layout.size());
   const Linear linear(Eigen::Index{2} * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
-  const QuadraticCost all = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
+  Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(n, -0.3, 0.4);
+  at.segment(layout.Considered(0), layout.Lens(0) - layout.Considered(0)).setZero();
+  const QuadraticCost all = linear.CostAt(at);
   const MarginalCost marginal = WithoutAlwaysFree(all, layout).value();
   EXPECT_EQ(marginal.columns.size(), 2u + 2 + 2 + 3 + 1 + 9)
       << "offsets, gains, focal lengths, lens, size, boxes";

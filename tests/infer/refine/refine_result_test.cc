@@ -269,5 +269,22 @@ TEST(MakeResult, PairsAreOfOneStill) {
   EXPECT_LT(pairs[0].rms, 0.005) << "exact pictures at true poses";
 }
 
+// What two frames of the joint solution err by alike does not move them against each other; one
+// that is not of it errs by itself.
+TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
+  TwoStills two;
+  two.accepted.solution.state.offsets.assign(4, 0);
+  two.accepted.solution.state.gains.assign(2, 0);
+  Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
+  difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
+  difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
+  const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
+  EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
+  two.agreed.of[3] = SetAside{Pose::Identity(), {}, two.accepted.solution.state};
+  const RefineResult result = two.Result();
+  EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
+      result.frames[2].covariance + result.frames[3].covariance, 1e-12));
+}
+
 }  // namespace
 }  // namespace volalign::refine_internal::refine_result_test
