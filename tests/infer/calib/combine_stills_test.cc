@@ -119,5 +119,20 @@ TEST(CombineStills, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
   EXPECT_EQ(sensor.code, SensorCode::kUnconnected);
 }
 
+TEST(CombineStills, PairsAreInTheStructureOfTheFirst) {
+  OneSensor two;
+  two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
+  two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
+  two.results[1].first_from_placement = Pose(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal() << 1, 2, 3, 4, 5, 6;
+  two.results[1].pairs = {{"S", "T", 0.5, 0.001, covariance, 0.1, 2}};
+  const CalibrationResult result = CombineStills(CaptureSet(two.stills, {}), two.results, {});
+  ASSERT_EQ(result.pairs.size(), 1u);
+  covariance.diagonal() << 3, 2, 1, 6, 5, 4;
+  EXPECT_TRUE(result.pairs[0].covariance.isApprox(covariance, 1e-9));
+  EXPECT_EQ(result.pairs[0].sigma_m, 0.1);
+}
+
 }  // namespace
 }  // namespace volalign::combine_stills_test

@@ -50,6 +50,7 @@ Extrinsics Rig(const Pose& from) {
     rig.sensors.push_back(sensor);
   }
   rig.pairs = {{"S0", "S1", 0.3, 0.001}, {"S1", "S2", 0.2, 0.002}, {"S2", "S3", 0.1, 0.003}};
+  for (PairResult& pair : rig.pairs) pair.covariance = 1e-6 * Matrix6d::Identity();
   rig.placements = {{"", "capture.json", Pose::Identity(), {}, {}, {"S0"}, {}}};
   rig.metrics = SetDistances{};
   return rig;
@@ -101,15 +102,21 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   EXPECT_GT(check.movements.covariance.norm(), 0.1 * own.norm());
   EXPECT_FALSE(updated.metrics);
   ASSERT_EQ(updated.pairs.size(), 3u);
-  for (const PairResult& pair : updated.pairs)
+  for (const PairResult& pair : updated.pairs) {
     EXPECT_EQ(pair.rms_m, pair.a == "S2" ? 0.003 : (pair.a == "S0" ? 0.001 : 0.009));
+    // How well S1's new pose is known to the others' old ones nobody has measured.
+    EXPECT_EQ(pair.covariance.allFinite(), pair.a == "S2");
+  }
   ASSERT_EQ(updated.placements.size(), 2u);
   EXPECT_LT(ComparePoses(updated.placements[1].first_from_placement, last_from_now).translation_m,
             1e-6);
 
   const TempFolder folder;
   WriteExtrinsics(folder.path() / "updated.json", updated);
-  EXPECT_EQ(ReadExtrinsics(folder.path() / "updated.json").sensors.size(), 5u);
+  const Extrinsics read = ReadExtrinsics(folder.path() / "updated.json");
+  EXPECT_EQ(read.sensors.size(), 5u);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(read.pairs.at(i).covariance.allFinite(), updated.pairs[i].covariance.allFinite());
   WriteRigCheck(folder.path() / "check.json", check);
   const auto json = nlohmann::json::parse(ReadFile(folder.path() / "check.json"));
   EXPECT_EQ(json, nlohmann::json::parse(RigCheckText(check, "check")));
