@@ -169,7 +169,7 @@ void AddStack(py::module_& module) {
           "(6, 6) float64 of the poses to each other, of d of b less that of a (see "
           "SensorResult.covariance); NaN where it is not known.")
       .def_readonly("sigma_m", &PairResult::sigma_m,
-                    "The largest standard deviation, m, of where b is as a has it.")
+                    "Standard deviation, m, of where b is as a has it, where that is known least.")
       .def_readonly("sigma_deg", &PairResult::sigma_deg, "The same of how it is turned, deg.");
 
   py::class_<BoxPart> box(module, "BoxResult", "A box as it was found, against its nominal place.");

@@ -51,8 +51,7 @@ struct DepthErrorModel {
        AtLeast(0));
     ar("twist_m", twist_m,
        "standard deviation, m per rad^2 at 2 m, of one that grows with the product of the "
-       "distances "
-       "from the middle along rows and along columns",
+       "distances from the middle along rows and along columns",
        AtLeast(0));
     ar("bounce_m", bounce_m,
        "standard deviation, m, of what light that bounced off the floor or another box adds to the "

@@ -89,8 +89,8 @@ struct PairResult {
   /// Of the poses to each other: of delta of b less that of a (see SensorOutcome::covariance). NaN:
   /// not known.
   Matrix6d covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
-  /// The largest standard deviation of where b is as a has it, along an axis, and of how it is
-  /// turned about one. NaN: not known.
+  /// Standard deviations of where b is as a has it, m, in the direction in which that is known least,
+  /// and of how it is turned, deg. NaN: not known.
   double sigma_m = std::numeric_limits<double>::quiet_NaN();
   double sigma_deg = std::numeric_limits<double>::quiet_NaN();
 };

@@ -66,8 +66,8 @@ struct MeasuredMatch {
 /// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
 /// of points as the sensors' own errors have them, divided by the mean of the gains (see
 /// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
-/// Corrected), their own focal lengths, their consider
-/// parameters, and their lenses, a single one where `shared`.
+/// Corrected), their own focal lengths, their consider parameters, and their lenses, a single one
+/// where `shared`.
 /// Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:

@@ -80,9 +80,8 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, gain, focal length, nuisances, consider parameters (0), lens, size,
-/// boxes. `multipath`,
-/// m, belongs to the frame's noise model.
+/// FrameColumns: offset, gain, focal length, nuisances, consider parameters (0), lens, size, boxes.
+/// `multipath`, m, belongs to the frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.

@@ -33,9 +33,8 @@ std::string OverlapTable(const CalibrationResult& result) {
     sigma = std::max(sigma, pair.sigma_m);
   }
   std::string summary = fmt::format(
-      "{} overlapping pair{}, at most {:.1f} mm RMS apart; where one is as the other has it is "
-      "known "
-      "to {:.1f} mm (sigma) or better\n",
+      "{} overlapping pair{}, at most {:.1f} mm RMS apart, their places relative to each other "
+      "known to {:.1f} mm (sigma) or better\n",
       result.pairs.size(), result.pairs.size() == 1 ? "" : "s", 1000 * worst, 1000 * sigma);
   std::vector<std::string> names;
   std::size_t width = 5;

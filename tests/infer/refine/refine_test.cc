@@ -21,14 +21,21 @@ using testing_infer::Rig;
 using testing_infer::RingOfEight;
 using testing_infer::RingPose;
 
+/// A rig's frames, each displaced by so much. They refer to the points.
+std::vector<FrameInput> DisplacedFrames(const Rig& rig, const std::vector<SensorPoints>& points,
+                                        double metres, double degrees) {
+  std::vector<FrameInput> frames;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Pose start = Displaced(*rig.frames[i].ground_truth, metres, degrees, i);
+    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
+  }
+  return frames;
+}
+
 TEST(Refine, NoiseFreeRigComesBackExactly) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<FrameInput> frames;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.03, 1.5, i);
-    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
-  }
+  const std::vector<FrameInput> frames = DisplacedFrames(rig, points, 0.03, 1.5);
   RefineOptions poses_alone;
   poses_alone.estimate = "none";
   const RefineResult result = Refine(rig.structure, frames, {});
@@ -60,11 +67,7 @@ TEST(Refine, NoiseFreeRigComesBackExactly) {
 TEST(Refine, ComputesNoCovariancesThatAreNotWanted) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
-  std::vector<FrameInput> frames;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    frames.push_back({testing_infer::Borrowed(points[i]), start, start, start});
-  }
+  const std::vector<FrameInput> frames = DisplacedFrames(rig, points, 0.01, 0.5);
   const RefineResult whole = Refine(rig.structure, frames, {});
   for (const bool wanted : {false, true}) {
     int asked = 0;
