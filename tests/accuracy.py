@@ -145,7 +145,8 @@ def measure(result, set_name, capture, extrinsics, truths, align=False):
                                     square=delta @ np.linalg.solve(between.get((a, b), covariances[a] + covariances[b]), delta)))
     for pair in extrinsics["pairs"]:
         if "rms_m" in pair:
-            result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], overlap=pair["overlap"], rms_mm=1000 * pair["rms_m"]))
+            result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], overlap=pair["overlap"], rms_mm=1000 * pair["rms_m"],
+                                         of_predicted=pair["rms_m"] / pair.get("predicted_rms_m", np.nan)))
 
 
 def foreign(program, captures, result):
@@ -223,7 +224,7 @@ def squares(values):
 
 
 COLUMNS = ["placed", "weak", "wrong", "position, mm", "rotation, deg", "% in 1, 2 sigmas", "squares", "between, mm",
-           "squares between", "RMS, mm", "clouds' RMS, mm", "sigma, mm"]
+           "squares between", "RMS, mm", "clouds' RMS, mm", "of predicted", "sigma, mm"]
 
 
 def cells(rows):
@@ -234,6 +235,7 @@ def cells(rows):
             quantiles(of(right, "mm")), quantiles(of(right, "deg"), digits=2), f"{percent(sigmas < 1)}, {percent(sigmas < 2)}",
             squares(of(right, "square")), quantiles(of(pairs, "mm")), squares(of(pairs, "square")),
             quantiles(of(right, "rms_mm"), (0.5, 1)), f"{quantiles(of(clouds, 'rms_mm'), (0.5, 1))} ({len(clouds)})",
+            quantiles(of(clouds, "of_predicted"), (0.05, 0.5, 0.95), digits=2),
             quantiles(of(right, "sigma_mm"), (0.5, 1))]
 
 

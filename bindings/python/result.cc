@@ -158,11 +158,15 @@ void AddSensor(py::module_& module) {
 }
 
 void AddStack(py::module_& module) {
-  py::class_<PairResult>(module, "Pair", "Two sensors that see the same surfaces.")
+  py::class_<PairResult>(module, "Pair", "Two placed sensors.")
       .def_readonly("a", &PairResult::a)
       .def_readonly("b", &PairResult::b)
-      .def_readonly("overlap", &PairResult::overlap)
-      .def_readonly("rms_m", &PairResult::rms_m)
+      .def_readonly("overlap", &PairResult::overlap,
+                    "Share of the points that the other one sees too.")
+      .def_readonly("rms_m", &PairResult::rms_m,
+                    "Distance of the points that both see, m, root mean square; NaN: too few.")
+      .def_readonly("predicted_rms_m", &PairResult::predicted_rms_m,
+                    "The same as the errors of both depths and of the poses let expect.")
       .def_property_readonly(
           "covariance",
           [](const PairResult& pair) { return ArrayOf(Eigen::MatrixXd(pair.covariance)); },

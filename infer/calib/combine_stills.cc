@@ -162,16 +162,21 @@ std::vector<RigTwin> CombineTwins(const std::vector<StillResult>& stills,
   return twins;
 }
 
-/// Each two sensors' overlap, of the first still that has both, in the structure of the first one.
+/// Each two sensors, of the still in which they overlap most, in the structure of the first one.
 std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
   std::vector<PairResult> pairs;
   for (const StillResult& still : stills) {
     const Matrix6d turn = Adjoint(still.first_from_placement);
     for (PairResult pair : still.pairs) {
       pair.covariance = turn * pair.covariance * turn.transpose();
-      AddIfNew(pair, &pairs, [&](const PairResult& other) {
+      const auto known = std::find_if(pairs.begin(), pairs.end(), [&](const PairResult& other) {
         return (other.a == pair.a && other.b == pair.b) || (other.a == pair.b && other.b == pair.a);
       });
+      if (known == pairs.end()) {
+        pairs.push_back(pair);
+      } else if (pair.overlap > known->overlap) {
+        *known = pair;
+      }
     }
   }
   return pairs;

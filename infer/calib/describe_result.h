@@ -107,6 +107,7 @@ void Describe(Archive& ar, PairResult& pair) {
   ar("b", pair.b);
   ar.IfFinite("overlap", pair.overlap);
   ar.IfFinite("rms_m", pair.rms_m);
+  ar.IfFinite("predicted_rms_m", pair.predicted_rms_m);
   ar.IfFinite("covariance", pair.covariance);
   ar.IfFinite("sigma_m", pair.sigma_m);
   ar.IfFinite("sigma_deg", pair.sigma_deg);

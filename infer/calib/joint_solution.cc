@@ -186,7 +186,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
     const Pose& pose = joint.frames[id_of(pair.b)].refined.structure_from_sensor;
     joint.pairs[id_of(pair.a).still].push_back(
         {capture[id_of(pair.a)].name, capture[id_of(pair.b)].name, pair.overlap, pair.rms,
-         pair.covariance, LargestSigmaPosition(pose, pair.covariance),
+         pair.predicted_rms, pair.covariance, LargestSigmaPosition(pose, pair.covariance),
          LargestSigmaRotationDeg(pair.covariance)});
   }
   return joint;

@@ -82,17 +82,23 @@ struct FrameResult : SensorOutcome {
 /// the others' poses, and its own without these numbers.
 void DemoteIfNotFinite(SensorOutcome* sensor);
 
+/// Two placed sensors of one still.
 struct PairResult {
   std::string a, b;
-  double overlap = 0;
-  double rms_m = 0;
+  double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
+  /// Distance of the points that both see, root mean square: as measured, and as the errors of both
+  /// depths and of the poses let expect. NaN: too few.
+  double rms_m = std::numeric_limits<double>::quiet_NaN();
+  double predicted_rms_m = std::numeric_limits<double>::quiet_NaN();
   /// Of the poses to each other: of delta of b less that of a (see SensorOutcome::covariance). NaN:
   /// not known.
   Matrix6d covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
-  /// Standard deviations of where b is as a has it, m, in the direction in which that is known least,
-  /// and of how it is turned, deg. NaN: not known.
+  /// Standard deviations of where b is as a has it, m, in the direction in which that is known
+  /// least, and of how it is turned, deg. NaN: not known.
   double sigma_m = std::numeric_limits<double>::quiet_NaN();
   double sigma_deg = std::numeric_limits<double>::quiet_NaN();
+
+  bool overlaps() const { return std::isfinite(rms_m); }
 };
 
 /// A sensor in a set of poses that the rig may have instead.

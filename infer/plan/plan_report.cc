@@ -51,6 +51,29 @@ std::string Warnings(const PlannedSensor& sensor) {
   return text;
 }
 
+/// What a capture lab fuses is clouds: how far these will be from each other.
+std::string PairsLine(const RigPlan& plan) {
+  std::size_t overlapping = 0;
+  double apart = 0, sigma = 0;
+  for (const PairResult& pair : plan.pairs) {
+    sigma = std::max(sigma, pair.sigma_m);
+    if (!pair.overlaps()) continue;
+    ++overlapping;
+    apart = std::max(apart, pair.predicted_rms_m);
+  }
+  if (plan.pairs.empty()) return "";
+  std::string text = fmt::format(
+      "of {} pair{} of sensors {} overlap{}", plan.pairs.size(), plan.pairs.size() == 1 ? "" : "s",
+      overlapping,
+      overlapping > 0
+          ? fmt::format(": expect their points at most {:.1f} mm RMS apart", 1000 * apart)
+          : "");
+  return text +
+         fmt::format(
+             "; relative to each other their places will be known to {:.1f} mm (sigma) or better\n",
+             1000 * sigma);
+}
+
 }  // namespace
 
 Table PlanTable(const RigPlan& plan) {
@@ -110,7 +133,7 @@ std::string FormatPlan(const RigPlan& plan) {
     text += fmt::format("{:<{}}  sees {}\n", sensor.name, width, sides.empty() ? "nothing" : sides);
   }
   for (const PlannedSensor& sensor : plan.sensors) text += Warnings(sensor);
-  return text;
+  return text + PairsLine(plan);
 }
 
 }  // namespace volalign

@@ -7,7 +7,8 @@
 
 namespace volalign {
 
-/// Table of the planned sensors, what to be wary of, and who overlaps with whom; for a terminal.
+/// Table of the planned sensors, what to be wary of, and how well the sensors
+/// are known relative to each other; for a terminal.
 std::string FormatPlan(const RigPlan& plan);
 
 /// Its table, one row per sensor; with code, reason and hint of those that are not expected to be

@@ -42,7 +42,7 @@ struct RigPlan {
   Structure structure;
   int trials = 0;
   std::vector<PlannedSensor> sensors;
-  std::vector<PairResult> pairs;  ///< of sensors that see the same surfaces, in the first trial
+  std::vector<PairResult> pairs;  ///< of the first trial
 };
 
 /// Calibrates what the planned sensors would measure (MeasurePlanned), `trials` times with other

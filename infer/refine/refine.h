@@ -67,10 +67,13 @@ struct RefinedLens {
   Eigen::Vector3d sigmas = Eigen::Vector3d::Zero();  ///< posterior
 };
 
+/// Two frames of one still.
 struct RefinedPair {
-  int a = 0, b = 0;    ///< indices of the frames, a < b, of one still
+  int a = 0, b = 0;    ///< indices of the frames, a < b
   double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
-  double rms = 0;      ///< m, point to plane over them
+  /// m, point to plane over them: as they were measured, and as the errors of both depths, of the
+  /// poses, depth offsets and gains let expect. NaN where the overlap does not tell.
+  double rms = 0, predicted_rms = 0;
   /// Of delta of b less that of a, see RefinedFrame::covariance: what moves both alike is no part
   /// of it.
   Matrix6d covariance = Matrix6d::Zero();

@@ -1,6 +1,9 @@
 #include "infer/refine/refine_result.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -112,37 +115,101 @@ void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std
   }
 }
 
-std::vector<RefinedPair> PairResults(const JointProblem& problem, const State& state) {
-  const Gates gates;
-  std::vector<std::vector<RefinedPair>> of_first(problem.size());
-  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t a) {
-    for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (state.StillOf(a) != state.StillOf(b)) continue;
-      const SharedPoints shared = FindShared(problem.Overlap(a, state), problem.Overlap(b, state),
-                                             gates.overlap, gates.min_cosine);
-      if (!shared.IsPair(problem.setup.schedule.min_overlap)) continue;
-      of_first[a].push_back(
-          {static_cast<int>(a), static_cast<int>(b), shared.overlap, shared.rms()});
-    }
-  });
-  std::vector<RefinedPair> pairs;
-  for (const std::vector<RefinedPair>& some : of_first)
-    pairs.insert(pairs.end(), some.begin(), some.end());
-  return pairs;
+/// Columns of one frame's pose, depth offset and depth gain; and of two frames'.
+constexpr int kOfFrame = 8, kOfPair = 2 * kOfFrame;
+using FrameJacobian = Eigen::Matrix<double, kOfFrame, 1>;
+using PairMatrix = Eigen::Matrix<double, kOfPair, kOfPair>;
+
+/// Of two frames. Errors of one that is not of the joint solution are independent of the other's,
+/// and its covariance has them all.
+PairMatrix CovarianceOfBoth(const JointProblem& problem, const Acceptance& accepted,
+                            const Posterior& posterior, const Agreed& agreed,
+                            const std::vector<RefinedFrame>& frames,
+                            const std::array<std::size_t, 2>& pair) {
+  PairMatrix both = PairMatrix::Zero();
+  std::vector<Eigen::Index> columns;
+  bool joint = true;
+  for (const std::size_t i : pair) {
+    joint = joint && !accepted.solution.held[i] && !agreed.of[i];
+    for (int k = 0; k < 6; ++k) columns.push_back(problem.layout.Pose(i) + k);
+    columns.push_back(problem.layout.Offset(i));
+    columns.push_back(problem.layout.Gain(i));
+  }
+  if (joint) both = posterior.covariance(columns, columns);
+  both.block<6, 6>(0, 0) = frames[pair[0]].covariance;
+  both.block<6, 6>(kOfFrame, kOfFrame) = frames[pair[1]].covariance;
+  return both;
 }
 
-/// Errors of frames that are not of the joint solution are independent of the others'.
-Matrix6d CovarianceBetween(const JointProblem& problem, const Acceptance& accepted,
-                           const Posterior& posterior, const Agreed& agreed,
-                           const RefineResult& result, const RefinedPair& pair) {
-  const auto a = static_cast<std::size_t>(pair.a), b = static_cast<std::size_t>(pair.b);
-  Matrix6d between = result.frames[a].covariance + result.frames[b].covariance;
-  const std::vector<char>& held = accepted.solution.held;
-  if (held[a] || held[b] || agreed.of[a] || agreed.of[b]) return between;
-  const Matrix6d cross =
-      posterior.covariance.block<6, 6>(problem.layout.Pose(a), problem.layout.Pose(b));
-  between -= cross + cross.transpose();
-  return between;
+/// One of two frames, of which a point lies at `p`, by a plane with this normal (structure frame):
+/// the plane's distance by its pose, depth offset and depth gain; and by its depth's own error,
+/// m^2.
+struct PointEnd {
+  PointEnd(const OverlapEnd& end, const DepthErrorModel& errors, const Eigen::Vector3d& p,
+           const Eigen::Vector3d& normal) {
+    const Eigen::Vector3d at = end.state.InStructure(p);
+    const double by_depth = normal.dot(end.state.structure_from_sensor.linear() * p) / p.z();
+    jacobian << normal, at.cross(normal), by_depth, by_depth * p.z();
+    variance = Square(by_depth) * (Square(errors.White(p.z())) + Square(errors.Smooth(p.z())));
+  }
+  FrameJacobian jacobian;
+  double variance;
+};
+
+/// RefinedPair::predicted_rms, squared, times the number of matches: those of the points of one
+/// end.
+double PredictedSquares(const std::array<OverlapEnd, 2>& ends,
+                        const std::array<const DepthErrorModel*, 2>& errors,
+                        const PairMatrix& covariance, std::size_t from,
+                        const std::vector<Match>& matches) {
+  const std::size_t to = 1 - from;
+  double squares = 0;
+  for (const Match& match : matches) {
+    const CloudPoint& on_plane = ends[to].Cloud(match.to);
+    const Eigen::Vector3d normal = ends[to].state.structure_from_sensor.linear() * on_plane.normal;
+    const PointEnd point(ends[from], *errors[from], ends[from].Cloud(match.from).p, normal);
+    const PointEnd plane(ends[to], *errors[to], on_plane.p, normal);
+    Eigen::Matrix<double, kOfPair, 1> jacobian;
+    jacobian.segment<kOfFrame>(static_cast<Eigen::Index>(kOfFrame * from)) = point.jacobian;
+    jacobian.segment<kOfFrame>(static_cast<Eigen::Index>(kOfFrame * to)) = -plane.jacobian;
+    squares += point.variance + plane.variance + jacobian.dot(covariance * jacobian);
+  }
+  return squares;
+}
+
+std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptance& accepted,
+                                     const Posterior& posterior, const Agreed& agreed,
+                                     const std::vector<RefinedFrame>& frames) {
+  const Gates gates;
+  const State& state = accepted.solution.state;
+  std::vector<RefinedPair> pairs;
+  for (std::size_t a = 0; a < problem.size(); ++a) {
+    for (std::size_t b = a + 1; b < problem.size(); ++b) {
+      if (state.StillOf(a) == state.StillOf(b))
+        pairs.push_back({static_cast<int>(a), static_cast<int>(b)});
+    }
+  }
+  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
+    RefinedPair& pair = pairs[k];
+    const auto i = static_cast<std::size_t>(pair.a), j = static_cast<std::size_t>(pair.b);
+    const PairMatrix both = CovarianceOfBoth(problem, accepted, posterior, agreed, frames, {i, j});
+    pair.covariance = both.block<6, 6>(0, 0) + both.block<6, 6>(kOfFrame, kOfFrame) -
+                      both.block<6, 6>(0, kOfFrame) - both.block<6, 6>(kOfFrame, 0);
+    const std::array<OverlapEnd, 2> ends = {problem.Overlap(i, state), problem.Overlap(j, state)};
+    const SharedPoints shared = FindShared(ends[0], ends[1], gates.overlap, gates.min_cosine);
+    pair.overlap = shared.overlap;
+    pair.rms = pair.predicted_rms = std::numeric_limits<double>::quiet_NaN();
+    if (!shared.IsPair(problem.setup.schedule.min_overlap)) return;
+    pair.rms = shared.rms();
+    const std::vector<FrameObservations>& observed = accepted.solution.observed;
+    const std::array<const DepthErrorModel*, 2> errors = {&observed[i].noise.depth,
+                                                          &observed[j].noise.depth};
+    const double squares = PredictedSquares(ends, errors, both, 0, shared.of_a) +
+                           PredictedSquares(ends, errors, both, 1, shared.of_b);
+    pair.predicted_rms =
+        std::sqrt(squares / static_cast<double>(shared.of_a.size() + shared.of_b.size()));
+  });
+  return pairs;
 }
 
 std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
@@ -192,9 +259,7 @@ void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
     result->lenses[lens].sigmas << posterior.Sigma(column), posterior.Sigma(column + 1),
         posterior.Sigma(column + 2);
   }
-  result->pairs = PairResults(problem, accepted.solution.state);
-  for (RefinedPair& pair : result->pairs)
-    pair.covariance = CovarianceBetween(problem, accepted, posterior, agreed, *result, pair);
+  result->pairs = PairResults(problem, accepted, posterior, agreed, result->frames);
 }
 
 }  // namespace volalign::refine_internal

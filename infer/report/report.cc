@@ -23,19 +23,31 @@ const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::stri
   return nullptr;
 }
 
-/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it.
+/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it; and
+/// a line on those that are farthest apart, and on those of which is known least.
 std::string OverlapTable(const CalibrationResult& result) {
   constexpr std::size_t kWidest = 16;  // sensors
   if (result.pairs.empty()) return "";
-  double worst = 0, sigma = 0;
+  std::size_t overlapping = 0;
+  PairResult apart, open;
+  apart.rms_m = open.sigma_m = 0;
   for (const PairResult& pair : result.pairs) {
-    worst = std::max(worst, pair.rms_m);
-    sigma = std::max(sigma, pair.sigma_m);
+    overlapping += pair.overlaps() ? 1 : 0;
+    if (pair.rms_m > apart.rms_m) apart = pair;
+    if (pair.sigma_m > open.sigma_m) open = pair;
   }
-  std::string summary = fmt::format(
-      "{} overlapping pair{}, at most {:.1f} mm RMS apart, their places relative to each other "
-      "known to {:.1f} mm (sigma) or better\n",
-      result.pairs.size(), result.pairs.size() == 1 ? "" : "s", 1000 * worst, 1000 * sigma);
+  std::string summary = fmt::format("{} of {} pair{} of sensors overlap", overlapping,
+                                    result.pairs.size(), result.pairs.size() == 1 ? "" : "s");
+  if (overlapping > 0) {
+    summary += fmt::format(": their points are at most {:.1f} mm RMS apart ({:.1f} predicted)",
+                           1000 * apart.rms_m, 1000 * apart.predicted_rms_m);
+  }
+  if (open.sigma_m > 0) {
+    summary += fmt::format(
+        "; relative to each other their places are known to {:.1f} mm (sigma) or better",
+        1000 * open.sigma_m);
+  }
+  summary += '\n';
   std::vector<std::string> names;
   std::size_t width = 5;
   for (const FrameResult& sensor : result.sensors) {
@@ -53,7 +65,7 @@ std::string OverlapTable(const CalibrationResult& result) {
       const PairResult* pair = FindPair(result.pairs, names[i], names[j]);
       std::string cell = i == j ? "." : "-";
       if (pair && i < j) cell = fmt::format("{:.0f}", 100 * pair->overlap);
-      if (pair && i > j) cell = fmt::format("{:.1f}", 1000 * pair->rms_m);
+      if (pair && pair->overlaps() && i > j) cell = fmt::format("{:.1f}", 1000 * pair->rms_m);
       text += fmt::format("  {:>{}}", cell, width);
     }
     text += '\n';

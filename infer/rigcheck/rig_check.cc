@@ -278,7 +278,7 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
     if (both) {
       pair.covariance = turn * pair.covariance * turn.transpose();
     } else {  // one of them is where it was before
-      pair = {pair.a, pair.b, pair.overlap, pair.rms_m};
+      pair = {pair.a, pair.b, pair.overlap, pair.rms_m, pair.predicted_rms_m};
     }
     out.pairs.push_back(std::move(pair));
   }

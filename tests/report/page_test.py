@@ -161,7 +161,13 @@ class ReportPage(unittest.TestCase):
         self.assertIn(extrinsics["sensors"]["S4"]["hint"].lower(), reasons)
         pairs = self.text("#pair-table table")
         for pair in extrinsics["pairs"]:
-            self.assertIn(f"{1000 * pair['rms_m']:.1f}", pairs)
+            if "rms_m" in pair:
+                self.assertIn(f"{1000 * pair['rms_m']:.1f}", pairs)
+        known = self.page.evaluate("document.querySelectorAll('#pair-table table')[1].innerText")
+        for pair in extrinsics["pairs"]:
+            self.assertIn(f"{1000 * pair['sigma_m']:.1f}", known)
+            if "rms_m" in pair:
+                self.assertIn(f"{1000 * pair['predicted_rms_m']:.1f}", known)
         self.assertIn("calibrate --model models/m05-lite.pt", self.text("#run"))
 
     def test_position_sigma_is_that_of_the_sensor(self):

@@ -34,8 +34,9 @@ function fillHeadline(report) {
       tile(`${fixed(worst(placed.map(leastKnownTurn)), 2)}°`, `σ of the rotation that is known least; limit ${fixed(limits.sigma_rotation_deg, 1)}°`,
         "Degrees: one standard deviation of a sensor’s rotation about the axis about which it is known least"));
   }
-  if (pairs.length) tiles.push(tile(`${mm(worst(pairs.map((p) => p.rms_m)))} mm`, `largest RMS distance between two sensors’ points (${plural(pairs.length, "pair")})`,
-    "Millimetres: where two sensors see the same surface, how far their points are apart there. It has both sensors’ own errors in it"));
+  const apart = farthestApart(pairs);
+  if (apart) tiles.push(tile(`${mm(apart.rms_m)} mm`, `largest RMS distance between two sensors’ points${known(apart.predicted_rms_m) ? `; ${mm(apart.predicted_rms_m)} mm predicted` : ""}`,
+    `Millimetres, ${apart.a} and ${apart.b}: where two sensors see the same surface, how far their points are apart there. It has both sensors’ own errors in it, as has what is predicted`));
   $("tiles").append(...tiles);
 }
 
@@ -160,26 +161,34 @@ function fillSides(report) {
   }
 }
 
+const farthestApart = (pairs) => pairs.filter((pair) => known(pair.rms_m)).sort((a, b) => b.rms_m - a.rms_m)[0];
+
 function fillPairs(report) {
   const names = placedOf(report).map((sensor) => sensor.name), { pairs } = report.extrinsics;
   if (!pairs.length) {
-    $("pair-table").append(el("p", { class: "muted" }, "No two placed sensors see the same surfaces."));
+    $("pair-table").append(el("p", { class: "muted" }, "No two sensors are placed."));
     return;
   }
   const of = (a, b) => pairs.find((p) => (p.a === a && p.b === b) || (p.a === b && p.b === a));
-  const worst = Math.max(...pairs.map((p) => p.rms_m).filter(known));
+  const worst = (farthestApart(pairs) || {}).rms_m, open = Math.max(...pairs.map((p) => p.sigma_m).filter(known));
   const shade = (kind, share) => `background: rgba(var(--${kind}), ${(0.08 + 0.42 * Math.max(0, Math.min(1, share))).toFixed(2)})`;
-  const rows = names.map((a, i) => el("tr", {}, rowHead(a), names.map((b, j) => {
+  const matrix = (label, above, below) => table(label, [th("")].concat(names.map((n) => th(n))), names.map((a, i) => el("tr", {}, rowHead(a), names.map((b, j) => {
     const pair = of(a, b);
     if (i === j || !pair) return el("td", {}, i === j ? "" : NONE);
-    return i < j
-      ? el("td", { style: shade("overlap", pair.overlap), title: `${a} and ${b}, percent: how much of what they see is the same surface` }, known(pair.overlap) ? fixed(100 * pair.overlap, 0) : NONE)
-      : el("td", { style: shade("rms", pair.rms_m / worst), title: `${a} and ${b}, mm: root mean square distance between their points where they see the same surface` }, mm(pair.rms_m));
-  })));
+    const [kind, share, meaning, text] = (i < j ? above : below)(pair);
+    return el("td", { style: known(share) ? shade(kind, share) : undefined, title: `${a} and ${b}, ${meaning}` }, text);
+  }))), "matrix plain");
   $("pair-table").append(
     el("p", { class: "muted" }, "Above the diagonal: how much of what two sensors see is the same surface, percent (blue). Below it: RMS distance between their "
       + "points there, mm (orange). Darker is more."),
-    table("Overlap of each two sensors, percent, above the diagonal; RMS distance, mm, below", [th("")].concat(names.map((n) => th(n))), rows, "matrix plain"));
+    matrix("Overlap of each two sensors, percent, above the diagonal; RMS distance, mm, below",
+      (pair) => ["overlap", pair.overlap, "percent: how much of what they see is the same surface", known(pair.overlap) ? fixed(100 * pair.overlap, 0) : NONE],
+      (pair) => ["rms", pair.rms_m / worst, "mm: root mean square distance between their points where they see the same surface", mm(pair.rms_m)]),
+    el("p", { class: "muted" }, "Above the diagonal: σ of the place of one as the other has it, in the direction in which it is known least, mm (blue); errors that move both alike are no part "
+      + "of it. Below it: the RMS distance of their points that the errors of both depths and of the poses let expect, mm (orange). Where much more was measured, these two disagree."),
+    matrix("σ of the place of one sensor as the other has it, mm, above the diagonal; predicted RMS distance, mm, below",
+      (pair) => ["overlap", pair.sigma_m / open, `mm: one standard deviation of the place of one as the other has it; it is turned to ${fixed(pair.sigma_deg, 3)} deg`, mm(pair.sigma_m)],
+      (pair) => ["rms", pair.predicted_rms_m / worst, "mm: predicted root mean square distance between their points where they see the same surface", mm(pair.predicted_rms_m)]));
 }
 
 function fillUncertainty(report) {

@@ -119,19 +119,21 @@ TEST(CombineStills, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
   EXPECT_EQ(sensor.code, SensorCode::kUnconnected);
 }
 
-TEST(CombineStills, PairsAreInTheStructureOfTheFirst) {
+TEST(CombineStills, PairsAreOfTheStillWithMostOverlapAndInTheStructureOfTheFirst) {
   OneSensor two;
   two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
   two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
   two.results[1].first_from_placement = Pose(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
   Matrix6d covariance = Matrix6d::Zero();
   covariance.diagonal() << 1, 2, 3, 4, 5, 6;
-  two.results[1].pairs = {{"S", "T", 0.5, 0.001, covariance, 0.1, 2}};
+  two.results[0].pairs = {{"T", "S", 0.2}};
+  two.results[1].pairs = {{"S", "T", 0.5, 0.001, 0.002, covariance, 0.1, 2}};
   const CalibrationResult result = CombineStills(CaptureSet(two.stills, {}), two.results, {});
   ASSERT_EQ(result.pairs.size(), 1u);
   covariance.diagonal() << 3, 2, 1, 6, 5, 4;
   EXPECT_TRUE(result.pairs[0].covariance.isApprox(covariance, 1e-9));
   EXPECT_EQ(result.pairs[0].sigma_m, 0.1);
+  EXPECT_EQ(result.pairs[0].predicted_rms_m, 0.002);
 }
 
 }  // namespace

@@ -286,5 +286,45 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
 }
 
+// Clouds that the same shift of one sensor moves apart, if all that is uncertain is that shift.
+TEST(MakeResult, PredictsHowFarApartCloudsAre) {
+  TwoStills two;
+  State& state = two.accepted.solution.state;
+  state.offsets.assign(4, 0);
+  state.gains.assign(2, 0);
+  for (FrameObservations& observed : two.accepted.solution.observed)
+    observed.noise.depth.white_m = observed.noise.depth.smooth_m = 0;
+  const ParameterLayout& layout = two.problem->layout;
+  const auto predict = [&](Eigen::Index column, double sigma) {
+    two.posterior.covariance.setZero();
+    two.posterior.covariance(column, column) = sigma * sigma;
+    return two.Result().pairs.at(1).predicted_rms;
+  };
+  EXPECT_EQ(predict(layout.Pose(2), 0), 0);
+  double squares = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double one = predict(layout.Pose(2) + axis, 0.01);
+    EXPECT_NEAR(predict(layout.Pose(3) + axis, 0.01), one, 1e-12);
+    EXPECT_NEAR(predict(layout.Pose(2) + axis, 0.02), 2 * one, 1e-12);
+    squares += one * one;
+  }
+  EXPECT_NEAR(std::sqrt(squares), 0.01, 1e-9) << "normals are of length 1";
+  EXPECT_NEAR(predict(layout.Pose(0), 0.01), 0, 1e-12) << "of another still";
+  const double offset = predict(layout.Offset(2), 0.01);
+  EXPECT_GT(offset, 0.004);
+  EXPECT_LT(offset, 0.01 * 1.5) << "along rays up to 45 deg off the axis";
+  EXPECT_GT(predict(layout.Gain(2), 0.01), offset) << "everything is farther than 1 m";
+  predict(layout.Pose(2), 0);
+  two.accepted.solution.observed[3].noise.depth.white_m = 0.01;
+  const double white = two.Result().pairs.at(1).predicted_rms;
+  two.accepted.solution.observed[3].noise.depth.smooth_m = 0.01;
+  EXPECT_GT(two.Result().pairs.at(1).predicted_rms, 1.2 * white);
+  state.poses[3] = PoseBlock(Pose(Eigen::Translation3d(0, 5, 0) * state.poses[3].ToPose()));
+  const RefinedPair apart = two.Result().pairs.at(1);
+  EXPECT_EQ(apart.overlap, 0);
+  EXPECT_TRUE(std::isnan(apart.rms) && std::isnan(apart.predicted_rms));
+  EXPECT_TRUE(apart.covariance.allFinite()) << "what is known of their poses does not need overlap";
+}
+
 }  // namespace
 }  // namespace volalign::refine_internal::refine_result_test
