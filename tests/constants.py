@@ -23,9 +23,9 @@ LIMITS = {
     "infer/view": 26,
     "infer/lens": 29,
     "infer/depth": 21,
-    "infer/initial": 57,
+    "infer/initial": 65,
     "infer/refine": 48,
-    "infer/checks": 36,
+    "infer/checks": 35,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 13,
 }

@@ -201,8 +201,8 @@ SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
     const Pose& pose = found++->structure_from_sensor;
-    if (!std::get<LocatedFrame>(located[id]).visible_by_geometry ||
-        VisibleWithShape(seen.views[id], refined.placements[id.still].built, pose, options)) {
+    if (!std::get<LocatedFrame>(located[id]).shape_log_odds ||
+        ShapeLogOdds(seen.views[id], refined.placements[id.still].built, pose, options)) {
       continue;
     }
     shapeless[id] = ExplainMissingShape();

@@ -43,7 +43,7 @@ struct Joint {
 ///   estimated beside the poses is chosen in the first two of these rounds, and a frame that turns
 ///   back begins the next one half way (NextStarts);
 /// - set aside: a frame that geometry alone has located, and that the solution takes to where its
-///   view does not have the structure's shape (VisibleWithShape), is located no longer
+///   view does not have the structure's shape (ShapeLogOdds), is located no longer
 ///   (no_structure), and the others are solved again from where they were located;
 /// - look: through lenses that have changed by so much that the solution is not linear in them.
 ///

@@ -87,7 +87,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
                     located.by_neighbours, labelled.other_pose,
                     labelled.twins.empty() ? 0 : labelled.twins.front().log_odds,
                     labelled.floor_would_tell, seen_through, frame.quarter_turns != kAutoTurns,
-                    located.visible_by_geometry, WhatMoves(joint.report, joint.frames.at(id))},
+                    located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
                    options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);

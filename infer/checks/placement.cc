@@ -135,8 +135,8 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   }
   LocatedFrame located;
   if (labelled.source == PoseSource::kGeometry) {
-    located.visible_by_geometry = VisibleWithShape(view, structure, pose, options.initial);
-    if (!located.visible_by_geometry) return ExplainMissingShape();
+    located.shape_log_odds = ShapeLogOdds(view, structure, pose, options.initial);
+    if (!located.shape_log_odds) return ExplainMissingShape();
   }
   if (labelled.up_unknown) return UpUnknown(labelled);
 

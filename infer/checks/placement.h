@@ -36,8 +36,8 @@ struct LocatedFrame {
   Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   std::shared_ptr<const SensorPoints> points;  ///< labelled by the own pose
   std::optional<Finding> suspect_intrinsics;   ///< other intrinsics fit clearly better
-  /// Share of the structure's view that nothing hides, where geometry alone has found the pose.
-  std::optional<double> visible_by_geometry;
+  /// ShapeLogOdds, where geometry alone has found the pose.
+  std::optional<double> shape_log_odds;
   std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
   std::vector<FrameId> rests_on;  ///< those neighbours, the one that it shares most with first
 

@@ -143,12 +143,13 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                                sigma_deg),
                    "let it see more sides, or more of what its neighbours see"};
   }
-  if (facts.visible_by_geometry.value_or(1) < options.weak_visible_share) {
-    return Finding{SensorCode::kAmbiguous,
-                   fmt::format("something hides {:.0f} % of the structure from it, and other boxes "
-                               "could look like the rest",
-                               100 * (1 - *facts.visible_by_geometry)),
-                   "look at pictures/, clear its view, or calibrate with a model"};
+  if (facts.shape_log_odds && *facts.shape_log_odds < std::log(kDecisiveOdds)) {
+    return Finding{
+        SensorCode::kAmbiguous,
+        fmt::format("by what it sees of their shape, the odds are only {} that these are "
+                    "the structure's boxes and no others",
+                    FormatOdds(*facts.shape_log_odds)),
+        "look at pictures/, clear its view, or calibrate with a model"};
   }
   return std::nullopt;
 }

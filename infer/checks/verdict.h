@@ -64,7 +64,6 @@ struct VerdictOptions {
   double weak_rms_m = kSamePlace;
   double weak_sigma_position_m = kSamePlace;
   double weak_sigma_rotation_deg = 1.5;
-  double weak_visible_share = 0.75;
   double same_place_m = kSamePlace;
   double same_direction_deg = 2;
 
@@ -138,10 +137,6 @@ struct VerdictOptions {
        "standard deviation of its rotation about the axis about which it is known least, deg, "
        "above which it is weak",
        Above(0));
-    ar("weak_visible_share", weak_visible_share,
-       "share of the structure's view that nothing hides, below which a sensor is weak that "
-       "geometry alone has placed",
-       Between(0, 1));
     ar("same_place_m", same_place_m,
        "distance, m, below which two sensors with one direction are one sensor under two names",
        AtLeast(0));
@@ -180,7 +175,7 @@ struct VerdictFacts {
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
   std::optional<RefutedByPair> seen_through;         ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
-  std::optional<double> visible_by_geometry;         ///< LocatedFrame::visible_by_geometry
+  std::optional<double> shape_log_odds;              ///< LocatedFrame::shape_log_odds
   std::string unsettled;  ///< how the joint solution still moved it; or empty
 };
 

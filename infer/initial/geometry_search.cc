@@ -1,11 +1,13 @@
 #include "infer/initial/geometry_search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <iterator>
 #include <utility>
 
 #include "core/base/lists.h"
+#include "core/base/odds.h"
 #include "core/base/stop.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
@@ -45,17 +47,6 @@ double Gain(const ViewFit& shape) {
   return shape.explained - shape.behind - shape.larger - (shape.turned + shape.goes_on) / 2;
 }
 
-/// Of the different planes that a pose shows, those that have to be found: other boxes that look
-/// like the structure by area show few of its edges. kLeastVisible: the visible share down to which
-/// what is hidden need not be seen.
-constexpr double kLeastPlanes = 0.6, kLeastVisible = 0.75;
-/// Where the picture's border cuts the structure off, or something hides it, less area than
-/// min_area_share may be measured: down to half of it, if at least kSmallExplained of the area and
-/// kSmallPlanes of the planes are explained. At least kSmallExplained is also asked for where so
-/// much is hidden that less than kLeastVisible is left, since hidden parts cannot contradict a
-/// pose.
-constexpr double kSmallExplained = 0.97, kSmallPlanes = 0.7;
-
 using Poses = std::vector<GeometricPose>;
 
 void SortByGain(Poses* poses) {
@@ -90,11 +81,9 @@ double LargestFlat(const Structure& structure) {
 
 class Search {
  public:
-  Search(const SensorView& view, const Structure& structure, double table_height_m,
-         const GeometryOptions& options)
+  Search(const SensorView& view, const Structure& structure, double table_height_m)
       : structure_(structure),
         table_height_m_(table_height_m),
-        options_(options),
         surface_(MakeSensorSurface(view, kCoarseRays)),
         planes_(FindRoomPlanes(PointsOf(surface_), kBeam, surface_.view.errors)),
         outline_(MakeStackOutline(structure)) {
@@ -104,16 +93,26 @@ class Search {
     points_ = PointsOf(surface_);
   }
 
-  Poses OnFloors() const {
+  Poses CandidatesOnFloors() const {
     Poses found;
     if (table_height_m_ < 0) return found;
     const std::vector<StandingGuess> floors = GuessFloors(planes_, table_height_m_);
     for (const auto& candidates : SearchStack(points_, outline_, floors, kMostLookedAt))
-      Append(OnTheFloor(Verify(FitRoughly(Look(candidates), true), true)), &found);
+      Append(FitWell(FitRoughly(Look(candidates), true), true), &found);
     return found;
   }
 
-  Poses WithoutFloor() const {
+  /// Those with the structure's shape and floor round them: a side of the structure itself may have
+  /// been taken for one.
+  Poses VerifyOnFloors(Poses poses) const {
+    return Without(std::move(poses), [&](const GeometricPose& pose) {
+      return !HasShape(pose.shape) ||
+             !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
+                   .balance() > 0);
+    });
+  }
+
+  Poses CandidatesWithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
     const std::vector<RoomPlane> small = FindRoomPlanes(points_, kBeam, surface_.view.errors);
     std::vector<StackCandidate> candidates;
@@ -122,12 +121,14 @@ class Search {
       Append(SearchStack(points_, coarse, {guess}, kBeam).front(), &candidates);
     }
     KeepLargest(kMostOfAllGuesses, &candidates, [](const auto& each) { return each.votes; });
-    Poses found = Verify(FitRoughly(Look(candidates), false), false);
-    const auto refuted = [&](const GeometricPose& pose) {
-      return SeesBelow(surface_.view, structure_, pose.structure_from_sensor, table_height_m_);
-    };
-    found.erase(std::remove_if(found.begin(), found.end(), refuted), found.end());
-    return found;
+    return FitWell(FitRoughly(Look(candidates), false), false);
+  }
+
+  Poses VerifyWithoutFloor(Poses poses) const {
+    return Without(std::move(poses), [&](const GeometricPose& pose) {
+      return !HasShape(pose.shape) ||
+             SeesBelow(surface_.view, structure_, pose.structure_from_sensor, table_height_m_);
+    });
   }
 
   /// The poses, and where their aliases explain the view, these.
@@ -155,13 +156,9 @@ class Search {
     std::move(more.begin(), more.end(), std::back_inserter(*all));
   }
 
-  /// Those with floor round them: a side of the structure itself may have been taken for one.
-  Poses OnTheFloor(Poses poses) const {
-    const auto off = [&](const GeometricPose& pose) {
-      return !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
-                   .balance() > 0);
-    };
-    poses.erase(std::remove_if(poses.begin(), poses.end(), off), poses.end());
+  template <class Refuted>
+  static Poses Without(Poses poses, const Refuted& is_refuted) {
+    poses.erase(std::remove_if(poses.begin(), poses.end(), is_refuted), poses.end());
     return poses;
   }
 
@@ -170,7 +167,7 @@ class Search {
     for (const StackCandidate& candidate : candidates) {
       ThrowIfStopped();
       poses.push_back({candidate.structure_from_sensor,
-                       MeasureShape(first_look_, structure_, candidate.structure_from_sensor), 0});
+                       MeasureShape(first_look_, structure_, candidate.structure_from_sensor)});
     }
     SortByGain(&poses);
     return poses;
@@ -215,19 +212,8 @@ class Search {
     return pose;
   }
 
-  /// Those that have the structure's shape.
-  Poses Verify(Poses poses, bool floor) const {
-    poses = FitWell(std::move(poses), floor);
-    const auto other = [&](const GeometricPose& pose) {
-      return !HasShape(pose.shape, structure_, options_);
-    };
-    poses.erase(std::remove_if(poses.begin(), poses.end(), other), poses.end());
-    return poses;
-  }
-
   const Structure& structure_;
   double table_height_m_;
-  const GeometryOptions& options_;
   SensorSurface surface_, first_look_;
   std::vector<RoomPlane> planes_;
   std::vector<OrientedPoint> points_;        // without those of the room
@@ -235,17 +221,16 @@ class Search {
   StackOutline outline_;
 };
 
-/// Without those that explain clearly less than the best one, the best first.
-Poses Compete(Poses poses, const Structure& structure, double margin) {
-  double reference = 0, best = 0;
-  for (const GeometricPose& pose : poses) reference = std::max(reference, pose.shape.explained);
-  for (GeometricPose& pose : poses) {
-    pose.shape_iou = pose.shape.shape_iou(reference);
-    best = std::max(best, pose.shape_iou);
-  }
-  const auto misfit = [&](const GeometricPose& pose) { return pose.shape_iou < best - margin; };
-  poses.erase(std::remove_if(poses.begin(), poses.end(), misfit), poses.end());
-  SortLargestFirst(&poses, [](const GeometricPose& pose) { return pose.shape_iou; });
+/// Without those that the shape refutes as against the best one, the best first.
+Poses Compete(Poses poses, const Structure& structure) {
+  const auto log_odds = [](const GeometricPose& pose) { return pose.shape.LogOdds(); };
+  SortLargestFirst(&poses, log_odds);
+  poses.erase(std::find_if(poses.begin(), poses.end(),
+                           [&](const GeometricPose& pose) {
+                             return log_odds(pose) <
+                                    log_odds(poses.front()) - std::log(kDecisiveOdds);
+                           }),
+              poses.end());
   return Distinct(poses, structure);
 }
 
@@ -258,36 +243,23 @@ SensorSurface PrepareSurface(const SensorView& view, const Structure& structure)
   return surface;
 }
 
-bool HasShape(const ViewFit& shape, const Structure& structure, const GeometryOptions& options) {
-  double area = 0;
-  for (const Side& side : structure.sides()) area += side.label > 0 ? side.exposed_area : 0;
-  if (!(shape.explained_share() >= options.min_explained_share &&
-        shape.visible_share() >= options.min_visible_share &&
-        shape.goes_on_share() <= options.max_goes_on_share)) {
-    return false;
-  }
-  if (shape.visible_share() < kLeastVisible && shape.explained_share() < kSmallExplained)
-    return false;
-  const double planes = shape.planes_share(kLeastVisible);
-  if (shape.explained >= options.min_area_share * area) return planes >= kLeastPlanes;
-  return shape.explained >= options.min_area_share / 2 * area &&
-         shape.explained_share() >= kSmallExplained && planes >= kSmallPlanes;
-}
-
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
                                                const std::vector<StructureAlias>& aliases,
-                                               double table_height_m,
-                                               const GeometryOptions& options) {
-  const Search search(view, structure, table_height_m, options);
-  Poses found = search.OnFloors();
-  if (found.empty()) found = search.WithoutFloor();
-  found = Compete(std::move(found), structure, options.rival_margin);
-  found = Compete(search.WithAliases(found, aliases), structure, options.rival_margin);
-  // One that has the view's shape by a hair less than another is its rival still.
-  const bool has_shape = std::any_of(found.begin(), found.end(), [&](const GeometricPose& pose) {
-    return HasShape(pose.shape, structure, options);
-  });
-  if (!has_shape) found.clear();
+                                               double table_height_m) {
+  const Search search(view, structure, table_height_m);
+  Poses found = search.VerifyOnFloors(search.CandidatesOnFloors());
+  if (found.empty()) found = search.VerifyWithoutFloor(search.CandidatesWithoutFloor());
+  found = Compete(std::move(found), structure);
+  return Compete(search.WithAliases(found, aliases), structure);
+}
+
+std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
+                                                    const Structure& structure,
+                                                    double table_height_m) {
+  const Search search(view, structure, table_height_m);
+  Poses found = search.CandidatesOnFloors();
+  const Poses others = search.CandidatesWithoutFloor();
+  found.insert(found.end(), others.begin(), others.end());
   return found;
 }
 

@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/aliases.h"
@@ -12,47 +11,18 @@
 
 namespace volalign {
 
-/// What geometry has to find for a pose to be the structure's.
-struct GeometryOptions {
-  double min_explained_share = 0.94;
-  double min_visible_share = 0.3;
-  double max_goes_on_share = 0.15;
-  double min_area_share = 0.2;
-  double rival_margin = 0.1;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("min_explained_share", min_explained_share,
-       "least share of the structure's view, but for what something hides, that is measured on it",
-       Between(0, 1));
-    ar("min_visible_share", min_visible_share, "least share of its view that nothing hides",
-       Between(0, 1));
-    ar("max_goes_on_share", max_goes_on_share,
-       "most of the surroundings of its sides' borders where the measured surface goes on, so that "
-       "it is no border",
-       Between(0, 1));
-    ar("min_area_share", min_area_share,
-       "least part of the structure's surface that has to be measured", Between(0, 1));
-    ar("rival_margin", rival_margin,
-       "two poses whose shapes differ by less, as a share of what the better one explains, explain "
-       "a view about equally well",
-       Between(0, 1));
-  }
-};
-
 /// A pose that explains a view by its shape.
 struct GeometricPose {
   Pose structure_from_sensor = Pose::Identity();
   ViewFit shape;
-  double shape_iou = 0;  ///< ViewFit::shape_iou, with all that were tried
 };
 
 /// A view as MeasureShape wants it. Planes that are larger than any of the structure's are the
 /// room's.
 SensorSurface PrepareSurface(const SensorView& view, const Structure& structure);
 
-/// Is what the view shows the structure at this pose?
-bool HasShape(const ViewFit& shape, const Structure& structure, const GeometryOptions& options);
+/// Is it more probable than not that a view shows the structure at this pose?
+inline bool HasShape(const ViewFit& shape) { return shape.LogOdds() > 0; }
 
 /// The poses at which the structure has the shape of what a view shows, the best first, without any
 /// labels: each that explains it about as well as the best one, symmetric ones among them. Empty
@@ -65,7 +35,12 @@ bool HasShape(const ViewFit& shape, const Structure& structure, const GeometryOp
 /// known.
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
                                                const std::vector<StructureAlias>& aliases,
-                                               double table_height_m,
-                                               const GeometryOptions& options);
+                                               double table_height_m);
+
+/// The candidates of that search before it is asked whether they have the structure's shape, on the
+/// floors first, without aliases.
+std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
+                                                    const Structure& structure,
+                                                    double table_height_m);
 
 }  // namespace volalign

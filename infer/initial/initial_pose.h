@@ -30,7 +30,6 @@ struct InitialPoseOptions {
   double max_normal_error_deg = 30;
   SidePatchOptions patch;
   double table_height_m = 0;
-  GeometryOptions geometry;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -56,7 +55,6 @@ struct InitialPoseOptions {
        "height of what the structure stands on above the floor, m; 0: it stands on the floor; -1: "
        "not known, it is searched and no floor tells up from down",
        Between(-1, 5));
-    ar("geometry", geometry, "what geometry has to find for a pose");
   }
 };
 

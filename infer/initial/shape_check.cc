@@ -16,12 +16,6 @@ namespace volalign {
 
 namespace {
 
-/// Share of the view that is measured on the structure. Less than geometry.min_explained_share: the
-/// refined pose is as all points have it, not the one that explains most.
-constexpr double kLeastExplained = 0.9;
-/// Of the planes that nothing hides, those that may be missing. Of 576 views of rendered sensors at
-/// their poses 15 lacked one of 11 to 15 planes, and none two, which is 1 in 3,000 by that rate.
-constexpr int kMostMissing = 1;
 /// A side is tilted whose plane, as it was measured, is so far from the pose's, rad (12 deg), and
 /// by so many standard deviations more; m^2: smaller patches say nothing.
 constexpr double kTilted = 12 * kDegree, kTiltSigmas = 2, kLeastPatch = 0.02;
@@ -43,18 +37,14 @@ bool SeesBelow(const SensorView& view, const Structure& structure,
          -std::log(kDecisiveOdds);
 }
 
-std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
-                                       const Pose& structure_from_sensor,
-                                       const InitialPoseOptions& options) {
+std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
+                                   const Pose& structure_from_sensor,
+                                   const InitialPoseOptions& options) {
   if (SeesBelow(view, structure, structure_from_sensor, options.table_height_m))
     return std::nullopt;
-  const ViewFit shape =
-      MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor);
-  if (shape.explained_share() < kLeastExplained ||
-      shape.goes_on_share() > options.geometry.max_goes_on_share ||
-      shape.open_planes - shape.found_planes > kMostMissing) {
-    return std::nullopt;
-  }
+  const double log_odds =
+      MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor).LogOdds();
+  if (log_odds <= -std::log(kDecisiveOdds)) return std::nullopt;
   const std::vector<SidePatch> patches = CollectPatches(
       view,
       LabelsFromPose(view, structure, structure_from_sensor, SurfaceTolerance::AtPose(view.errors)),
@@ -62,7 +52,7 @@ std::optional<double> VisibleWithShape(const SensorView& view, const Structure& 
   const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SidePatch& patch) {
     return IsTilted(patch, structure, structure_from_sensor);
   });
-  return tilted ? std::nullopt : std::optional<double>(shape.visible_share());
+  return tilted ? std::nullopt : std::optional<double>(log_odds);
 }
 
 }  // namespace volalign

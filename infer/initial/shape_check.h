@@ -14,12 +14,11 @@ namespace volalign {
 bool SeesBelow(const SensorView& view, const Structure& structure,
                const Pose& structure_from_sensor, double table_height_m);
 
-/// Does the structure still have the shape of what the view shows, at a pose that geometry has
-/// found and that was refined since? It is looked at more closely then: other boxes may have the
-/// structure's outline to a few centimetres, but they do not face as its sides do. If it does: the
-/// share of the structure's view that nothing hides.
-std::optional<double> VisibleWithShape(const SensorView& view, const Structure& structure,
-                                       const Pose& structure_from_sensor,
-                                       const InitialPoseOptions& options);
+/// Of a pose that geometry has found and that was refined since: ViewFit::LogOdds, if they do not
+/// refute it (kDecisiveOdds). It is looked at more closely then: other boxes may have the
+/// structure's outline to a few centimetres, but they do not face as its sides do.
+std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
+                                   const Pose& structure_from_sensor,
+                                   const InitialPoseOptions& options);
 
 }  // namespace volalign

@@ -15,34 +15,21 @@ struct ViewFit {
   /// Measured there, but part of something larger: a plane of the room, or a side whose
   /// surroundings go on more than they end.
   double larger = 0;
-  double behind = 0;    ///< something behind was measured, which contradicts the pose
-  double occluded = 0;  ///< something in front was measured
+  double behind = 0;  ///< something behind was measured, which contradicts the pose
   // Just beyond the borders of the sides, where nothing of the structure is.
   double goes_on = 0;  ///< the surface goes on there, which contradicts the pose
   double ends = 0;     ///< something behind was measured, or nothing
   /// Different planes of the structure: of sides, and of faces behind a side's edge, which is seen
-  /// because the side ends there. Those that the pose shows, those of them that nothing in front
-  /// hides, and those of these that were found. What leaves k of them to coincidence is found once
-  /// in so many places, the larger k the rarer.
-  int shown_planes = 0, open_planes = 0, found_planes = 0;
+  /// because the side ends there. Those that the pose shows and nothing in front hides, and those
+  /// of them that were found.
+  int open_planes = 0, found_planes = 0;
+  double surface = 0;  ///< of the sides that labels name, seen or not
 
-  double explained_share() const { return Share(explained, behind + larger + turned / 2); }
-  double visible_share() const { return Share(explained, occluded); }
-  double goes_on_share() const { return Share(goes_on, ends); }
-  /// Of the planes that nothing hides, those that were found. So many of the shown ones count as
-  /// not hidden at least, as a share: behind something near, too much would be taken for hidden.
-  double planes_share(double least_open) const;
-  /// Intersection over union of the structure and of what looks like it: `reference`, m^2, which is
-  /// the most that any pose explains.
-  double shape_iou(double reference) const {
-    const double more = reference > explained ? reference - explained : 0;
-    return Share(explained, more + behind + larger + (turned + goes_on) / 2);
-  }
-
- private:
-  static double Share(double part, double rest) {
-    return part + rest > 0 ? part / (part + rest) : 0;
-  }
+  /// What was measured where the structure is, and is not it.
+  double contradicted() const { return behind + larger + turned / 2; }
+  /// Natural logarithm of the odds that the structure stands there, to a pose of other boxes or
+  /// beside it that a search comes upon; both being equally probable before.
+  double LogOdds() const;
 };
 
 ViewFit MeasureShape(const SensorSurface& surface, const Structure& structure,

@@ -116,7 +116,7 @@ void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std
 }
 
 /// Columns of one frame's pose, depth offset and depth gain; and of two frames'.
-constexpr int kOfFrame = 8, kOfPair = 2 * kOfFrame;
+constexpr int kOfFrame = Vector6d::SizeAtCompileTime + 2, kOfPair = 2 * kOfFrame;
 using FrameJacobian = Eigen::Matrix<double, kOfFrame, 1>;
 using PairMatrix = Eigen::Matrix<double, kOfPair, kOfPair>;
 

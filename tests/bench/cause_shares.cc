@@ -113,9 +113,11 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
     if (!known) wrong.push_back(pose);
   }
   for (const Pose& pose : wrong) print("view\twrong", structure, pose);
-  const std::vector<GeometricPose> found =
-      FindPosesByGeometry(sensor.view, other, {}, 0, {0.5, 0.2, 0.5, 0.1, 0.12});
-  if (!found.empty()) print("view\twrong", other, found.front().structure_from_sensor);
+  const std::vector<GeometricPose> found = FindCandidatesByGeometry(sensor.view, other, 0);
+  const auto best = std::max_element(found.begin(), found.end(), [](const auto& a, const auto& b) {
+    return a.shape.LogOdds() < b.shape.LogOdds();
+  });
+  if (best != found.end()) print("view\twrong", other, best->structure_from_sensor);
   return wrong;
 }
 

@@ -31,7 +31,7 @@ class Shapeless : public testing::Test {
       frames_[{0, views.size()}] = FrameInput();
       views.push_back(testing_infer::See(structure_, truth_));
       LocatedFrame frame;
-      if (geometry) frame.visible_by_geometry = 1;
+      if (geometry) frame.shape_log_odds = 1;
       located.emplace_back(std::move(frame));
     }
     seen_.views = PerFrame<SensorView>({views});

@@ -113,15 +113,15 @@ TEST(FindWeakness, WhatCountsIsTheAxisThatIsKnownLeast) {
   }
 }
 
-TEST(FindWeakness, HalfHiddenAndFoundByGeometryAlone) {
+TEST(FindWeakness, FoundByGeometryAloneAndOtherBoxesCouldLookSo) {
   VerdictFacts facts = AtTheLimits();
-  facts.visible_by_geometry = VerdictOptions().weak_visible_share;
+  facts.shape_log_odds = std::log(101);
   EXPECT_FALSE(FindWeakness(facts, VerdictOptions()).has_value());
-  facts.visible_by_geometry = 0.6;
+  facts.shape_log_odds = std::log(40);
   const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
   ASSERT_TRUE(weakness.has_value());
   EXPECT_EQ(weakness->code, SensorCode::kAmbiguous);
-  EXPECT_NE(weakness->reason.find("hides 40 %"), std::string::npos) << weakness->reason;
+  EXPECT_NE(weakness->reason.find("only 40 : 1"), std::string::npos) << weakness->reason;
 }
 
 TEST(FindWeakness, AnUncertaintyThatIsNoNumberIsUncertain) {

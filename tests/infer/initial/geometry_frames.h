@@ -29,8 +29,7 @@ inline SensorView See(const Structure& structure, const Pose& pose,
 
 inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& structure,
                                        double table_height_m = 0) {
-  return FindPosesByGeometry(view, structure, FindAliases(structure), table_height_m,
-                             GeometryOptions());
+  return FindPosesByGeometry(view, structure, FindAliases(structure), table_height_m);
 }
 
 /// The pose that geometry and the floor decide on.

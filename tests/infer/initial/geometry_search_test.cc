@@ -24,35 +24,6 @@ using testing_infer::RingPose;
 using testing_infer::See;
 using testing_infer::Standing;
 
-/// Does a view show the structure that has explained so much of its surface, without anything that
-/// contradicts it, and shows, leaves open and finds so many planes?
-bool HasShapeWith(double area_share, int shown, int open, int found) {
-  const Structure structure = PaperStructure();
-  ViewFit fit;
-  for (const Side& side : structure.sides())
-    fit.explained += side.label > 0 ? area_share * side.exposed_area : 0;
-  fit.ends = 1;
-  fit.shown_planes = shown;
-  fit.open_planes = open;
-  fit.found_planes = found;
-  return HasShape(fit, structure, GeometryOptions());
-}
-
-// The planes that count are those that the pose shows, however many the structure has: the paper's
-// has 12 with labels.
-TEST(HasShape, PlanesThatAViewShowsAreFound) {
-  EXPECT_TRUE(HasShapeWith(0.3, 10, 10, 6));
-  EXPECT_FALSE(HasShapeWith(0.3, 10, 10, 5));
-  EXPECT_FALSE(HasShapeWith(0.3, 20, 20, 11)) << "sides without labels and edges count as well";
-  EXPECT_TRUE(HasShapeWith(0.3, 20, 20, 12));
-  // What something hides need not be found, but for a quarter of what is shown at most.
-  EXPECT_TRUE(HasShapeWith(0.3, 20, 15, 9));
-  EXPECT_FALSE(HasShapeWith(0.3, 20, 10, 8));
-  // Where little of it is seen, more of them.
-  EXPECT_TRUE(HasShapeWith(0.15, 10, 10, 7));
-  EXPECT_FALSE(HasShapeWith(0.15, 10, 10, 6));
-}
-
 TEST(FindPosesByGeometry, TheFloorDecidesBetweenThePapersStackAndItUpsideDown) {
   const Structure structure = PaperStructure();
   for (int i = 0; i < 8; ++i) {
@@ -112,11 +83,11 @@ TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
                           FitToBoxes(points, structure, {4, 1500, 0.05, 0.03, false}, pose));
     };
     const ViewFit right = fitted(truth);
-    if (!HasShape(right, structure, {})) continue;
+    if (!HasShape(right)) continue;
     const bool outdone =
         std::any_of(aliases.begin(), aliases.end(), [&](const StructureAlias& alias) {
           const ViewFit other = fitted(alias.motion * truth);
-          return other.explained > right.explained && !HasShape(other, structure, {});
+          return other.explained > right.explained && !HasShape(other);
         });
     if (!outdone) continue;
     ++cases;

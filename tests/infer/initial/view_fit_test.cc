@@ -20,39 +20,43 @@ using testing_infer::RingPose;
 using testing_infer::See;
 using testing_infer::Standing;
 
-constexpr double kLeastOpen = 0.75;
-
 ViewFit Measure(const SensorView& view, const Structure& structure, const Pose& pose) {
   const ViewFit shape = MeasureShape(PrepareSurface(view, structure), structure, pose);
   EXPECT_LE(shape.found_planes, shape.open_planes);
-  EXPECT_LE(shape.open_planes, shape.shown_planes);
-  EXPECT_LE(shape.planes_share(kLeastOpen), 1);
   return shape;
 }
 
 // The paper's stack has 12 planes with labels. From most sides 14 are seen: it overhangs, and an
 // edge tells of a bottom too.
-TEST(ViewFit, AtTheTruePoseThePlanesThatItShowsAreFound) {
+TEST(ViewFit, AtTheTruePoseThePlanesAreFoundAndTheOddsAreForIt) {
   for (int i = 0; i < 8; ++i) {
     SCOPED_TRACE(i);
     const Pose truth = RingPose(45.0 * i + 10, 2.0 + 0.2 * i, 0.3 + 0.05 * (i % 3));
-    const ViewFit shape = Measure(See(PaperStructure(), truth), PaperStructure(), truth);
+    const SensorView view = See(PaperStructure(), truth);
+    const ViewFit shape = Measure(view, PaperStructure(), truth);
     EXPECT_GE(shape.found_planes, 12);
-    EXPECT_EQ(shape.planes_share(kLeastOpen), 1);
+    EXPECT_EQ(shape.found_planes, shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), std::log(100));
+    const Pose aside = Eigen::Translation3d(0.15, 0, 0.1) * truth;
+    EXPECT_LT(Measure(view, PaperStructure(), aside).LogOdds(), -std::log(100));
   }
   for (std::uint64_t seed = 0; seed < 6; ++seed) {
     SCOPED_TRACE(seed);
     const Structure structure = RandomStack(seed);
     const Pose truth = RingPose(20, 2.2, 1.2, 90, {0, structure.Height() / 2, 0});
-    EXPECT_GE(Measure(See(structure, truth), structure, truth).planes_share(kLeastOpen), 0.9);
+    const SensorView view = See(structure, truth);
+    const ViewFit shape = Measure(view, structure, truth);
+    EXPECT_GE(shape.found_planes, 0.9 * shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), 0);
+    EXPECT_LT(Measure(view, RandomStack(seed + 1), truth).LogOdds(), -3) << "another stack";
   }
 }
 
-TEST(ViewFit, WhatSomethingHidesNeedNotBeFoundButForALeastShare) {
+TEST(ViewFit, WhatSomethingHidesContradictsNothing) {
   const Structure structure = PaperStructure();
   const Pose truth = RingPose(55, 2.2, 0.35);
   const SensorView whole = See(structure, truth);
-  const int shown = Measure(whole, structure, truth).shown_planes;
+  const int shown = Measure(whole, structure, truth).open_planes;
   int hidden = 0;
   for (const int columns : {130, 150, 170, 190}) {
     SCOPED_TRACE(columns);
@@ -61,24 +65,21 @@ TEST(ViewFit, WhatSomethingHidesNeedNotBeFoundButForALeastShare) {
       for (int u = 0; u < columns; ++u) view.depth(u, v) = 0.7f;
     }
     const ViewFit shape = Measure(view, structure, truth);
-    EXPECT_EQ(shape.shown_planes, shown);
     EXPECT_GE(shape.found_planes, shape.open_planes - 1);
-    hidden = std::max(hidden, shape.shown_planes - shape.open_planes);
-    EXPECT_EQ(shape.planes_share(kLeastOpen),
-              shape.found_planes / std::max<double>(shape.open_planes, kLeastOpen * shown));
+    hidden = std::max(hidden, shown - shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), 0);
   }
   EXPECT_GT(hidden, shown / 4);
 }
 
-// Planes beyond the picture's border cannot be found; a single box is no part of the stack.
-TEST(ViewFit, AtThePicturesBorderThePlanesWithinItCount) {
+TEST(ViewFit, OfOneThatThePicturesBorderCutsThePartWithinItCounts) {
   const Structure structure = PaperStructure();
   const Pose truth = RingPose(180, 1.7, 0.3, 90, {0, 0, 0.6});
-  EXPECT_TRUE(
-      HasShape(Measure(See(structure, truth), structure, truth), structure, GeometryOptions()));
+  EXPECT_GT(Measure(See(structure, truth), structure, truth).LogOdds(), 0);
   const Structure box = Structure::FromBoxes(
       "box", {Standing("box", structure.boxes()[0].size, {0, structure.FloorHeight(), 0})});
-  EXPECT_TRUE(testing_infer::Find(See(box, truth), structure).empty());
+  EXPECT_TRUE(testing_infer::Find(See(box, truth), structure).empty())
+      << "a single box is no part of the stack";
 }
 
 /// A box 40 cm wide, 30 cm high and 20 cm deep, its front square to the axis of a sensor 2 m before
@@ -144,10 +145,8 @@ TEST(MeasureShape, AreasAreThoseOfTheSurface) {
   for (const float wall : {0.0f, 4.0f}) {
     const ViewFit fit = MeasureShape(Front(wall), Crate(), Before());
     EXPECT_NEAR(fit.explained, kFront, 0.02 * kFront);
-    for (const double none : {fit.turned, fit.larger, fit.behind, fit.occluded, fit.goes_on})
-      EXPECT_EQ(none, 0);
-    EXPECT_EQ(fit.explained_share(), 1);
-    EXPECT_EQ(fit.visible_share(), 1);
+    for (const double none : {fit.turned, fit.larger, fit.behind, fit.goes_on}) EXPECT_EQ(none, 0);
+    EXPECT_EQ(fit.contradicted(), 0);
     // A band from 2 to 7 cm beyond the border, its corners included, but for what is nearer to the
     // foot than 3 cm.
     const double band =
@@ -189,7 +188,7 @@ TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
       surface.room = Image<std::uint8_t>(lens.width, lens.height, 0);
       const ViewFit fit = MeasureShape(surface, crate, pose);
       EXPECT_NEAR(fit.explained, faces, 0.03 * faces);
-      EXPECT_EQ(fit.explained_share(), 1);
+      EXPECT_EQ(fit.contradicted(), 0);
     }
   }
 }
@@ -199,10 +198,8 @@ TEST(MeasureShape, SomethingBeforeItHidesIt) {
   SetDepth(
       1, [](const Hit& hit) { return hit.across < -0.1; }, &surface);
   const ViewFit fit = MeasureShape(surface, Crate(), Before());
-  EXPECT_NEAR(fit.occluded, kFront / 4, 0.03 * kFront);
   EXPECT_NEAR(fit.explained, kFront * 3 / 4, 0.03 * kFront);
-  EXPECT_NEAR(fit.visible_share(), 0.75, 0.02);
-  EXPECT_EQ(fit.explained_share(), 1) << "which contradicts nothing";
+  EXPECT_EQ(fit.contradicted(), 0);
 }
 
 TEST(MeasureShape, SomethingBehindItContradicts) {
@@ -214,7 +211,7 @@ TEST(MeasureShape, SomethingBehindItContradicts) {
   const double inner = (kWidth / 2 - 0.03) * (kHeight - 0.06);
   EXPECT_NEAR(fit.behind, inner, 0.03 * inner);
   EXPECT_NEAR(fit.explained, kFront / 2, 0.03 * kFront);
-  EXPECT_NEAR(fit.explained_share(), fit.explained / (fit.explained + fit.behind), 1e-12);
+  EXPECT_EQ(fit.contradicted(), fit.behind);
   // A hole says nothing.
   SetDepth(
       0, [](const Hit& hit) { return hit.across < 0; }, &surface);
@@ -235,7 +232,8 @@ TEST(MeasureShape, HasATolerance) {
       1.94f, [](const Hit&) { return true; }, &before);
   SetDepth(
       2.3f, [](const Hit&) { return true; }, &behind);
-  EXPECT_NEAR(MeasureShape(before, Crate(), Before()).occluded, kFront, 0.02 * kFront);
+  const ViewFit hidden = MeasureShape(before, Crate(), Before());
+  EXPECT_EQ(hidden.explained + hidden.contradicted(), 0);
   EXPECT_GT(MeasureShape(behind, Crate(), Before()).behind, 0.5 * kFront);
 }
 
@@ -251,8 +249,7 @@ TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
   const ViewFit turned = facing(50);
   const double inner = (kWidth - 0.06) * (kHeight - 0.06);
   EXPECT_NEAR(turned.turned, inner, 0.03 * inner);
-  EXPECT_NEAR(turned.explained_share(), turned.explained / (turned.explained + turned.turned / 2),
-              1e-12);
+  EXPECT_EQ(turned.contradicted(), turned.turned / 2);
   // Where no normal is known, none contradicts.
   surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f::Zero());
   EXPECT_EQ(MeasureShape(surface, Crate(), Before()).turned, 0);
@@ -265,7 +262,7 @@ TEST(MeasureShape, APartOfAWallIsNoSide) {
   EXPECT_EQ(part.explained, 0);
   EXPECT_EQ(part.ends, 0);
   EXPECT_EQ(part.found_planes, 0);
-  EXPECT_GT(part.goes_on_share(), 0.99);
+  EXPECT_GT(part.goes_on, 1e-3);
   // The same where MarkRoom has found a plane of the room.
   SensorSurface room = Front();
   room.room = Image<std::uint8_t>(200, 160, 1);
@@ -350,9 +347,9 @@ TEST(MeasureShape, WhereTheStructureItselfIsABorderTellsNothing) {
     surface.view.depth = CastView(two, surface.view.rays, Before()).depth;
     const ViewFit fit = MeasureShape(surface, two, Before());
     EXPECT_EQ(fit.goes_on, 0) << before;
-    EXPECT_EQ(fit.found_planes, fit.shown_planes) << before;
+    EXPECT_EQ(fit.found_planes, fit.open_planes) << before;
     // Fronts, tops and the outer sides; of the box that stands before, the inner one as well.
-    EXPECT_EQ(fit.shown_planes, before > 0 ? 6 : 4);
+    EXPECT_EQ(fit.open_planes, before > 0 ? 6 : 4);
   }
 }
 
@@ -361,29 +358,32 @@ TEST(MeasureShape, AnEdgeThatSomethingHidesIsNotOpen) {
   SetBeside(
       1, 0, [](const Hit& hit) { return hit.across > kWidth / 2; }, &surface);
   const ViewFit fit = MeasureShape(surface, Crate(), Before());
-  EXPECT_EQ(fit.shown_planes, 4);
   EXPECT_EQ(fit.open_planes, 3);
   EXPECT_EQ(fit.found_planes, 3);
 }
 
-// By hand.
-TEST(ViewFit, Shares) {
+TEST(ViewFit, NothingSeenSaysNothing) { EXPECT_EQ(ViewFit().LogOdds(), 0); }
+
+// By hand: a third of a stack is measured, with all edges that nothing hides.
+TEST(ViewFit, WhatIsExplainedSpeaksForAPoseAndWhatContradictsAgainstIt) {
   ViewFit fit;
-  EXPECT_EQ(fit.explained_share(), 0);
-  EXPECT_EQ(fit.shape_iou(1), 0);
-  fit.explained = 6;
-  fit.turned = 2;
-  fit.larger = 1;
-  fit.behind = 2;
-  fit.occluded = 4;
-  fit.goes_on = 1;
-  fit.ends = 3;
-  EXPECT_DOUBLE_EQ(fit.explained_share(), 0.6);
-  EXPECT_DOUBLE_EQ(fit.visible_share(), 0.6);
-  EXPECT_DOUBLE_EQ(fit.goes_on_share(), 0.25);
-  EXPECT_DOUBLE_EQ(fit.shape_iou(6), 6 / (6 + 2 + 1 + 1.5));
-  EXPECT_DOUBLE_EQ(fit.shape_iou(8), 6 / (6 + 2 + 2 + 1 + 1.5));
-  EXPECT_DOUBLE_EQ(fit.shape_iou(5), fit.shape_iou(6));
+  fit.surface = 3;
+  fit.explained = 1;
+  fit.ends = 0.5;
+  fit.open_planes = fit.found_planes = 13;
+  const double odds = fit.LogOdds();
+  EXPECT_GT(odds, std::log(100));
+  const auto with = [&](auto part, auto value) {
+    ViewFit other = fit;
+    other.*part = value;
+    return other.LogOdds();
+  };
+  EXPECT_LT(with(&ViewFit::behind, 0.2), 0);
+  EXPECT_EQ(with(&ViewFit::larger, 0.2), with(&ViewFit::behind, 0.2));
+  EXPECT_EQ(with(&ViewFit::turned, 0.4), with(&ViewFit::behind, 0.2));
+  EXPECT_LT(with(&ViewFit::goes_on, 0.2), 0);
+  EXPECT_LT(with(&ViewFit::explained, 0.1), odds - 4) << "as other boxes explain some of it";
+  EXPECT_LT(with(&ViewFit::found_planes, 7), 0);
 }
 
 }  // namespace
