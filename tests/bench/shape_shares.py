@@ -5,12 +5,14 @@
 
 SHAPE_SHARES is the program of tests/bench/shape_shares.cc. Views are rendered: random stacks (any_boxes.py, from stack 7000 on) with and without
 the stack, and the situations of first_poses.py from seed 5000 on; recorded are those of an independent simulator in VOLALIGN_CAPTURES, and those
-of which tests/accuracy.py has written captures into the folder of --real (out/accuracy, after --parts real). Asked are the candidates of the search by
-geometry and the poses that the program ends with (by the network where there is one: then its shape was not asked before). A pose is right within 15 cm and 6 deg of the sensor's; of real frames, that is what the program ends
-with. It is wrong where another structure is asked for than the one that stands there, or where none does; others of the right structure may be its
-twins, and do not count. Printed: the parameters of both distributions of each share (the prior is that of cause_shares.py), for cells of 5, 10 and
-20 cm; quantiles of the log odds of right poses, and how many of them are less probable than not; and how many wrong ones are more probable than not. What
-is in the folder already is not done again. Needs NumPy; runs from the root of the project.
+of which tests/accuracy.py has written captures into the folder of --real (out/accuracy, after --parts real). Asked are the candidates of the search
+by geometry and the poses that the program ends with (by the network where there is one, as then nobody has asked for the shape). A pose is right
+within 15 cm and 6 deg of the sensor's; of real frames, that is what the program ends with. It is wrong where another structure is asked for than
+the one that stands there, or where none does; others of the right structure may be its twins, and do not count.
+
+Printed: how much of the most that any pose of a sensor explains its right poses do, quantiles; the parameters of both distributions of each share
+(the prior is that of cause_shares.py), for cells of 5, 10 and 20 cm; quantiles of the log odds of right and wrong poses, and how many are less and
+more probable than not. What is in the folder already is not done again. Needs NumPy; runs from the root of the project.
 """
 
 import argparse
@@ -47,7 +49,7 @@ class View:
         self.capture = capture or folder / "capture.json"
 
     def ask(self, options):
-        """(right, wrong, recorded): rows of counts."""
+        """(right, wrong, recorded): rows of counts, of right ones also of what is explained as a share of the most that any pose of this sensor explains."""
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.rig and not self.capture.exists():
             (self.folder / "rig.yaml").write_text(self.rig)
@@ -58,16 +60,19 @@ class View:
             if not result.exists():
                 run([options.program, "calibrate", "--capture", self.capture, "--structure", self.own, "--model", MODEL if self.own == PAPER else "none",
                      "--no-report", "--threads", "1", "-o", result.parent])
-            right = [row[:7] for row in self.rows(options, self.own, result) if row[7] < RIGHT_M and row[8] < RIGHT_DEG]
+            rows = self.rows(options, self.own, result)
+            most = {name: max(row[0] for of, row in rows if of == name) for name, _ in rows}
+            right = [row[:7] + [row[0] / most[name]] for name, row in rows if row[7] < RIGHT_M and row[8] < RIGHT_DEG]
         for other in self.others:
-            wrong += [row[:7] for row in self.rows(options, other)]
+            wrong += [row[:7] for _, row in self.rows(options, other)]
         return right, wrong, not self.rig
 
     def rows(self, options, structure, *result):
         kept = self.folder / f"{re.sub('[^a-z0-9]+', '_', str(structure))[-40:]}.tsv"
         if not kept.exists():
             kept.write_text(run([options.shape_shares, structure, self.capture, *result], (0,)))
-        return [[float(x) for x in line.split("\t")[1:]] for line in kept.read_text().splitlines()]
+        lines = [line.split("\t") for line in kept.read_text().splitlines()]
+        return [(line[0], [float(x) for x in line[1:]]) for line in lines]
 
 
 def random_stacks(options):
@@ -126,6 +131,8 @@ def main():
             "recorded": [row for right, _, is_recorded in asked if is_recorded for row in right],
             "wrong": [row for _, wrong, _ in asked for row in wrong]}
     sets = {name: np.array(rows) for name, rows in sets.items()}
+    shares = np.concatenate([sets[name][:, 7] for name in ("rendered", "recorded")])
+    print("of the most that is explained, right poses explain: " + ", ".join(f"{100 * q:g} %: {np.quantile(shares, q):.3f}" for q in (0.001, 0.005, 0.01, 0.05)))
     for cell in (0.05, 0.1, 0.2):
         def counts(rows, share):
             columns = rows[:, SHARES[share]].copy()

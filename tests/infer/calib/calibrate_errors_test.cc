@@ -116,7 +116,10 @@ TEST(Errors, AFrameFromAboveHasAPoseWithItsUncertainty) {
                  : Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, {});
       const FrameResult& sensor = result.sensors[0];
       ASSERT_TRUE(sensor.error.has_value()) << sensor.reason;
-      EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
+      // By geometry, few sides from above may be other boxes'.
+      EXPECT_TRUE(sensor.status == SensorStatus::kOk ||
+                  (!labels && sensor.code == SensorCode::kAmbiguous))
+          << sensor.reason;
       EXPECT_LT(sensor.error->translation_m, 0.02);
       EXPECT_LT(SquaredError(sensor, rig.frames[0]), kChi6Of999);
     }
