@@ -49,6 +49,16 @@ TEST(PlanRig, SaysWhatEachSensorSees) {
   const std::string text = FormatPlan(plan);
   EXPECT_NE(text.find("S3: it sees no side of the stack"), std::string::npos) << text;
   EXPECT_NE(text.find("S2: only "), std::string::npos) << text;
+  ASSERT_EQ(plan.pairs.size(), 1u) << "of those that are placed";
+  RigPlan pairs = plan;
+  pairs.pairs = {{"S1", "S2", 0.3, 0.004, 0.005, Matrix6d::Identity(), 0.006, 0.1},
+                 {"S1", "S3", 0.4, 0.009, 0.002, Matrix6d::Identity(), 0.003, 0.1}};
+  pairs.pairs.push_back({"S2", "S3"});
+  EXPECT_NE(FormatPlan(pairs).find("of 3 pairs of sensors 2 overlap: expect their points at most "
+                                   "5.0 mm RMS apart; relative to each other their places will "
+                                   "be known to 6.0 mm (sigma) or better\n"),
+            std::string::npos)
+      << FormatPlan(pairs);
   RigPlan named = plan;
   named.structure = Structure::FromBoxes("s", {Box::FromMinMax("a<b", {-1, -1, -1}, {1, 1, 1})});
   EXPECT_NE(PlanPicture(named).find("<title>a&lt;b</title>"), std::string::npos);

@@ -291,6 +291,16 @@ TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
   const std::string overlap = fmt::format("left       .  {:>5.0f}\n", 100 * pair.overlap);
   const std::string rms = fmt::format("right  {:>5.1f}      .\n", 1000 * pair.rms_m);
   EXPECT_NE(report.find(overlap + rms), std::string::npos) << report;
+  CalibrationResult three = *result_;
+  three.pairs = {{"left", "right", 0.5, 0.004, 0.005, Matrix6d::Identity(), 0.006, 0.1},
+                 {"left", "back", 0.4, 0.003, 0.009, Matrix6d::Identity(), 0.007, 0.1},
+                 {"right", "back"}};
+  const std::string more = FormatReport(three);
+  EXPECT_NE(more.find("2 of 3 pairs of sensors overlap: their points are at most 4.0 mm RMS apart "
+                      "(5.0 predicted); relative to each other their places are known to 7.0 mm "
+                      "(sigma) or better\n"),
+            std::string::npos)
+      << more;
 }
 
 TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
