@@ -40,7 +40,7 @@ struct PriorOptions {
 struct RefineSchedule {
   int inner_iterations = 12;
   int associations = kRounds;
-  int max_overlap_points = 700;
+  int max_overlap_points = 4000;
   double min_overlap = kNotable;
   int threads = 2;
 };
@@ -99,7 +99,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "most silhouette points of a sensor, and as many again of those with no depth behind",
        AtLeast(0));
     ar("max_overlap_points", max_overlap_points,
-       "most points of one sensor that are matched with another's; 0 leaves every sensor to itself",
+       "most matches of one sensor's points with those of all others, as many with each; 0 leaves "
+       "every sensor to itself",
        AtLeast(0));
     ar("min_overlap", min_overlap,
        "least share of a sensor's points that another one sees, for their overlap to count and the "

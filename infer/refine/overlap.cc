@@ -6,6 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "core/geometry/visibility.h"
+
 namespace volalign::refine_internal {
 
 namespace {
@@ -15,7 +17,7 @@ constexpr double kAround = 0.3;  // m from the structure's bounding box
 }  // namespace
 
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
-                                     const Pose& structure_from_sensor, int most) {
+                                     const Pose& structure_from_sensor, int most, bool all) {
   if (most == 0) return {};
   Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
                   high = -low;
@@ -27,11 +29,14 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   }
   low.array() -= kAround;
   high.array() += kAround;
+  const auto at = [&](int j) {
+    return structure_from_sensor * points.cloud.points()[static_cast<std::size_t>(j)].p;
+  };
   std::vector<int> near, far;
-  for (std::size_t j = 0; j < points.cloud.points().size(); ++j) {
-    const Eigen::Vector3d p = structure_from_sensor * points.cloud.points()[j].p;
+  for (int j = 0; j < static_cast<int>(points.cloud.points().size()); ++j) {
+    const Eigen::Vector3d p = at(j);
     const bool inside = (p.array() >= low.array()).all() && (p.array() <= high.array()).all();
-    (inside ? near : far).push_back(static_cast<int>(j));
+    (inside ? near : far).push_back(j);
   }
   std::vector<int> chosen;
   // Each point has its place in the order, whichever others are near: a pose that differs a little
@@ -50,6 +55,12 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   };
   take(std::move(near), static_cast<std::size_t>(most) / 2);
   take(std::move(far), static_cast<std::size_t>(most) - chosen.size());
+  if (all) return chosen;
+  const auto is_for_others = [&](int j) {
+    return points.cloud.points()[static_cast<std::size_t>(j)].use != BlockUse::kFit ||
+           DistanceToSurface(structure, at(j)).distance < kOffStructure;
+  };
+  chosen.erase(std::remove_if(chosen.begin(), chosen.end(), is_for_others), chosen.end());
   return chosen;
 }
 

@@ -7,13 +7,19 @@
 #include "core/geometry/structure.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
+/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
+inline constexpr double kOffStructure = 2 * kRoughPose;
+
 /// At most `most` cloud points of a sensor at `structure_from_sensor` to be matched with the other
-/// sensors': seven of ten from around the structure, the rest from farther away.
+/// sensors': half of them from around the structure, the rest from farther away. Unless `all`, those
+/// of them that are held out or nearer to the structure than kOffStructure are left out then.
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
-                                     const Pose& structure_from_sensor, int most);
+                                     const Pose& structure_from_sensor, int most,
+                                     bool all);
 
 /// One sensor as others see it.
 struct OverlapEnd {

@@ -18,8 +18,6 @@ constexpr double kOverlapGate = 2 * kRoughPose;  // m, of matched points
 /// Share of its distance from the optical axis by which a point is off for errors of the
 /// intrinsics, which the structure, in the middle of the frame, hardly shows.
 constexpr double kIntrinsicsError = 0.002;
-/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
-constexpr double kOffStructure = 2 * kRoughPose;
 
 /// Standard deviation, m, of a cloud point's depth.
 double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {

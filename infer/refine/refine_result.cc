@@ -9,6 +9,7 @@
 
 #include "core/base/parallel_for.h"
 #include "infer/refine/association.h"
+#include "infer/refine/overlap.h"
 #include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
@@ -182,6 +183,14 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
                                      const std::vector<RefinedFrame>& frames) {
   const Gates gates;
   const State& state = accepted.solution.state;
+  std::vector<std::vector<int>> chosen(problem.size());
+  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+    chosen[i] = ChooseOverlapPoints(state.Built(i), *problem.frames[i].points,
+                                    frames[i].structure_from_sensor, kManyProbes, true);
+  });
+  const auto end = [&](std::size_t i) {
+    return OverlapEnd{problem.frames[i].points.get(), &chosen[i], state.Frame(i)};
+  };
   std::vector<RefinedPair> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
@@ -195,7 +204,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
     const PairMatrix both = CovarianceOfBoth(problem, accepted, posterior, agreed, frames, {i, j});
     pair.covariance = both.block<6, 6>(0, 0) + both.block<6, 6>(kOfFrame, kOfFrame) -
                       both.block<6, 6>(0, kOfFrame) - both.block<6, 6>(kOfFrame, 0);
-    const std::array<OverlapEnd, 2> ends = {problem.Overlap(i, state), problem.Overlap(j, state)};
+    const std::array<OverlapEnd, 2> ends = {end(i), end(j)};
     const SharedPoints shared = FindShared(ends[0], ends[1], gates.overlap, gates.min_cosine);
     pair.overlap = shared.overlap;
     pair.rms = pair.predicted_rms = std::numeric_limits<double>::quiet_NaN();

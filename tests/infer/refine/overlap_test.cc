@@ -6,8 +6,11 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <utility>
 #include <vector>
 
+#include "core/geometry/visibility.h"
+#include "infer/refine/problem.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::overlap_test {
@@ -94,7 +97,7 @@ TEST(FindShared, OfNeighboursOnARing) {
   std::vector<OverlapEnd> views;
   for (std::size_t i = 0; i < 2; ++i)
     chosen.push_back(
-        ChooseOverlapPoints(rig.structure, points[i], *rig.frames[i].ground_truth, 700));
+        ChooseOverlapPoints(rig.structure, points[i], *rig.frames[i].ground_truth, 700, true));
   for (std::size_t i = 0; i < 2; ++i)
     views.push_back({&points[i], &chosen[i], {*rig.frames[i].ground_truth, 0, 0}});
   const SharedPoints shared = FindShared(views[0], views[1], 0.02, 0.94);
@@ -110,17 +113,59 @@ TEST(ChooseOverlapPoints, TakesHalfFromAroundTheStructure) {
   for (int i = 0; i < 1000; ++i)
     cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints points{{}, {}, SampledCloud(cloud)};
-  const std::vector<int> chosen = ChooseOverlapPoints(structure, points, Pose::Identity(), 100);
+  const std::vector<int> chosen =
+      ChooseOverlapPoints(structure, points, Pose::Identity(), 100, true);
   ASSERT_EQ(chosen.size(), 100u);
   int near = 0;
   for (const int i : chosen) near += i % 2;
   EXPECT_EQ(near, 50);
-  EXPECT_TRUE(ChooseOverlapPoints(structure, points, Pose::Identity(), 0).empty());
+  EXPECT_TRUE(ChooseOverlapPoints(structure, points, Pose::Identity(), 0, true).empty());
   // Where few are near, the rest comes from farther away.
   cloud.resize(20);
   while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, BlockUse::kFit});
   const SensorPoints mostly_far{{}, {}, SampledCloud(cloud)};
-  EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100).size(), 100u);
+  EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100, true).size(), 100u);
+}
+
+// What the structure's own terms say already, and what is held out, is not for the fit.
+TEST(ChooseOverlapPoints, OnlyThoseBesideTheStructureThatAreFitted) {
+  const testing_infer::Rig rig = testing_infer::RingOfEight();
+  const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
+  const Pose& pose = *rig.frames[0].ground_truth;
+  const auto without = [&](bool all) {
+    int held_out = 0, on_structure = 0;
+    for (const int i : ChooseOverlapPoints(rig.structure, points[0], pose, 500, all)) {
+      const CloudPoint& point = points[0].cloud.points()[static_cast<std::size_t>(i)];
+      held_out += point.use != BlockUse::kFit ? 1 : 0;
+      on_structure += DistanceToSurface(rig.structure, pose * point.p).distance < 0.06 ? 1 : 0;
+    }
+    return std::make_pair(held_out, on_structure);
+  };
+  EXPECT_EQ(without(false), std::make_pair(0, 0));
+  EXPECT_GT(without(true).first, 50);
+  EXPECT_GT(without(true).second, 50);
+}
+
+// Of a sensor as many are matched with all others together, however many these are.
+TEST(JointProblem, SharesAFramesPointsBetweenTheOthers) {
+  const testing_infer::Rig rig = testing_infer::RingOfEight();
+  const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
+  for (const std::size_t size : {std::size_t{1}, std::size_t{3}, std::size_t{8}}) {
+    std::vector<FrameInput> frames;
+    for (std::size_t i = 0; i < size; ++i) {
+      const Pose& pose = *rig.frames[i].ground_truth;
+      frames.push_back({testing_infer::Borrowed(points[i]), pose, pose, pose});
+    }
+    RefineOptions options;
+    options.max_overlap_points = 1400;
+    const JointProblem problem(rig.structure, frames, options);
+    for (std::size_t i = 0; i < size; ++i) {
+      const int most = size == 1 ? 0 : 1400 / (static_cast<int>(size) - 1);
+      EXPECT_EQ(problem.overlap_points[i],
+                ChooseOverlapPoints(rig.structure, points[i], frames[i].start, most, false))
+          << size;
+    }
+  }
 }
 
 // Rounds of the refinement begin at poses that differ by millimetres; with other points in each,
@@ -129,9 +174,9 @@ TEST(ChooseOverlapPoints, ChangesLittleWithThePose) {
   const testing_infer::Rig rig = testing_infer::RingOfEight();
   const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
   Pose pose = *rig.frames[0].ground_truth;
-  std::vector<int> before = ChooseOverlapPoints(rig.structure, points[0], pose, 700);
+  std::vector<int> before = ChooseOverlapPoints(rig.structure, points[0], pose, 700, true);
   pose.translation() += Eigen::Vector3d(0.004, -0.003, 0.005);
-  std::vector<int> after = ChooseOverlapPoints(rig.structure, points[0], pose, 700), both;
+  std::vector<int> after = ChooseOverlapPoints(rig.structure, points[0], pose, 700, true), both;
   std::sort(before.begin(), before.end());
   std::sort(after.begin(), after.end());
   std::set_intersection(before.begin(), before.end(), after.begin(), after.end(),
