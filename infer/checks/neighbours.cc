@@ -13,6 +13,7 @@
 #include "core/base/lists.h"
 #include "core/geometry/lens.h"
 #include "infer/checks/verification.h"
+#include "infer/depth/measured_view.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -59,9 +60,6 @@ struct Shared {
   double score() const {
     return probes > 0 ? static_cast<double>(matched - contradicted) / probes : -1;
   }
-  double share() const {
-    return matched > 0 ? static_cast<double>(matched) / (matched + contradicted) : 0;
-  }
 };
 
 /// Does a sensor measure something far behind a point, given in its frame?
@@ -107,6 +105,20 @@ Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const
     }
   }
   return shared;
+}
+
+/// Of a sensor at a pose, by what its neighbours measured beside the structure: LogOddsOfPairs.
+double LogOddsBeside(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
+                     const Structure& structure) {
+  const MeasuredView own(lost.view, structure, {pose});
+  CauseShares all = {};
+  for (const Neighbour& neighbour : neighbours) {
+    const MeasuredView other(*neighbour.view, structure, {neighbour.sensor.start});
+    const CauseShares pair =
+        ExplainPair(own, other, pose.inverse() * neighbour.sensor.start, kRoughPose);
+    for (std::size_t cause = 0; cause < kCauses; ++cause) all[cause] += pair[cause];
+  }
+  return LogOddsOfPairs(all);
 }
 
 /// The structure's vertical in the frames of sensors, which are mounted alike.
@@ -233,9 +245,10 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
   const bool fixed =
       refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
       LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
-  refined.good = found.accepted && found.problem.empty() && explains && fixed &&
-                 refined.shared.matched >= static_cast<int>(kFewestShared) &&
-                 refined.shared.share() >= limits.min_shared_share;
+  refined.good =
+      found.accepted && found.problem.empty() && explains && fixed &&
+      refined.shared.matched >= static_cast<int>(kFewestShared) &&
+      LogOddsBeside(lost, neighbours, refined.pose, structure) > -std::log(limits.refuting_odds);
   return refined;
 }
 

@@ -57,7 +57,6 @@ struct VerdictOptions {
   // Of a pose that neighbours give to a sensor whose own view fixes none.
   double max_sigma_by_neighbours_m = kRoughPose;
   double max_sigma_by_neighbours_deg = 2;
-  double min_shared_share = 0.8;
   // Of the reported pose, for the sensor to be ok.
   double weak_inlier_share = 0.9;
   double weak_label_iou = 0.5;
@@ -118,11 +117,6 @@ struct VerdictOptions {
        "standard deviation of its rotation about the axis about which it is known least, deg, "
        "above which it does not",
        Above(0));
-    ar("min_shared_share", min_shared_share,
-       "least share of the points by which such a sensor and its neighbours can be compared that "
-       "lie "
-       "on what both measured, rather than where one of them sees through",
-       Between(0, 1));
     ar("weak_inlier_share", weak_inlier_share, "inlier share below which a placed sensor is weak",
        Between(0, 1));
     ar("weak_label_iou", weak_label_iou,
