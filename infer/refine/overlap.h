@@ -15,11 +15,10 @@ namespace volalign::refine_internal {
 inline constexpr double kOffStructure = 2 * kRoughPose;
 
 /// At most `most` cloud points of a sensor at `structure_from_sensor` to be matched with the other
-/// sensors': half of them from around the structure, the rest from farther away. Unless `all`, those
-/// of them that are held out or nearer to the structure than kOffStructure are left out then.
+/// sensors': half of them from around the structure, the rest from farther away. Unless `all`,
+/// those of them that are held out or nearer to the structure than kOffStructure are left out then.
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
-                                     const Pose& structure_from_sensor, int most,
-                                     bool all);
+                                     const Pose& structure_from_sensor, int most, bool all);
 
 /// One sensor as others see it.
 struct OverlapEnd {
