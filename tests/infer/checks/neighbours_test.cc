@@ -45,8 +45,7 @@ void AddAmong(const std::vector<Box>& others, const std::string& name, const Pos
 }
 
 /// How the lost frame is located, by its neighbours alone.
-LocateResult LocateLost(const Rig& rig) {
-  const CalibrateOptions options;
+LocateResult LocateLost(const Rig& rig, const CalibrateOptions& options = {}) {
   const LocateOptions locate{options.initial, options.refine, options.verdict, 2};
   const CaptureSet capture({{"", rig.frames}}, rig.structure);
   const Seen seen = testing_infer::SeenWithLabels(capture, rig.labels);
@@ -104,6 +103,10 @@ TEST(LocateByNeighbours, WhatOneSensorSeesThroughSpeaksAgainstAPose) {
       ExpectPlaced(rig);
     } else {
       ExpectNotPlaced(rig);
+      // Nor where a pose need not be known well.
+      CalibrateOptions loose;
+      loose.verdict.max_sigma_by_neighbours_m = 0.1;
+      EXPECT_TRUE(std::holds_alternative<Finding>(LocateLost(rig, loose)));
     }
   }
 }
