@@ -25,7 +25,7 @@ LIMITS = {
     "infer/depth": 21,
     "infer/initial": 65,
     "infer/refine": 48,
-    "infer/checks": 34,
+    "infer/checks": 33,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 13,
 }

@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "core/base/lists.h"
-#include "core/geometry/lens.h"
 #include "infer/checks/verification.h"
 #include "infer/depth/measured_view.h"
 #include "infer/view/alike.h"
@@ -23,86 +22,42 @@ namespace {
 constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open direction
 /// Share of the largest eigenvalue of the sides' normals below which a direction is open.
 constexpr double kOpen = 0.05;
-constexpr std::size_t kMostSides = 2;                  // from each of which a pose is made
-constexpr std::size_t kFewestShared = kFewProbes / 2;  // of kManyProbes
-constexpr double kSearchGate = kStep, kRefinedGate = kStep / 2;  // m, between points of one surface
-/// Of the gate, by which a point has to lie in front of what another sensor measured along the same
-/// ray, for that sensor to see through it.
-constexpr double kBehind = 2;
-constexpr double kHopeless = 0.5;  // of the best candidate's score
-constexpr double kAsGood = 0.1;    // of scores, of which neither decides
-constexpr double kUpright = 0.5;   // cosine: flatter sides do not tell the sensor's turn
+constexpr std::size_t kMostSides = 2;  // from each of which a pose is made
+constexpr double kUpright = 0.5;       // cosine: flatter sides do not tell the sensor's turn
 
 /// A located frame of the same still.
 struct Neighbour {
   FrameId id;
   const std::string* name;
   const SensorView* view;
-  Intrinsics intrinsics;
   FrameInput sensor;
 };
 
 /// The frame that is to be located.
 struct Lost {
   const SensorView& view;
-  Intrinsics intrinsics;
   const Labelled& labelled;
   std::shared_ptr<const SensorPoints> points;  // as `labelled` has them
   const std::vector<SensorLens>& lenses;
   int lens;  // its own, of these
 };
 
-/// How a sensor at a pose compares with its neighbours.
-struct Shared {
-  int probes = 0;
-  int matched = 0;       // points that lie on what a neighbour measured
-  int contradicted = 0;  // points of one that the other sees through
-  double score() const {
-    return probes > 0 ? static_cast<double>(matched - contradicted) / probes : -1;
-  }
-};
-
-/// Does a sensor measure something far behind a point, given in its frame?
-bool MeasuredBehind(const SensorView& view, const Intrinsics& intrinsics, const Eigen::Vector3d& p,
-                    double distance) {
-  if (!(p.z() > 0)) return false;
-  const Eigen::Vector2d pixel = ProjectRay(intrinsics, p.head<2>() / p.z());
-  if (!(pixel.cwiseAbs().maxCoeff() < view.width() + view.height())) return false;
-  const int u = static_cast<int>(std::lround(pixel.x())),
-            v = static_cast<int>(std::lround(pixel.y()));
-  return view.depth.Contains(u, v) && view.depth(u, v) > p.z() + distance;
-}
-
-Shared Compare(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
-               double gate, std::size_t probes) {
-  Shared shared;
+/// Of `probes` points of a sensor at a pose: how many lie on what a neighbour measured, to kStep.
+int CountShared(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
+                std::size_t probes) {
+  int shared = 0;
   for (const CloudPoint& point : Thinned(lost.points->cloud.points(), probes)) {
-    bool matched = false, contradicted = false;
-    for (const Neighbour& neighbour : neighbours) {
-      const Pose there = neighbour.sensor.start.inverse() * pose;
-      const Eigen::Vector3d p = there * point.p;
-      const int nearest = neighbour.sensor.points->cloud.Nearest(p, gate);
-      if (nearest >= 0) {
-        const CloudPoint& other =
-            neighbour.sensor.points->cloud.points()[static_cast<std::size_t>(nearest)];
-        matched = matched || (there.linear() * point.normal).dot(other.normal) > kFacesAlike;
-      } else {
-        contradicted = contradicted ||
-                       MeasuredBehind(*neighbour.view, neighbour.intrinsics, p, kBehind * gate);
-      }
-    }
-    ++shared.probes;
-    shared.matched += matched ? 1 : 0;
-    shared.contradicted += contradicted && !matched ? 1 : 0;
-  }
-  for (const Neighbour& neighbour : neighbours) {
-    const Pose here = pose.inverse() * neighbour.sensor.start;
-    for (const CloudPoint& point :
-         Thinned(neighbour.sensor.points->cloud.points(), probes / neighbours.size())) {
-      const bool behind =
-          MeasuredBehind(lost.view, lost.intrinsics, here * point.p, kBehind * gate);
-      shared.contradicted += behind ? 1 : 0;
-    }
+    const bool found =
+        std::any_of(neighbours.begin(), neighbours.end(), [&](const Neighbour& neighbour) {
+          const SampledCloud& cloud = neighbour.sensor.points->cloud;
+          const Pose there = neighbour.sensor.start.inverse() * pose;
+          const int nearest = cloud.Nearest(there * point.p, kStep);
+          return nearest >= 0 &&
+                 (there.linear() * point.normal)
+                         .dot(cloud.points()[static_cast<std::size_t>(nearest)].normal) >
+                     kFacesAlike;
+        });
+    shared += found ? 1 : 0;
   }
   return shared;
 }
@@ -176,12 +131,12 @@ std::vector<Eigen::Vector3d> OpenDirections(const std::vector<SidePatch>& sides,
 
 struct Candidate {
   Pose pose;
-  double score;
+  int shared;  // CountShared
 };
 
 /// The best ones, none next to a better one.
 std::vector<Candidate> BestApart(std::vector<Candidate> all) {
-  SortLargestFirst(&all, [](const Candidate& each) { return each.score; });
+  SortLargestFirst(&all, [](const Candidate& each) { return each.shared; });
   std::vector<Candidate> best;
   for (const Candidate& candidate : all) {
     if (best.size() == kBeam / 2) break;
@@ -205,8 +160,7 @@ std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& ne
         Pose pose = start;
         if (along > 0) pose.translation() += i * kStep * open[0];
         if (across > 0) pose.translation() += j * kStep * open[1];
-        candidates.push_back(
-            {pose, Compare(lost, neighbours, pose, kSearchGate, kFewProbes).score()});
+        candidates.push_back({pose, CountShared(lost, neighbours, pose, kFewProbes)});
       }
     }
   }
@@ -217,12 +171,13 @@ std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& ne
 struct Refined {
   Pose pose = Pose::Identity();
   double sigma_position_m = 0;  // LargestSigmaPosition
-  Shared shared;
-  bool good = false;  // it meets all conditions
 };
 
-Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& start,
-                   const Structure& structure, const LocateOptions& options) {
+/// Nothing where it does not meet all conditions. What its neighbours measured is all that vouches
+/// for its pose, so that this has to speak for it.
+std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours,
+                                  const Pose& start, const Structure& structure,
+                                  const LocateOptions& options) {
   std::vector<FrameInput> sensors;
   sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
@@ -232,11 +187,8 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
   together.free.where_told = false;
   const RefinedFrame found = Refine(structure, sensors, together, lost.lenses).frames.back();
 
-  Refined refined{found.structure_from_sensor,
-                  LargestSigmaPosition(found.structure_from_sensor, found.covariance),
-                  {},
-                  false};
-  refined.shared = Compare(lost, neighbours, refined.pose, kRefinedGate, kManyProbes);
+  const Refined refined{found.structure_from_sensor,
+                        LargestSigmaPosition(found.structure_from_sensor, found.covariance)};
   const VerdictOptions& limits = options.verdict;
   const bool explains =
       !IsRefuted(ExplainView(lost.view, lost.labelled.ByNetwork(), structure, refined.pose,
@@ -245,34 +197,26 @@ Refined RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours, c
   const bool fixed =
       refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
       LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
-  refined.good =
-      found.accepted && found.problem.empty() && explains && fixed &&
-      refined.shared.matched >= static_cast<int>(kFewestShared) &&
-      LogOddsBeside(lost, neighbours, refined.pose, structure) > -std::log(limits.refuting_odds);
+  if (!found.accepted || !found.problem.empty() || !explains || !fixed ||
+      !(LogOddsBeside(lost, neighbours, refined.pose, structure) > 0))
+    return std::nullopt;
   return refined;
 }
 
-/// The one candidate that meets all conditions, if there is one.
+/// The one pose that meets all conditions, if there is one and no other.
 std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& neighbours,
                                 const Structure& structure, const LocateOptions& options) {
-  std::vector<Refined> all;
-  const std::vector<Candidate> candidates =
-      Search(lost, neighbours, structure, options.initial.keypoints);
-  for (const Candidate& candidate : candidates) {
-    if (candidate.score > kHopeless * std::max(0.0, candidates.front().score))
-      all.push_back(RefineWith(lost, neighbours, candidate.pose, structure, options));
-  }
-  const auto better = [](const Refined& a, const Refined& b) {
-    return std::make_pair(a.good, a.shared.score()) < std::make_pair(b.good, b.shared.score());
-  };
-  const auto best = std::max_element(all.begin(), all.end(), better);
-  if (best == all.end() || !best->good) return std::nullopt;
-  for (const Refined& other : all) {
-    const bool same = (other.pose.translation() - best->pose.translation()).norm() < kStep;
-    if (!same && other.good && other.shared.score() > best->shared.score() - kAsGood)
+  std::optional<Refined> found;
+  for (const Candidate& candidate :
+       Search(lost, neighbours, structure, options.initial.keypoints)) {
+    const std::optional<Refined> refined =
+        RefineWith(lost, neighbours, candidate.pose, structure, options);
+    if (!refined) continue;
+    if (found && (refined->pose.translation() - found->pose.translation()).norm() > kStep)
       return std::nullopt;
+    if (!found) found = refined;
   }
-  return *best;
+  return found;
 }
 
 /// Those that share something with it at the pose, the one with most first.
@@ -280,12 +224,12 @@ std::vector<FrameId> RestsOn(const Lost& lost, const std::vector<Neighbour>& nei
                              const Pose& pose) {
   std::vector<std::pair<int, FrameId>> shared;
   for (const Neighbour& neighbour : neighbours) {
-    const int matched = Compare(lost, {neighbour}, pose, kRefinedGate, kManyProbes).matched;
-    if (matched > 0) shared.emplace_back(matched, neighbour.id);
+    const int count = CountShared(lost, {neighbour}, pose, kManyProbes);
+    if (count > 0) shared.emplace_back(count, neighbour.id);
   }
   SortLargestFirst(&shared, [](const auto& each) { return each.first; });
   std::vector<FrameId> ids;
-  for (const auto& [matched, id] : shared) ids.push_back(id);
+  for (const auto& [count, id] : shared) ids.push_back(id);
   return ids;
 }
 
@@ -312,8 +256,7 @@ std::vector<Neighbour> NeighboursIn(const Seen& seen, std::size_t still,
   std::vector<Neighbour> neighbours;
   for (const auto& [id, frame] : located) {
     if (id.still != still) continue;
-    neighbours.push_back(
-        {id, &(*seen.capture)[id].name, &seen.views[id], seen.lenses.Effective(id), frame});
+    neighbours.push_back({id, &(*seen.capture)[id].name, &seen.views[id], frame});
     neighbours.back().sensor.still = 0;
   }
   return neighbours;
@@ -332,8 +275,7 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
     const std::vector<Neighbour> neighbours = NeighboursIn(seen, id.still, located);
     if (neighbours.empty()) continue;
     const Labelled& labelled = seen.labelled[id];
-    const Lost lost{seen.views[id],     seen.lenses.Effective(id),
-                    labelled,           PointsOf(seen, id, labelled.segmentation, options),
+    const Lost lost{seen.views[id], labelled, PointsOf(seen, id, labelled.segmentation, options),
                     seen.lenses.lenses, static_cast<int>(seen.lenses.of_frame[id])};
     const std::optional<Refined> found = FindPose(lost, neighbours, structure, options);
     if (!found) continue;
