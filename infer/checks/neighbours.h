@@ -10,10 +10,10 @@ namespace volalign {
 ///
 /// Such a frame's pose is open along some directions, or only one side of it is known. Candidates
 /// are made along these directions from the initial pose, or from the largest sides and the way in
-/// which the other sensors are mounted. Those at which most of what the frame measured lies on what
-/// its neighbours measured are refined together with the located frames, by structure and overlap.
-/// The frame is located where one of them explains its view of the structure, is more probable than
-/// not by what sensors measured beside it (LogOddsOfPairs), is known to
+/// which the other sensors are mounted. Those at which the largest part of what the frame measured
+/// lies on what its neighbours measured are refined together with the located frames, by structure
+/// and overlap. The frame is located where one of them explains its view of the structure, is more
+/// probable than not by what sensors measured beside it (LogOddsOfPairs), is known to
 /// options.verdict.max_sigma_by_neighbours_*, and no other pose meets these conditions.
 /// LocatedFrame::by_neighbours then says so; a frame that is not located keeps its finding. One
 /// that rests on an ambiguous neighbour is ambiguous, too: it would follow it.

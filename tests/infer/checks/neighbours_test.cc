@@ -45,8 +45,7 @@ void AddAmong(const std::vector<Box>& others, const std::string& name, const Pos
 }
 
 /// How the lost frame is located, by its neighbours alone.
-LocateResult LocateLost(const Rig& rig) {
-  const CalibrateOptions options;
+LocateResult LocateLost(const Rig& rig, const CalibrateOptions& options = {}) {
   const LocateOptions locate{options.initial, options.refine, options.verdict, 2};
   const CaptureSet capture({{"", rig.frames}}, rig.structure);
   const Seen seen = testing_infer::SeenWithLabels(capture, rig.labels);
@@ -118,7 +117,7 @@ double FixedTo(const Rig& rig) {
   return std::stod(reason.substr(reason.rfind("to ") + 3));
 }
 
-TEST(LocateByNeighbours, HowWellAPoseIsKnownDoesNotDependOnTheOrigin) {
+TEST(LocateByNeighbours, HowWellAPoseIsKnownDecidesAndDoesNotDependOnTheOrigin) {
   const Scene room{true, 2.5};
   Rig rig{PaperStructure(), {}, {}};
   for (const double phi : {60, 130, 95})
@@ -126,6 +125,9 @@ TEST(LocateByNeighbours, HowWellAPoseIsKnownDoesNotDependOnTheOrigin) {
   LabelOneSide("mid_bottom/right", &rig);
   const double here = FixedTo(rig);
   ASSERT_GT(here, 0);
+  CalibrateOptions strict;
+  strict.verdict.max_sigma_by_neighbours_m = 0.001 * (here - 1);
+  EXPECT_TRUE(std::holds_alternative<Finding>(LocateLost(rig, strict)));
   // The same boxes, described about a point 6 m beside the stack.
   const Pose away(Eigen::Translation3d(6, 0, 0));
   rig.structure = rig.structure.Displaced(std::vector<Pose>(rig.structure.boxes().size(), away));
