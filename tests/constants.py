@@ -20,11 +20,11 @@ import re
 import sys
 
 LIMITS = {
-    "infer/view": 26,
+    "infer/view": 25,
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 65,
-    "infer/refine": 48,
+    "infer/refine": 49,
     "infer/checks": 33,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 13,

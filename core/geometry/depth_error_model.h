@@ -18,9 +18,10 @@ struct DepthErrorModel {
   /// white_m does.
   double tilt_m = 0;
   double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
-  /// Of light that comes by the floor or by another box, on a side, seam_reach_m from there and
-  /// seen along the normal, where it is most.
+  double shear_m = 0;  ///< the same, of surfaces whose picture is sheared (FrameErrorsAt)
+  /// Mean of light that comes by the floor or by another box (BouncedShare), evenly from nothing.
   double bounce_m = 0;
+  double bounce_reach_m = 0;
   double seam_m = 0;  ///< in a concave corner, from where it falls linearly
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
@@ -53,10 +54,15 @@ struct DepthErrorModel {
        "standard deviation, m per rad^2 at 2 m, of one that grows with the product of the "
        "distances from the middle along rows and along columns",
        AtLeast(0));
-    ar("bounce_m", bounce_m,
-       "standard deviation, m, of what light that bounced off the floor or another box adds to the "
-       "depth of a side, seam_reach_m from there",
+    ar("shear_m", shear_m,
+       "standard deviation, m at 2 m, of what rows of a stereo pair that do not meet add to the "
+       "depth of a surface, times the shear of its picture",
        AtLeast(0));
+    ar("bounce_m", bounce_m,
+       "m, of what light that bounced off the floor or another box adds to the depth of a side in "
+       "the mean, where it is most; evenly from nothing to twice that",
+       AtLeast(0));
+    ar("bounce_reach_m", bounce_reach_m, "m, from the corner to where that is", Above(0));
     ar("seam_m", seam_m, "standard deviation, m, in a concave corner", AtLeast(0));
     ar("seam_reach_m", seam_reach_m, "m, from the corner to where that has fallen to 0", Above(0));
     ar("lateral_rad", lateral_rad, "standard deviation, rad, across the ray", AtLeast(0));

@@ -72,10 +72,12 @@ KindEntry ReadEntry(const YAML::Node& node, const std::string& path,
         "{}: {} wants distortion with 8 numbers or none, and with it lens_sigmas with 3", place,
         entry.kind));
   }
-  if (!(entry.errors.smooth_rad > 0 && entry.errors.seam_reach_m > 0)) {
-    throw ConfigError(fmt::format(
-        "{}: {} wants errors with smooth_rad and seam_reach_m, or to be like another kind", place,
-        entry.kind));
+  if (!(entry.errors.smooth_rad > 0 && entry.errors.seam_reach_m > 0 &&
+        entry.errors.bounce_reach_m > 0)) {
+    throw ConfigError(
+        fmt::format("{}: {} wants errors with smooth_rad, seam_reach_m and bounce_reach_m, or to "
+                    "be like another kind",
+                    place, entry.kind));
   }
   return entry;
 }

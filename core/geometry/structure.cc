@@ -187,6 +187,13 @@ std::array<Eigen::Vector3d, 8> Box::Corners() const {
   return corners;
 }
 
+double Side::BulgeAt(const Eigen::Vector3d& p) const {
+  const auto rise = [&](const Eigen::Vector3d& axis, double half) {
+    return std::cos(M_PI_2 * std::clamp(axis.dot(p - centre) / half, -1.0, 1.0));
+  };
+  return rise(axis_u, half_u) * rise(axis_v, half_v);
+}
+
 Eigen::Vector3d Side::ClosestPoint(const Eigen::Vector3d& p) const {
   const Eigen::Vector3d d = p - centre;
   return centre + std::clamp(d.dot(axis_u), -half_u, half_u) * axis_u +

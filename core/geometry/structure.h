@@ -53,6 +53,9 @@ struct Side {
 
   /// Closest point of the finite rectangle to p.
   Eigen::Vector3d ClosestPoint(const Eigen::Vector3d& p) const;
+  /// How far out the side stands at a point p of it, as a share of how far it bulges in its middle:
+  /// by half a sine along both edges.
+  double BulgeAt(const Eigen::Vector3d& p) const;
 };
 
 /// Which point of a side stands for it: its centre (the paper), or its exposed part's centroid.

@@ -43,7 +43,7 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   if (observed.faces.empty() && observed.edges.empty()) return {};
   const PoseBlock block(pose);
   constexpr std::array<double, kNuisances> kNone = {};
-  constexpr std::array<double, kConsiderParameters> kLevel = {};
+  constexpr std::array<double, kFrameErrors> kLevel = {};
   const double none = 0;
   Eigen::VectorXd r;
   Eigen::MatrixXd jacobian;

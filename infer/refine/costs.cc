@@ -115,7 +115,7 @@ MeasuredOverlapCost::MeasuredOverlapCost(std::vector<MeasuredMatch> matches, dou
     : matches_(std::move(matches)), share_(share), shared_(shared) {
   set_num_residuals(static_cast<int>(matches_.size()));
   *mutable_parameter_block_sizes() = {
-      7, 7, 1, 1, 1, 1, 1, 1, kConsiderParameters, kConsiderParameters, kLensParameters};
+      7, 7, 1, 1, 1, 1, 1, 1, kFrameErrors, kFrameErrors, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
@@ -146,7 +146,7 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
                         seen_b = match.b.Through(parameters[lens_b], *parameters[kFocal + 1]);
   const auto corrected = [&](const LensPoint& point, const Eigen::Vector3d& seen, int b) {
     const double more =
-        point.considered.dot(Eigen::Map<const ConsiderVector>(parameters[kConsidered + b]));
+        point.considered.dot(Eigen::Map<const FrameErrorVector>(parameters[kConsidered + b]));
     return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0] + more);
   };
   const Eigen::Vector3d p = corrected(match.a, seen_a, 0), q = corrected(match.b, seen_b, 1);
@@ -161,7 +161,7 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
     const double by_offset = by_point.dot(seen) / seen.z();
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_offset;
     if (jacobians[kConsidered + b])
-      Eigen::Map<ConsiderVector>{jacobians[kConsidered + b]} = by_offset * point.considered;
+      Eigen::Map<FrameErrorVector>{jacobians[kConsidered + b]} = by_offset * point.considered;
     if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
     const Eigen::RowVector3d by_lens = true_depth * by_point.head<2>() * point.by_lens;
     if (jacobians[kFocal + b]) jacobians[kFocal + b][0] = by_lens[0];

@@ -9,10 +9,10 @@
 #include <cmath>
 #include <vector>
 
+#include "core/geometry/frame_errors.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
-#include "infer/refine/consider.h"
 #include "infer/refine/pose_block.h"
 
 namespace volalign::refine_internal {
@@ -36,8 +36,8 @@ class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {
 struct LensPoint {
   Eigen::Vector3d p;
   RayByLensMatrix by_lens;
-  LensChange lens;                                     ///< with which p was measured
-  ConsiderVector considered = ConsiderVector::Zero();  ///< see ConsideredAt
+  LensChange lens;                                         ///< with which p was measured
+  FrameErrorVector considered = FrameErrorVector::Zero();  ///< see FrameErrorsAt
 
   /// Where it is when the lens is another, and the sensor's own focal length (see State).
   Eigen::Vector3d Through(const double* change, double focal) const {

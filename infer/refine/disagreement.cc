@@ -60,6 +60,8 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
       SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth.seam_m, boxes)
           .unaryExpr(&Positive);
+  own.precisions.segment<kFrameErrors>(FrameColumns::kConsidered - 1) =
+      FrameErrorSigmas(ErrorsOf(problem.KindOf(frame))).unaryExpr(&Positive);
   own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
   own.values = Eigen::VectorXd::Zero(j.cols());
   own.values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
@@ -139,7 +141,16 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
   };
   const Matrix6d covariance =
       factor->solve(Eigen::MatrixXd::Identity(h.rows(), h.cols())).topLeftCorner<6, 6>();
-  return {-0.5 * g.dot(step), rms(own.faces), rms(own.faces + own.by_faces * step), covariance};
+  // What the frame's own errors explain where it stands is no disagreement.
+  constexpr Eigen::Index kFirst = FrameColumns::kConsidered - 1;
+  const Eigen::VectorXd own_g = g.segment<kFrameErrors>(kFirst);
+  const std::optional<CholeskyFactor> own_factor =
+      Factor(h.block<kFrameErrors, kFrameErrors>(kFirst, kFirst));
+  if (!own_factor) return {};
+  const Eigen::VectorXd own_step = -own_factor->solve(own_g);
+  return {-0.5 * g.dot(step) + 0.5 * own_g.dot(own_step),
+          rms(own.faces + own.by_faces.middleCols<kFrameErrors>(kFirst) * own_step),
+          rms(own.faces + own.by_faces * step), covariance};
 }
 
 double MeasureContradiction(const JointProblem& problem, const Solution& solution,

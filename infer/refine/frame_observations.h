@@ -6,8 +6,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/geometry/frame_errors.h"
 #include "infer/lens/sensor_lens.h"
-#include "infer/refine/consider.h"
 #include "infer/refine/noise_model.h"
 
 namespace volalign::refine_internal {
@@ -16,8 +16,8 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  double multipath = 0;                                ///< see SeamShare
-  ConsiderVector considered = ConsiderVector::Zero();  ///< see ConsideredAt and BouncedShare
+  double multipath = 0;                                    ///< see SeamShare
+  FrameErrorVector considered = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
   double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };

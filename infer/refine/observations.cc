@@ -15,8 +15,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kRise = kSamePlace;  // m, that a box has to rise in front of a side for a seam
-constexpr std::size_t kFewest = 3;    // points of an observation on a face
+constexpr std::size_t kFewest = 3;  // points of an observation on a face
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
 constexpr double kPixelsPerError = 2;
 
@@ -55,12 +54,13 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   }
   face.p /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  const double seam = SeamDistance(nominal, nominal.SideOfLabel(label), sensor.InStructure(face.p));
-  face.multipath = std::max(0.0, 1 - seam / errors.seam_reach_m);
-  face.considered = ConsideredAt(errors, face.p);
-  const Eigen::Vector3d ray = sensor.structure_from_sensor.linear() * face.p.normalized();
-  face.considered[kBounced] =
-      BouncedShare(seam, errors.seam_reach_m, std::abs(side.normal.dot(ray)));
+  face.considered = FrameErrorsAt(errors, face.p,
+                                  sensor.structure_from_sensor.linear().transpose() * side.normal);
+  const Side& nominal_side = nominal.SideOfLabel(label);
+  const Eigen::Vector3d q = sensor.InStructure(face.p);
+  face.multipath = std::max(0.0, 1 - SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m);
+  face.considered[kBounced] = BouncedShare(
+      nominal, nominal_side, q, sensor.structure_from_sensor.translation(), errors.bounce_reach_m);
   return face;
 }
 
@@ -134,30 +134,6 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
 }
 
 }  // namespace
-
-double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q) {
-  double nearest = kFarthest;
-  if (std::abs(side.normal.y()) < 0.5)
-    nearest = std::clamp(q.y() - structure.FloorHeight(), 0.0, nearest);
-  const double plane = side.normal.dot(side.centre);
-  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
-    if (static_cast<int>(b) == side.box) continue;
-    const Box& box = structure.boxes()[b];
-    const Eigen::Matrix3d box_from_structure = box.structure_from_box.linear().transpose();
-    const Eigen::Vector3d half = 0.5 * box.size;
-    const double front = side.normal.dot(box.structure_from_box.translation()) +
-                         (box_from_structure * side.normal).cwiseAbs().dot(half);
-    if (front < plane + kRise) continue;
-    const Eigen::Vector3d d = box_from_structure * (q - box.structure_from_box.translation());
-    nearest = std::min(nearest, (d.cwiseAbs() - half).cwiseMax(0.0).norm());
-  }
-  return nearest;
-}
-
-double BouncedShare(double seam_distance, double reach, double cosine) {
-  const double x = seam_distance / reach;
-  return x * std::exp(1 - x) / std::max(cosine, kGrazing);
-}
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
                         const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,

@@ -13,16 +13,6 @@
 
 namespace volalign::refine_internal {
 
-/// m, from a point at q on a side to the nearest concave seam of its plane: where another box, or
-/// the floor, rises in front of it. kFarthest where none does.
-double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
-
-/// Share of bounced light (DepthErrorModel::bounce_m) at this distance from a seam. `cosine`: of
-/// the angle between ray and normal. 1 at `reach` (DepthErrorModel::seam_reach_m), seen along the
-/// normal. Light that comes straight falls with the cosine (Lambert), bounced light does not; at
-/// the seam itself its way is no longer.
-double BouncedShare(double seam_distance, double reach, double cosine);
-
 /// Gathers the points of one use into one observation for each image block and side
 /// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor
 /// each; the first is where errors are measured. `nominal`: the structure as described, `state` has

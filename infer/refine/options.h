@@ -28,6 +28,7 @@ struct PriorOptions {
   double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
+  double bulge_sigma_m = 0.002;
   double depth_gain_sigma_percent = 0.3;
   double depth_offset_sigma_m = 0.007;
   double edge_shift_sigma_px = 0.7;
@@ -67,6 +68,11 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "prior standard deviation of a box's turn about the vertical, deg", AtLeast(0));
     ar("size_sigma_percent", size_sigma_percent,
        "prior standard deviation of the size error that all boxes share, percent", AtLeast(0));
+    ar("bulge_sigma_m", bulge_sigma_m,
+       "prior standard deviation of how far a side bulges in its middle, m (sides of real stacks "
+       "of "
+       "cardboard boxes stray by 2 to 4 mm from a plane, part of which is the sensor's)",
+       AtLeast(0));
     ar("depth_gain_sigma_percent", depth_gain_sigma_percent,
        "prior standard deviation of a sensor's depth gain, percent", AtLeast(0));
     ar("depth_offset_sigma_m", depth_offset_sigma_m,

@@ -15,6 +15,7 @@ struct PairMatch {
   const CloudPoint *point, *plane;
   double sigma;     ///< m, standard deviation of the distance between the two
   double residual;  ///< m, that distance, signed
+  double bounced_point = 0, bounced_plane = 0;  ///< of both, see BouncedShare
 };
 
 /// What two frames measured of the same surfaces and the structure does not say already.

@@ -37,7 +37,7 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int bo
   of(Columns::kFocal) = priors.focal;
   of(Columns::kNuisance + kMultipath) = multipath;
   of(Columns::kNuisance + kEdgeShift) = of(Columns::kNuisance + kEdgeShift + 1) = priors.edge_shift;
-  sigmas.segment<kConsiderParameters>(Columns::kConsidered - Columns::kOffset).setZero();
+  sigmas.segment<kFrameErrors>(Columns::kConsidered - Columns::kOffset).setZero();
   sigmas.segment<kLensParameters>(Columns::kLens - Columns::kOffset) = priors.lens;
   of(Columns::kSize) = priors.size;
   auto of_boxes = sigmas.tail(3 * boxes);
@@ -52,8 +52,8 @@ Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes) {
   Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + Eigen::Index{3} * boxes);
   values << *parameters.offset, *parameters.gain, *parameters.focal,
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
-      Eigen::Map<const Eigen::VectorXd>(parameters.considered, kConsiderParameters),
-      LensChange::Zero(), *parameters.build.size,
+      Eigen::Map<const Eigen::VectorXd>(parameters.considered, kFrameErrors), LensChange::Zero(),
+      *parameters.build.size,
       Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
   return values;
 }
@@ -120,8 +120,7 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
   for (std::size_t i = 0; i < frames(); ++i)
-    blocks.push_back(
-        {state->considered[i].data(), Considered(i), kConsiderParameters, kConsiderParameters});
+    blocks.push_back({state->considered[i].data(), Considered(i), kFrameErrors, kFrameErrors});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
@@ -144,7 +143,7 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
     sigmas[Focal(i)] = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
     sigmas.segment<kNuisances>(Nuisance(i, 0)) =
         own.segment<kNuisances>(FrameColumns::kNuisance - FrameColumns::kOffset);
-    sigmas.segment<kConsiderParameters>(Considered(i)).setZero();
+    sigmas.segment<kFrameErrors>(Considered(i)).setZero();
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)
@@ -170,7 +169,7 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (!free.gain[i]) hold(Gain(i), 1);
     if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Focal(i), 1);
     if (held.empty()) continue;
-    hold(Considered(i), kConsiderParameters);
+    hold(Considered(i), kFrameErrors);
     if (held[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);

@@ -9,11 +9,11 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/geometry/frame_errors.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
-#include "infer/refine/consider.h"
 #include "infer/refine/estimate_choice.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
@@ -54,8 +54,8 @@ struct FrameColumns {
                                 kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
                                 kGain = kOffset + 1, kFocal = kGain + 1, kNuisance = kFocal + 1,
                                 kConsidered = kNuisance + kNuisances,
-                                kLens = kConsidered + kConsiderParameters,
-                                kSize = kLens + kLensParameters, kBoxes = kSize + 1;
+                                kLens = kConsidered + kFrameErrors, kSize = kLens + kLensParameters,
+                                kBoxes = kSize + 1;
   /// How many columns are the sensor's own errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
@@ -119,12 +119,12 @@ struct State {
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
   std::vector<double> gains;          ///< of each sensor, depth gain - 1
   std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
-  std::vector<std::array<double, kNuisances>> nuisances;            ///< of each frame
-  std::vector<std::array<double, kConsiderParameters>> considered;  ///< of each frame: 0
-  std::vector<LensChange> lenses;                                   ///< from the assumed intrinsics
-  double size = 0;                                                  ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;  ///< of each still, see BuildModel
-  PriorScales scales;                      ///< of the priors; they are estimated as well
+  std::vector<std::array<double, kNuisances>> nuisances;     ///< of each frame
+  std::vector<std::array<double, kFrameErrors>> considered;  ///< of each frame: 0
+  std::vector<LensChange> lenses;                            ///< from the assumed intrinsics
+  double size = 0;                                           ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;                    ///< of each still, see BuildModel
+  PriorScales scales;  ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
   std::vector<Structure> built;
@@ -167,7 +167,7 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
 /// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each)
-/// and consider parameters (kConsiderParameters each), the lenses (kLensParameters each), the size,
+/// and consider parameters (kFrameErrors each), the lenses (kLensParameters each), the size,
 /// the boxes of each still.
 class ParameterLayout {
  public:
@@ -204,7 +204,7 @@ class ParameterLayout {
     return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
   Eigen::Index Considered(std::size_t frame) const {
-    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kConsiderParameters * frame);
+    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kFrameErrors * frame);
   }
   Eigen::Index Lens(std::size_t lens) const {
     return Considered(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);

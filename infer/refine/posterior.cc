@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "core/geometry/factor.h"
+#include "infer/refine/residuals.h"
 #include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
@@ -103,9 +104,9 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
 
 Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
                         const Eigen::VectorXd& prior_sigmas,
-                        const std::vector<ConsiderVector>& considered) {
-  const auto own = static_cast<Eigen::Index>(kConsiderParameters * considered.size());
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 1 + own);
+                        const std::vector<FrameErrorVector>& considered) {
+  const auto own = static_cast<Eigen::Index>(kFrameErrors * considered.size());
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 2 + own);
   // What pulls on a column, but its own prior.
   const auto pull = [&](Eigen::Index column) {
     Eigen::VectorXd of = information.col(column);
@@ -116,10 +117,51 @@ Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayou
     for (const int shift : {kEdgeShift, kEdgeShift + 1})
       pulls.col(0) += kCommonEdgeShift * pull(layout.Nuisance(i, shift));
   }
-  Eigen::Index next = 1;
+  Eigen::Index next = 2;
   for (std::size_t i = 0; i < considered.size(); ++i) {
-    for (int k = 0; k < kConsiderParameters; ++k)
+    pulls.col(1) +=
+        kMeanOfBounced * considered[i][kBounced] * pull(layout.Considered(i) + kBounced);
+    for (int k = 0; k < kFrameErrors; ++k)
       pulls.col(next++) = considered[i][k] * pull(layout.Considered(i) + k);
+  }
+  return pulls;
+}
+
+Eigen::MatrixXd PullsOfBulges(const JointProblem& problem, const Solution& solution) {
+  const ParameterLayout& layout = problem.layout;
+  const Structure& structure = problem.model.structure();
+  const auto boxes = Eigen::Index{3} * static_cast<Eigen::Index>(layout.boxes());
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(layout.size(), structure.num_classes());
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    const FrameObservations& observed = solution.observed[i];
+    if (!problem.HasStructureTerms(i) || solution.held[i] || observed.faces.empty()) continue;
+    const FrameState frame = solution.state.Frame(i);
+    const auto faces = static_cast<Eigen::Index>(observed.faces.size());
+    Eigen::MatrixXd bulges = Eigen::MatrixXd::Zero(faces, pulls.cols());
+    for (Eigen::Index k = 0; k < faces; ++k) {
+      const FaceObservation& face = observed.faces[static_cast<std::size_t>(k)];
+      bulges(k, face.label) = -problem.setup.prior.bulge_sigma_m *
+                              structure.SideOfLabel(face.label).BulgeAt(frame.InStructure(face.p));
+    }
+    const FrameParameters parameters = solution.state.Parameters(i);
+    Eigen::VectorXd r;
+    Eigen::MatrixXd over_blocks;
+    Residuals(problem.model, observed, parameters, &r, &over_blocks);
+    const Eigen::MatrixXd j =
+        FrameColumns::InTangentSpace(over_blocks, parameters.pose).topRows(faces);
+    const auto root = observed.face_root.triangularView<Eigen::Lower>();
+    const Eigen::MatrixXd pull = root.solve(j).transpose() * root.solve(bulges);
+    const auto add = [&](Eigen::Index to, Eigen::Index column, Eigen::Index count) {
+      pulls.middleRows(to, count) += pull.middleRows(column - 1, count);  // a pose has 6, not 7
+    };
+    pulls.middleRows<6>(layout.Pose(i)) += pull.topRows<6>();
+    add(layout.Offset(i), FrameColumns::kOffset, 1);
+    add(layout.Gain(i), FrameColumns::kGain, 1);
+    add(layout.Focal(i), FrameColumns::kFocal, 1);
+    add(layout.Nuisance(i, 0), FrameColumns::kNuisance, kNuisances);
+    add(layout.Lens(solution.state.LensOf(i)), FrameColumns::kLens, kLensParameters);
+    add(layout.Size(), FrameColumns::kSize, 1);
+    add(layout.Boxes(solution.state.StillOf(i)), FrameColumns::kBoxes, boxes);
   }
   return pulls;
 }

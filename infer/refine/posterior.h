@@ -28,11 +28,16 @@ struct NormalEquations {
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
 
 /// NormalEquations::pulls: of a shift of silhouettes that all sensors have in common, which looks
-/// like another size; and of each frame's consider parameters. `considered`: their standard
-/// deviations, of each frame; none: they do not count.
+/// like another size; of bounced light, in its mean (kMeanOfBounced), in all frames; and of each
+/// frame's consider parameters. `considered`: their standard deviations, of each frame; none: they
+/// do not count.
 Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
                         const Eigen::VectorXd& prior_sigmas,
-                        const std::vector<ConsiderVector>& considered);
+                        const std::vector<FrameErrorVector>& considered);
+
+/// The same of sides that are not flat, but bulge in their middles (Side::BulgeAt): a column for
+/// each label, of PriorOptions::bulge_sigma_m, alike for all frames that see the side.
+Eigen::MatrixXd PullsOfBulges(const JointProblem& problem, const Solution& solution);
 
 struct Posterior {
   Eigen::MatrixXd covariance;

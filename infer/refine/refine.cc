@@ -55,12 +55,15 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   QuadraticCost cost = CostAround(problem, solution);
-  std::vector<ConsiderVector> considered;
+  std::vector<FrameErrorVector> considered;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    considered.push_back(ConsiderSigmas(ErrorsOf(problem.KindOf(i))));
+    considered.push_back(FrameErrorSigmas(ErrorsOf(problem.KindOf(i))));
   if (cost.normal.evaluated) {
-    cost.normal.pulls =
+    const Eigen::MatrixXd of_frames =
         PullsOf(cost.normal.information, problem.layout, cost.prior_sigmas, considered);
+    const Eigen::MatrixXd of_bulges = PullsOfBulges(problem, solution);
+    cost.normal.pulls.resize(of_frames.rows(), of_frames.cols() + of_bulges.cols());
+    cost.normal.pulls << of_frames, of_bulges;
   }
   Posterior posterior =
       ComputePosterior(cost.normal, problem.layout.Constant(asked_for), cost.prior_sigmas);

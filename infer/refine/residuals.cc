@@ -61,7 +61,7 @@ class Scene {
     return Corrected(
         face.p.z() * ray, parameters_.gain[0],
         parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
-            face.considered.dot(Eigen::Map<const ConsiderVector>(parameters_.considered)));
+            face.considered.dot(Eigen::Map<const FrameErrorVector>(parameters_.considered)));
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -127,7 +127,7 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     (*jacobian)(row, FrameColumns::kOffset) = along;
     (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
     (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
-    jacobian->row(row).segment<kConsiderParameters>(FrameColumns::kConsidered) =
+    jacobian->row(row).segment<kFrameErrors>(FrameColumns::kConsidered) =
         along * face.considered.transpose();
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
@@ -200,7 +200,7 @@ SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observe
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
   *mutable_parameter_block_sizes() = {
-      7, 1, 1, 1, kNuisances, kConsiderParameters, kLensParameters, 1, model.box_parameters()};
+      7, 1, 1, 1, kNuisances, kFrameErrors, kLensParameters, 1, model.box_parameters()};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,

@@ -19,18 +19,21 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   const std::size_t size = pair.of_a.size() + pair.of_b.size();
   if (size < kFewestMatches) return;  // for their spread
   const double share = pair.cells / static_cast<double>(size);
-  const auto through_lens = [&](std::size_t i, const Eigen::Vector3d& p) {
+  const auto through_lens = [&](std::size_t i, const CloudPoint& of, double bounced) {
     const SensorPoints& points = *problem.frames[i].points;
-    return LensPoint{p, points.RayByLensAt(p), points.lens,
-                     ConsideredAt(observed[i].noise.depth, p)};
+    const DepthErrorModel& errors = observed[i].noise.depth;
+    FrameErrorVector considered = FrameErrorsAt(errors, of.p, of.normal);
+    considered[kBounced] = bounced;
+    return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, considered};
   };
   const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
     if (matches.empty()) return;
     std::vector<MeasuredMatch> measured;
     measured.reserve(matches.size());
     for (const PairMatch& match : matches) {
-      measured.push_back({through_lens(i, match.point->p), through_lens(j, match.plane->p),
-                          match.plane->normal, 1 / (pair.excess * match.sigma)});
+      measured.push_back({through_lens(i, *match.point, match.bounced_point),
+                          through_lens(j, *match.plane, match.bounced_plane), match.plane->normal,
+                          1 / (pair.excess * match.sigma)});
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {state->poses[i].values,
@@ -69,8 +72,8 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
     sought.insert(problem.frame_of[i].sensor);
     AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
     AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
-    AddPriors(sigmas, problem.layout.Considered(i), kConsiderParameters,
-              state->considered[i].data(), ceres);
+    AddPriors(sigmas, problem.layout.Considered(i), kFrameErrors, state->considered[i].data(),
+              ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
@@ -188,7 +191,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
     ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
-    ceres.problem->AddParameterBlock(state->considered[i].data(), kConsiderParameters);
+    ceres.problem->AddParameterBlock(state->considered[i].data(), kFrameErrors);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(

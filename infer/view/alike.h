@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "core/geometry/frame_errors.h"
+
 namespace volalign {
 
 // When two directions, two places or two depths are taken for one.
@@ -14,9 +16,6 @@ inline constexpr double kFacesAlike = M_SQRT1_2;
 inline constexpr double kOnePlane = 0.9;
 /// Cosine of the angle (8 deg) between normals of a structure's sides that face the same way.
 inline constexpr double kSameNormal = 0.99;
-/// Cosine of the angle (84 deg) between a ray and a surface's normal beyond which depths say little
-/// of the surface.
-inline constexpr double kGrazing = 0.1;
 /// Cosine of the angle (15 deg) between directions of planes that face the same way.
 inline constexpr double kSameDirection = 0.966;
 /// px to each side of a pixel over which its surface's normal is taken.

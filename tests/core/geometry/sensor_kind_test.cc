@@ -176,7 +176,7 @@ TEST(ParseSensorKinds, AKindIsOneEntry) {
   const std::vector<SensorKind> kinds = ParseSensorKinds(
       "- sensor: other\n  resolution: [4, 3]\n  intrinsics: [[1, 1, 1, 1]]\n"
       "- kind: a\n  principle: stereo\n  lens_sigmas: [0.1, 0.2, 0.3]\n"
-      "  errors: {smooth_m: 0.01, smooth_rad: 0.1, seam_reach_m: 0.3}\n"
+      "  errors: {smooth_m: 0.01, smooth_rad: 0.1, seam_reach_m: 0.3, bounce_reach_m: 0.2}\n"
       "- kind: ab\n  like: a\n  errors: {smooth_m: 0.02}\n",
       "own.yaml");
   ASSERT_EQ(kinds.size(), 2U);
@@ -189,7 +189,8 @@ TEST(ParseSensorKinds, AKindIsOneEntry) {
 
 TEST(ParseSensorKinds, RejectsWhatIsNone) {
   const auto expect = [](const std::string& entry, std::initializer_list<std::string> parts) {
-    const std::string first = "- kind: a\n  errors: {smooth_rad: 0.1, seam_reach_m: 0.3}\n";
+    const std::string first =
+        "- kind: a\n  errors: {smooth_rad: 0.1, seam_reach_m: 0.3, bounce_reach_m: 0.2}\n";
     ParseSensorKinds(first, "own.yaml");
     ExpectError<ConfigError>([&] { ParseSensorKinds(first + entry, "own.yaml"); }, parts);
   };

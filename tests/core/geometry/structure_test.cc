@@ -461,6 +461,18 @@ TEST(Side, ClosestPointAgreesWithDenseSampling) {
   }
 }
 
+TEST(Side, BulgesInItsMiddleAndNotAtItsEdges) {
+  const Structure structure = PaperStructure();
+  for (const Side& side : structure.sides()) {
+    const Vector3d u = side.half_u * side.axis_u, v = side.half_v * side.axis_v;
+    EXPECT_NEAR(side.BulgeAt(side.centre), 1, 1e-12);
+    EXPECT_NEAR(side.BulgeAt(side.centre + u / 2), M_SQRT1_2, 1e-12);
+    EXPECT_NEAR(side.BulgeAt(side.centre - u / 3 + v / 2), std::sqrt(0.75) * M_SQRT1_2, 1e-12);
+    for (const Vector3d& edge : {u, v, Vector3d(-u), Vector3d(-2 * v)})
+      EXPECT_NEAR(side.BulgeAt(side.centre + edge), 0, 1e-12);
+  }
+}
+
 class StructureYaml : public testing::Test {
  protected:
   Structure Read(const std::string& text) {

@@ -152,7 +152,8 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const bool shared = trial % 2 == 0;
     const auto point = [&] {
       LensPoint of{RandomPoint(random), RayByLensMatrix::Zero(), RandomVector(random, 0.01),
-                   RandomVector(random, 1).homogeneous()};
+                   FrameErrorVector::Zero()};
+      for (double& error : of.considered) error = random.Normal();
       for (double& entry : of.by_lens.reshaped()) entry = random.Normal();
       return of;
     };
@@ -160,11 +161,12 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
     const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
     // Offsets, gains, own focal lengths, consider parameters, lenses.
-    const ConsiderVector of_a(0.002, -0.004, 0.001, 0.003), of_b(-0.001, 0.003, 0.002, -0.002);
+    const FrameErrorVector of_a(0.002, -0.004, 0.001, 0.002, 0.003),
+        of_b(-0.001, 0.003, 0.002, -0.004, -0.002);
     std::vector<std::vector<double>> others = {{0.004},  {-0.003}, {0.006},
                                                {-0.002}, {0.003},  {-0.005}};
-    for (const ConsiderVector* of : {&of_a, &of_b})
-      others.emplace_back(of->data(), of->data() + kConsiderParameters);
+    for (const FrameErrorVector* of : {&of_a, &of_b})
+      others.emplace_back(of->data(), of->data() + kFrameErrors);
     const Eigen::Vector3d lens_a = RandomVector(random, 0.01);
     const Eigen::Vector3d lens_b = shared ? lens_a : RandomVector(random, 0.01);
     others.emplace_back(lens_a.data(), lens_a.data() + 3);

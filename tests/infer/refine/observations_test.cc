@@ -13,48 +13,6 @@ namespace {
 
 using testing_infer::PaperStructure;
 
-TEST(SeamDistance, IsToWhereSurfacesMeetAtAnInwardCorner) {
-  const Structure structure = PaperStructure();
-  const auto side = [&](const char* name) -> const Side& {
-    for (const Side& s : structure.sides()) {
-      if (s.name == name) return s;
-    }
-    throw std::runtime_error(name);
-  };
-  // The bottom box's front stands on the floor (y = -0.81).
-  const Side& front = side("bottom/front");
-  for (const double height : {0.0, 0.15, 0.36})
-    EXPECT_NEAR(SeamDistance(structure, front, {0.275, -0.81 + height, 0}), height, 1e-9);
-  // On its top, beside the next box, which ends at x = 0.05.
-  EXPECT_NEAR(SeamDistance(structure, side("bottom/up"), {0.11, -0.405, 0}), 0.06, 1e-9);
-  // The top box's front: the bottom box rises before it, and ends at y = -0.405. Before its top,
-  // nothing does.
-  EXPECT_NEAR(SeamDistance(structure, side("top/front"), {0.05, 0.6, 0}), 1.005, 1e-9);
-  EXPECT_EQ(SeamDistance(structure, side("top/up"), {0.05, 0.81, 0}), kFarthest);
-}
-
-// A point at 4 m of a stereo camera, whose errors grow with the square of the depth.
-TEST(ConsideredAt, GrowsFromTheMiddleOfThePicture) {
-  const DepthErrorModel errors = ErrorsOf("realsense_d415");
-  const ConsiderVector at = ConsideredAt(errors, {1.2, -0.8, 4});
-  EXPECT_TRUE(at.isApprox(4 * ConsiderVector(0.3, -0.2, -0.06, 0), 1e-12)) << at.transpose();
-  EXPECT_TRUE(ConsideredAt(errors, {0, 0, 4}).isZero());
-  const ConsiderVector sigmas = ConsiderSigmas(errors);
-  EXPECT_EQ(sigmas, ConsiderVector(errors.tilt_m, errors.tilt_m, errors.twist_m, 0));
-  EXPECT_GT(ConsiderSigmas(ErrorsOf("azure_kinect_nfov_binned"))[kBounced], 0);
-}
-
-// Both ways of the light are as long at the seam, and little comes from afar. What comes straight
-// is half as strong where the ray meets the side at 60 deg.
-TEST(BouncedShare, IsOneAtItsPeakAndGrowsWithTheSlant) {
-  EXPECT_EQ(BouncedShare(0, 0.3, 1), 0);
-  EXPECT_NEAR(BouncedShare(0.3, 0.3, 1), 1, 1e-12);
-  for (const double d : {0.05, 0.25, 0.35, 0.8}) EXPECT_LT(BouncedShare(d, 0.3, 1), 1);
-  EXPECT_LT(BouncedShare(kFarthest, 0.3, 1), 1e-9) << "no seam";
-  EXPECT_NEAR(BouncedShare(0.4, 0.3, 0.5), 2 * BouncedShare(0.4, 0.3, 1), 1e-12);
-  EXPECT_NEAR(BouncedShare(0.3, 0.3, 0), 1 / kGrazing, 1e-12);
-}
-
 /// Points of one image block on the top box's front, seen head on from 1.5 m: `off` in front of it.
 struct Block {
   Structure structure = PaperStructure();
@@ -103,11 +61,12 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   // points that are worth two.
   EXPECT_NEAR(face.variance, 2 * 8e-6 / 16, 1e-12);
   EXPECT_NEAR(face.multipath, 0, 1e-9) << "nothing rises in front of the top box";
-  ConsiderVector considered = ConsideredAt(observed.noise.depth, face.p);
   const Side& side = block.structure.SideOfLabel(block.label);
-  considered[kBounced] = BouncedShare(SeamDistance(block.structure, side, block.pose * face.p),
-                                      observed.noise.depth.seam_reach_m,
-                                      -side.normal.dot(block.pose.linear() * face.p.normalized()));
+  FrameErrorVector considered =
+      FrameErrorsAt(observed.noise.depth, face.p, block.pose.linear().transpose() * side.normal);
+  considered[kBounced] =
+      BouncedShare(block.structure, side, block.pose * face.p, block.pose.translation(),
+                   observed.noise.depth.bounce_reach_m);
   EXPECT_TRUE(face.considered.isApprox(considered, 1e-9)) << face.considered.transpose();
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }

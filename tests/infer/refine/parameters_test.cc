@@ -70,7 +70,7 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
           {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
     }
-    for (int k = 0; k < kConsiderParameters; ++k) {
+    for (int k = 0; k < kFrameErrors; ++k) {
       all.push_back(
           {"consider parameter" + std::to_string(k) + of, layout.Considered(i) + k,
            [i, k](State* s, double h) { s->considered[i][static_cast<std::size_t>(k)] += h; }});
@@ -183,7 +183,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
   lens.own_focal_sigma = 0.0015;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kConsiderParameters) + 3 + 1 + 3 * 3);
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kFrameErrors) + 3 + 1 + 3 * 3);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
@@ -214,7 +214,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
   EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0),
-            3 + 1 + kKnownLens + 6 + 1 + 4 + 2 * kConsiderParameters);
+            3 + 1 + kKnownLens + 6 + 1 + 4 + 2 * kFrameErrors);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/random.h"
+#include "infer/refine/noise.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::posterior_test {
@@ -82,27 +83,31 @@ TEST(Posterior, CountsConsiderParameters) {
   const ParameterLayout layout = LayoutOf(2, 1);
   const Eigen::VectorXd sigmas = PriorSigmas(layout);
   NormalEquations normal = RandomNormal(layout);
-  const std::vector<ConsiderVector> considered = {{0.01, 0.02, 0.03, 0.04}, {0.02, 0.01, 0, 0.03}};
+  const std::vector<FrameErrorVector> considered = {FrameErrorVector(0.01, 0.02, 0.03, 0.05, 0.04),
+                                                    FrameErrorVector(0.02, 0.01, 0, 0.02, 0.03)};
   std::vector<char> is_considered(static_cast<std::size_t>(layout.size()), 0);
   for (std::size_t i = 0; i < 2; ++i) {
-    for (int k = 0; k < kConsiderParameters; ++k)
+    for (int k = 0; k < kFrameErrors; ++k)
       is_considered[static_cast<std::size_t>(layout.Considered(i) + k)] = 1;
   }
   const Eigen::MatrixXd held = ConditionalPosterior(normal, is_considered, sigmas).covariance;
   Eigen::MatrixXd expected = held;
+  Eigen::VectorXd bounced = Eigen::VectorXd::Zero(layout.size());
   for (std::size_t i = 0; i < 2; ++i) {
-    for (int k = 0; k < kConsiderParameters; ++k) {
+    for (int k = 0; k < kFrameErrors; ++k) {
       const Eigen::VectorXd error =
           considered[i][k] * held * normal.information.col(layout.Considered(i) + k);
       expected += error * error.transpose();
+      if (k == kBounced) bounced += kMeanOfBounced * error;
     }
   }
+  expected += bounced * bounced.transpose();
   for (std::size_t k = 0; k < is_considered.size(); ++k) {
     const auto column = static_cast<Eigen::Index>(k);
     if (is_considered[k]) normal.information(column, column) += 1 / Square(sigmas[column]);
   }
   normal.pulls =
-      PullsOf(normal.information, layout, sigmas, considered).rightCols(2 * kConsiderParameters);
+      PullsOf(normal.information, layout, sigmas, considered).rightCols(1 + 2 * kFrameErrors);
   const std::vector<char> none(is_considered.size(), 0);
   const Eigen::MatrixXd covariance = ComputePosterior(normal, none, sigmas).covariance;
   for (Eigen::Index r = 0; r < layout.size(); ++r) {
@@ -114,6 +119,48 @@ TEST(Posterior, CountsConsiderParameters) {
     }
   }
   EXPECT_GT(expected(0, 0), held(0, 0));
+}
+
+// Two sensors that see a side farther out than it is by one standard deviation: the gradient of the
+// cost, which changes by as much against the pull.
+TEST(PullsOfBulges, AreWhatSidesThatAreNotFlatDoToTheGradient) {
+  const Structure structure = testing_infer::PaperStructure();
+  SensorPoints points;
+  const std::vector<Pose> poses = {testing_infer::RingPose(35), testing_infer::RingPose(80)};
+  std::vector<FrameInput> frames;
+  for (const Pose& pose : poses)
+    frames.push_back({testing_infer::Borrowed(points), pose, pose, pose});
+  RefineOptions options;
+  options.bulge_sigma_m = 0.003;
+  const JointProblem problem(structure, frames, options);
+  Solution solution;
+  solution.state = NominalState(structure, poses);
+  solution.held = {0, 0};
+  for (const Pose& pose : poses) {
+    solution.observed.push_back(testing_infer::Observe(structure, pose, 12));
+    SetCovariance(problem.model, pose, &solution.observed.back());
+  }
+  const Eigen::MatrixXd pulls = PullsOfBulges(problem, solution);
+  const Eigen::VectorXd gradient = ComputeNormalEquations(problem, solution).gradient;
+  ASSERT_EQ(pulls.rows(), gradient.size());
+  int seen = 0;
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    Solution bulging = solution;
+    const Side& side = structure.SideOfLabel(label);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      for (FaceObservation& face : bulging.observed[i].faces) {
+        if (face.label != label) continue;
+        face.p +=
+            0.003 * side.BulgeAt(poses[i] * face.p) * poses[i].linear().transpose() * side.normal;
+      }
+    }
+    Eigen::VectorXd change = gradient - ComputeNormalEquations(problem, bulging).gradient;
+    change.segment(problem.layout.Considered(0), 2 * kFrameErrors).setZero();
+    const Eigen::VectorXd pull = pulls.col(label);
+    EXPECT_LT((change - pull).norm(), 0.02 * pull.norm() + 1e-9) << side.name;
+    seen += pull.norm() > 0;
+  }
+  EXPECT_GT(seen, 6);
 }
 
 TEST(Posterior, IsThePriorsWhereTheNormalEquationsTellNothing) {

@@ -1,0 +1,84 @@
+#include "core/geometry/frame_errors.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace volalign {
+
+namespace {
+
+constexpr double kRise = 0.02;  // m, that a box has to rise in front of a side for a seam
+/// Of what the floor reaches: light from a box, which is no wider than that, falls off sooner
+/// (measured as bounce_m is).
+constexpr double kReachOfBox = 0.75;
+
+/// Calls visit(nearest, share of its reach) with the point nearest to q of the floor, of an upright
+/// side, and of each box that rises in front of a side.
+template <class Visit>
+void ForEachSeam(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                 const Visit& visit) {
+  if (std::abs(side.normal.y()) < 0.5)
+    visit(Eigen::Vector3d(q.x(), std::min(q.y(), structure.FloorHeight()), q.z()), 1.0);
+  const double plane = side.normal.dot(side.centre);
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    if (static_cast<int>(b) == side.box) continue;
+    const Box& box = structure.boxes()[b];
+    const Eigen::Matrix3d box_from_structure = box.structure_from_box.linear().transpose();
+    const Eigen::Vector3d half = 0.5 * box.size;
+    const double front = side.normal.dot(box.structure_from_box.translation()) +
+                         (box_from_structure * side.normal).cwiseAbs().dot(half);
+    if (front < plane + kRise) continue;
+    const Eigen::Vector3d in_box = box_from_structure * (q - box.structure_from_box.translation());
+    visit(Eigen::Vector3d(box.structure_from_box * in_box.cwiseMax(-half).cwiseMin(half).eval()),
+          kReachOfBox);
+  }
+}
+
+}  // namespace
+
+FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vector3d& p,
+                               const Eigen::Vector3d& normal) {
+  const Eigen::Vector3d ray = p / p.z();
+  const double x = ray.x(), y = ray.y();
+  // Derivatives of the logarithm of the depth along rows and columns, where the surface is a plane.
+  const double faces = std::max(std::abs(normal.dot(ray)), kGrazing);
+  const double along = normal.x() / faces, across = normal.y() / faces;
+  const double s_xx = along * along * ray.squaredNorm() + 2 * along * x + 1;
+  const double s_xy = along * across * ray.squaredNorm() + along * y + across * x;
+  FrameErrorVector at;
+  at << x, y, x * y, s_xy / s_xx, 0;
+  return errors.TiltGrowth(p.z()) * at;
+}
+
+double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q) {
+  double least = kNoSeam;
+  ForEachSeam(structure, side, q, [&](const Eigen::Vector3d& nearest, double) {
+    least = std::min(least, (q - nearest).norm());
+  });
+  return least;
+}
+
+Side FloorOf(const Structure& structure) {
+  Side floor;
+  floor.box = -1;
+  floor.centre = {0, structure.FloorHeight(), 0};
+  floor.normal = Eigen::Vector3d::UnitY();
+  return floor;
+}
+
+double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                    const Eigen::Vector3d& eye, double reach) {
+  double bounced = 0;
+  ForEachSeam(structure, side, q, [&](const Eigen::Vector3d& nearest, double share) {
+    const double distance = (q - nearest).norm();
+    if (distance == 0) return;
+    const double within = share * reach;
+    const Eigen::Vector3d lamp = (eye - (nearest + within * side.normal)).normalized();
+    const double lit = std::max(0.0, (q - nearest).dot(lamp) / distance);
+    const double x = distance / within;
+    bounced += x * std::exp(1 - x) * lit;
+  });
+  return bounced / std::max(kGrazing, side.normal.dot((eye - q).normalized()));
+}
+
+}  // namespace volalign
