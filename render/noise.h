@@ -75,4 +75,10 @@ void RegisterNoiseModel(const std::string& name, NoiseModel model);
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
                      std::uint64_t index, DeviceErrors* device = nullptr);
 
+/// Adds errors that a whole frame has, as calibration expects them of the sensor's kind: a gain,
+/// tilts, twist, shear and bounced light (core/geometry/frame_errors.h); and the bulges of the
+/// structure's sides (Subpixels). Of a few millimetres: for the captures of rigs; training samples
+/// are without. Where there is no depth, there is none after.
+void AddFrameErrors(const NoiseInput& input, RandomStream random, NoisyView* noisy);
+
 }  // namespace volalign

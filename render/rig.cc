@@ -225,11 +225,16 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       sensor.structure_from_sensor = placement_from_first * FirstFromSensor(rig, scene, k, i);
       RenderedView view;
       renderer.Render(mesh, sensor.intrinsics, sensor.structure_from_sensor, &view);
-      if (rig.device_errors == DeviceErrorDraw::kRedrawn) errors = {};
-      NoisyView noisy = ApplyNoise(
-          noise,
-          {view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor},
-          rig.seed, kRigIndex + k * kStillStride + i, &errors);
+      const bool redrawn = rig.device_errors == DeviceErrorDraw::kRedrawn;
+      if (redrawn) errors = {};
+      const NoiseInput input = {
+          view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor};
+      NoisyView noisy =
+          ApplyNoise(noise, input, rig.seed, kRigIndex + k * kStillStride + i, &errors);
+      if (rig.noise == "sensor") {
+        AddFrameErrors(input, {rig.seed, kRigIndex + (redrawn ? k : 0) * kStillStride + i, "frame"},
+                       &noisy);
+      }
       LosePixels(rig.missing_share, rig.seed, kRigIndex + k * kStillStride + i, &noisy);
       sensor.depth = std::move(noisy.depth);
       sensor.labels = std::move(noisy.labels);

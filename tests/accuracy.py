@@ -23,6 +23,7 @@ import numpy as np
 STRUCTURE = "configs/structure.yaml"
 RIGS = ["ring8", "arc8", "ring4", "irregular"]
 KINDS = ["azure_kinect_nfov_binned", "realsense_d415"]
+ASSEMBLY = ["position_mm=3", "yaw_deg=0.5", "size_scale_percent=1"]  # standard deviations, as of training's stacks
 GOLDEN_ANGLE_DEG = 137.50776405003785  # between seeds, as in volalign evaluate
 WRONG_M, WRONG_DEG = 0.1, 10
 CHI6_95, CHI6_99 = 12.592, 16.812  # quantiles of chi-square with 6 degrees of freedom
@@ -197,8 +198,8 @@ def rendered(program, renderer, result, noise):
             text = pathlib.Path(f"configs/rig_{rig}.yaml").read_text()
             (folder / "rig_of_one_kind.yaml").write_text(re.sub(r"sensor: \w+,", f"sensor: {kind},", text))
             renderer.run("render", "--rig", folder / "rig_of_one_kind.yaml", "-o", folder, "--set", f"seed={seed}", "--set",
-                         f"structure_yaw_deg={GOLDEN_ANGLE_DEG * seed % 360}", "--set", "assembly.position_mm=3",
-                         "--set", f"noise={noise}")
+                         f"structure_yaw_deg={GOLDEN_ANGLE_DEG * seed % 360}", "--set", f"noise={noise}",
+                         *itertools.chain(*(("--set", f"assembly.{text}") for text in ASSEMBLY)))
         measure(result, f"{part} {kind}", name, program.calibrate(name, [folder / "capture.json"], True),
                 truth_of(folder / "capture.json"))
 

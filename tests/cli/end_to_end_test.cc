@@ -70,9 +70,9 @@ CalibrationResult CalibrateWithoutAModel(const std::vector<SensorFrame>& frames)
 }
 
 // The bounds of this file are one and a half times the largest error that was measured over the
-// sensors of the same test when they were set: 7.3 mm and 0.19 deg for the rig as shipped, 10.5 mm
-// and 0.32 deg (4.5 mm in the median) for its other seeds, 7.6 mm and 0.21 deg with a sensor less,
-// 8.0 mm and 0.20 deg for two neighbours of a wrong focal length.
+// sensors of the same test when they were set: 15.7 mm and 0.38 deg for the rig as shipped, 13.8
+// mm and 0.31 deg (7.4 mm in the median) for its other seeds, 16.6 mm and 0.40 deg with a sensor
+// less, 18.0 mm and 0.47 deg for two neighbours of a wrong focal length.
 void ExpectWithin(const FrameResult& sensor, double translation_m, double rotation_deg,
                   const std::string& where) {
   ASSERT_TRUE(sensor.error.has_value()) << where << " " << sensor.name << ": " << sensor.reason;
@@ -94,7 +94,7 @@ TEST_F(EndToEnd, NoisyRingOfEightIsPlaced) {
   const Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
   const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
   EXPECT_EQ(result.placed(), 8) << FormatReport(result);
-  for (const FrameResult& sensor : result.sensors) ExpectWithin(sensor, 0.011, 0.29, "");
+  for (const FrameResult& sensor : result.sensors) ExpectWithin(sensor, 0.0235, 0.57, "");
   ASSERT_TRUE(result.assembly.has_value());
   EXPECT_FALSE(result.assembly->altered());
 }
@@ -108,11 +108,11 @@ TEST_F(EndToEnd, OtherNoisyRingsArePlaced) {
     const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
     EXPECT_EQ(result.placed(), 8) << "seed " << seed << "\n" << FormatReport(result);
     for (const FrameResult& sensor : result.sensors) {
-      ExpectWithin(sensor, 0.016, 0.49, "seed " + std::to_string(seed));
+      ExpectWithin(sensor, 0.021, 0.49, "seed " + std::to_string(seed));
       if (sensor.error) errors.push_back(sensor.error->translation_m);
     }
   }
-  EXPECT_LT(Summarise(errors).median, 0.0068);
+  EXPECT_LT(Summarise(errors).median, 0.0112);
 }
 
 /// One sensor of either kind, in a room drawn from `seed`.
@@ -176,7 +176,7 @@ TEST_F(EndToEnd, AFailedSensorDoesNotTakeTheOthersWithIt) {
   EXPECT_EQ(result.placed(), 7) << FormatReport(result);
   EXPECT_EQ(result.sensors[3].status, SensorStatus::kFailed);
   for (std::size_t i = 0; i < result.sensors.size(); ++i) {
-    if (i != 3) ExpectWithin(result.sensors[i], 0.0115, 0.31, "");
+    if (i != 3) ExpectWithin(result.sensors[i], 0.025, 0.61, "");
   }
 }
 
@@ -228,7 +228,7 @@ TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
   EXPECT_EQ(result.sensors[1].code, SensorCode::kIntrinsicsSuspect) << FormatReport(result);
   for (const std::size_t i : {0u, 2u}) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << FormatReport(result);
-    ExpectWithin(result.sensors[i], 0.012, 0.30, "beside a wrong focal length");
+    ExpectWithin(result.sensors[i], 0.027, 0.70, "beside a wrong focal length");
   }
 }
 

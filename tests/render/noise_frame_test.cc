@@ -1,0 +1,116 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+
+#include "core/geometry/frame_errors.h"
+#include "core/geometry/sensor_kind.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
+#include "render/noise.h"
+#include "render/subpixels.h"
+
+namespace volalign::noise_frame_test {
+namespace {
+
+Intrinsics CentredCamera(int width, int height, double f) {
+  return {width, height, f, f, 0.5 * width - 0.5, 0.5 * height - 0.5, {}};
+}
+
+// Over many devices: what a wall that is seen askew is off by in the middle and at the border of
+// the picture.
+TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
+  const Intrinsics k = CentredCamera(160, 90, 118);
+  EglContext egl;
+  GlDepthRenderer renderer;
+  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  SceneMesh mesh;
+  mesh.BeginObject({0.9F, 1.0F, false});
+  mesh.AppendQuad({Eigen::Vector3d(10, -90, -90), Eigen::Vector3d(10, 90, -90),
+                   Eigen::Vector3d(10, 90, 90), Eigen::Vector3d(10, -90, 90)},
+                  -Eigen::Vector3d::UnitX());
+  const Pose pose = LookAt({8.5, 2, 1}, {10, 2.3, 0}, 0);
+  RenderedView view;
+  renderer.Render(mesh, k, pose, &view);
+  for (const char* sensor : {"realsense_d415", "azure_kinect_nfov_binned"}) {
+    const DepthErrorModel& model = ErrorsOf(sensor);
+    const NoiseInput input = {view, mesh, structure, k, pose, sensor};
+    for (const auto& [u, v] : {std::pair{80, 45}, std::pair{4, 8}, std::pair{150, 80}}) {
+      const double z = view.depth(u, v);
+      const Eigen::Vector3d p(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
+      const FrameErrorVector at =
+          FrameErrorsAt(model, p, pose.linear().transpose() * -Eigen::Vector3d::UnitX());
+      const double expected =
+          std::hypot(model.gain * z, at.cwiseProduct(FrameErrorSigmas(model)).norm());
+      constexpr int kDevices = 400;
+      double sum = 0, squares = 0;
+      for (std::uint64_t device = 0; device < kDevices; ++device) {
+        NoisyView noisy{DepthImage(k.width, k.height, 0), view.labels};
+        noisy.depth(u, v) = view.depth(u, v);
+        AddFrameErrors(input, {9, device, "frame"}, &noisy);
+        const double error = noisy.depth(u, v) - z;
+        sum += error;
+        squares += error * error;
+        EXPECT_EQ(noisy.depth(0, 0), 0);
+      }
+      EXPECT_NEAR(std::sqrt(squares / kDevices), expected, 0.12 * expected) << sensor << u;
+      EXPECT_NEAR(sum / kDevices, 0, 0.2 * expected) << sensor << u;
+    }
+  }
+}
+
+// Light that bounces has the longer way: a box that stands on the floor reads too far, and the
+// floor beside it.
+TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
+  EglContext egl;
+  GlDepthRenderer renderer;
+  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  SceneMesh mesh;
+  mesh.AppendStructure(structure);
+  mesh.BeginObject({0.9F, 1.0F, false});
+  const double y = structure.FloorHeight();
+  mesh.AppendQuad({Eigen::Vector3d(-9, y, -9), Eigen::Vector3d(9, y, -9), Eigen::Vector3d(9, y, 9),
+                   Eigen::Vector3d(-9, y, 9)},
+                  Eigen::Vector3d::UnitY());
+  const Intrinsics k = CentredCamera(160, 144, 126);
+  const Pose pose = LookAt({2.2, 0.4, 0}, {0.4, -0.5, 0}, 0);
+  RenderedView view;
+  renderer.Render(mesh, k, pose, &view);
+  const DepthErrorModel& model = ErrorsOf("azure_kinect_nfov_binned");
+  const NoiseInput input = {view, mesh, structure, k, pose, "azure_kinect_nfov_binned"};
+  constexpr int kDevices = 300;
+  Image<double> mean(k.width, k.height, 0);
+  for (std::uint64_t device = 0; device < kDevices; ++device) {
+    NoisyView noisy{view.depth, view.labels};
+    AddFrameErrors(input, {9, device, "frame"}, &noisy);
+    for (std::size_t i = 0; i < mean.size(); ++i)
+      mean[i] += (noisy.depth[i] - view.depth[i]) / kDevices;
+  }
+  const Side floor = FloorOf(structure);
+  const Subpixels bulging(input);
+  int on_front = 0, on_floor = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double z = view.depth(u, v);
+      const Eigen::Vector3d q =
+          pose * Eigen::Vector3d(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
+      const int label = view.labels(u, v);
+      const bool is_floor = label == 0 && std::abs(q.y() - y) < 1e-3 && q.x() > 0.3 &&
+                            q.x() < 0.6 && std::abs(q.z()) < 0.2;
+      const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
+      if (!is_floor && !is_front) continue;
+      const double expected =
+          model.bounce_m * BouncedShare(structure, is_floor ? floor : structure.SideOfLabel(label),
+                                        q, pose.translation(), model.bounce_reach_m);
+      const double bulge =
+          bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);
+      EXPECT_NEAR(mean(u, v) - bulge, expected, 0.0005) << u << " " << v;
+      (is_floor ? on_floor : on_front) += expected > 0.002;
+    }
+  }
+  EXPECT_GT(on_front, 200);
+  EXPECT_GT(on_floor, 200);
+}
+
+}  // namespace
+}  // namespace volalign::noise_frame_test
