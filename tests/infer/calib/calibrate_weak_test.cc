@@ -188,7 +188,7 @@ double LargestSigmaOfPosition(const FrameResult& sensor) {
 TEST(Weak, Uncertain) {
   for (const bool gap : {true, false}) {
     Rig rig{PaperStructure(), {}, {}};
-    rig.Add("S", RingPose(45, 4, 0.9), {true, 6});
+    rig.Add("S", RingPose(45, gap ? 4 : 3.8, 0.9), {true, 6});
     SensorFrame& frame = rig.frames[0];
     for (int v = 0; v < frame.depth.height(); ++v) {
       for (int u = 0; u < frame.depth.width(); ++u) {

@@ -512,6 +512,7 @@ constexpr int kFrames = 40;
 Coverage CoverSmoothErrors(bool build_and_depth) {
   const Structure nominal = PaperStructure();
   RefineOptions options;
+  options.bulge_sigma_m = 0;
   options.max_overlap_points = 0;
   if (!build_and_depth) {
     options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
