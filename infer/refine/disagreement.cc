@@ -6,6 +6,7 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
+#include "infer/refine/bulges.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/residuals.h"
 
@@ -30,6 +31,9 @@ struct OwnMeasurements {
   Eigen::VectorXd values;      // by which parameters differ from the priors' means; 0 of the held
   Eigen::VectorXd faces;       // residuals of faces, m
   Eigen::MatrixXd by_faces;    // their derivatives
+  /// Times residuals of faces: of these, what the frame's consider parameters and bulges of sides
+  /// do not explain.
+  Eigen::MatrixXd unexplained;
 };
 
 /// Columns of what the frames of a still have in common: the size and the boxes.
@@ -50,7 +54,16 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   own.by_faces = j.topRows(faces);
   own.r.resize(r.size());
   own.j.resize(j.rows(), j.cols());
-  const auto face_root = observed.face_root.triangularView<Eigen::Lower>();
+  Eigen::MatrixXd errors(faces, kFrameErrors + problem.model.structure().num_classes());
+  errors << own.by_faces.middleCols<kFrameErrors>(FrameColumns::kConsidered - 1) *
+                FrameErrorSigmas(ErrorsOf(problem.KindOf(frame))).asDiagonal(),
+      BulgesOfFaces(problem, solution, frame);
+  const Eigen::MatrixXd random = observed.face_root * observed.face_root.transpose();
+  const std::optional<CholeskyFactor> factor = Factor(random + errors * errors.transpose());
+  const Eigen::MatrixXd face_lower = factor ? Eigen::MatrixXd(factor->matrixL())
+                                            : Eigen::MatrixXd::Constant(faces, faces, std::nan(""));
+  if (factor) own.unexplained = factor->solve(random).transpose();
+  const auto face_root = face_lower.triangularView<Eigen::Lower>();
   const auto edge_root = observed.edge_root.triangularView<Eigen::Lower>();
   own.r << face_root.solve(r.head(faces)), edge_root.solve(r.tail(edges));
   own.j << face_root.solve(j.topRows(faces)), edge_root.solve(j.bottomRows(edges));
@@ -60,8 +73,6 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
       SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth.seam_m, boxes)
           .unaryExpr(&Positive);
-  own.precisions.segment<kFrameErrors>(FrameColumns::kConsidered - 1) =
-      FrameErrorSigmas(ErrorsOf(problem.KindOf(frame))).unaryExpr(&Positive);
   own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
   own.values = Eigen::VectorXd::Zero(j.cols());
   own.values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
@@ -141,16 +152,8 @@ Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& so
   };
   const Matrix6d covariance =
       factor->solve(Eigen::MatrixXd::Identity(h.rows(), h.cols())).topLeftCorner<6, 6>();
-  // What the frame's own errors explain where it stands is no disagreement.
-  constexpr Eigen::Index kFirst = FrameColumns::kConsidered - 1;
-  const Eigen::VectorXd own_g = g.segment<kFrameErrors>(kFirst);
-  const std::optional<CholeskyFactor> own_factor =
-      Factor(h.block<kFrameErrors, kFrameErrors>(kFirst, kFirst));
-  if (!own_factor) return {};
-  const Eigen::VectorXd own_step = -own_factor->solve(own_g);
-  return {-0.5 * g.dot(step) + 0.5 * own_g.dot(own_step),
-          rms(own.faces + own.by_faces.middleCols<kFrameErrors>(kFirst) * own_step),
-          rms(own.faces + own.by_faces * step), covariance};
+  return {-0.5 * g.dot(step), rms(own.unexplained * own.faces),
+          rms(own.unexplained * (own.faces + own.by_faces * step)), covariance};
 }
 
 double MeasureContradiction(const JointProblem& problem, const Solution& solution,

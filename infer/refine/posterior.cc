@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "core/geometry/factor.h"
-#include "infer/refine/residuals.h"
 #include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
@@ -123,45 +122,6 @@ Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayou
         kMeanOfBounced * considered[i][kBounced] * pull(layout.Considered(i) + kBounced);
     for (int k = 0; k < kFrameErrors; ++k)
       pulls.col(next++) = considered[i][k] * pull(layout.Considered(i) + k);
-  }
-  return pulls;
-}
-
-Eigen::MatrixXd PullsOfBulges(const JointProblem& problem, const Solution& solution) {
-  const ParameterLayout& layout = problem.layout;
-  const Structure& structure = problem.model.structure();
-  const auto boxes = Eigen::Index{3} * static_cast<Eigen::Index>(layout.boxes());
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(layout.size(), structure.num_classes());
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    const FrameObservations& observed = solution.observed[i];
-    if (!problem.HasStructureTerms(i) || solution.held[i] || observed.faces.empty()) continue;
-    const FrameState frame = solution.state.Frame(i);
-    const auto faces = static_cast<Eigen::Index>(observed.faces.size());
-    Eigen::MatrixXd bulges = Eigen::MatrixXd::Zero(faces, pulls.cols());
-    for (Eigen::Index k = 0; k < faces; ++k) {
-      const FaceObservation& face = observed.faces[static_cast<std::size_t>(k)];
-      bulges(k, face.label) = -problem.setup.prior.bulge_sigma_m *
-                              structure.SideOfLabel(face.label).BulgeAt(frame.InStructure(face.p));
-    }
-    const FrameParameters parameters = solution.state.Parameters(i);
-    Eigen::VectorXd r;
-    Eigen::MatrixXd over_blocks;
-    Residuals(problem.model, observed, parameters, &r, &over_blocks);
-    const Eigen::MatrixXd j =
-        FrameColumns::InTangentSpace(over_blocks, parameters.pose).topRows(faces);
-    const auto root = observed.face_root.triangularView<Eigen::Lower>();
-    const Eigen::MatrixXd pull = root.solve(j).transpose() * root.solve(bulges);
-    const auto add = [&](Eigen::Index to, Eigen::Index column, Eigen::Index count) {
-      pulls.middleRows(to, count) += pull.middleRows(column - 1, count);  // a pose has 6, not 7
-    };
-    pulls.middleRows<6>(layout.Pose(i)) += pull.topRows<6>();
-    add(layout.Offset(i), FrameColumns::kOffset, 1);
-    add(layout.Gain(i), FrameColumns::kGain, 1);
-    add(layout.Focal(i), FrameColumns::kFocal, 1);
-    add(layout.Nuisance(i, 0), FrameColumns::kNuisance, kNuisances);
-    add(layout.Lens(solution.state.LensOf(i)), FrameColumns::kLens, kLensParameters);
-    add(layout.Size(), FrameColumns::kSize, 1);
-    add(layout.Boxes(solution.state.StillOf(i)), FrameColumns::kBoxes, boxes);
   }
   return pulls;
 }

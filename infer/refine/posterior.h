@@ -35,10 +35,6 @@ Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayou
                         const Eigen::VectorXd& prior_sigmas,
                         const std::vector<FrameErrorVector>& considered);
 
-/// The same of sides that are not flat, but bulge in their middles (Side::BulgeAt): a column for
-/// each label, of PriorOptions::bulge_sigma_m, alike for all frames that see the side.
-Eigen::MatrixXd PullsOfBulges(const JointProblem& problem, const Solution& solution);
-
 struct Posterior {
   Eigen::MatrixXd covariance;
   /// False: the normal equations had no inverse. The covariance is that of what they tell beyond

@@ -10,6 +10,7 @@
 #include "core/base/error.h"
 #include "core/geometry/sensor_kind.h"
 #include "infer/refine/acceptance.h"
+#include "infer/refine/bulges.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/gauge.h"

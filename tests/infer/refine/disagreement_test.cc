@@ -31,12 +31,12 @@ struct OneBoxElsewhere {
   SensorPoints points;
   Pose pose = RingPose(35);
   std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose, pose, pose}};
-  RefineOptions options;
   JointProblem problem;
   std::vector<double> displaced;  // the boxes as they stand
   Solution solution;
 
-  OneBoxElsewhere() : problem(structure, frames, options) {
+  explicit OneBoxElsewhere(double bulge_sigma_m = 0)
+      : problem(structure, frames, WithBulges(bulge_sigma_m)) {
     solution.state = NominalState(structure, {pose});
     solution.held = {0};
     displaced = solution.state.boxes[0];
@@ -48,6 +48,11 @@ struct OneBoxElsewhere {
     observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
     observed.edge_root = Eigen::MatrixXd(0, 0);
     solution.observed = {observed};
+  }
+  static RefineOptions WithBulges(double sigma) {
+    RefineOptions options;
+    options.bulge_sigma_m = sigma;
+    return options;
   }
   Disagreement Measure(const char* estimate) const {
     return MeasureDisagreement(problem, solution,
@@ -120,6 +125,28 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGainBeyondItsOwnErrors)
   EXPECT_TRUE(Disagrees(disagreement, 13));
 }
 
+// Boxes stand in their places; a side that bulges by 3 mm is none of the others' business.
+TEST(MeasureDisagreement, IsNotWhatABulgeExplains) {
+  const auto cost = [](double sigma) {
+    OneBoxElsewhere scene(sigma);
+    FrameObservations& observed = scene.solution.observed[0];
+    const auto faces = observed.faces.size();
+    observed = Observe(scene.structure, scene.pose, 12);
+    const auto n = static_cast<Eigen::Index>(observed.faces.size());
+    observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
+    observed.edge_root = Eigen::MatrixXd(0, 0);
+    EXPECT_NEAR(static_cast<double>(n), static_cast<double>(faces), 5);
+    for (FaceObservation& face : observed.faces) {
+      const Side& side = scene.structure.SideOfLabel(face.label);
+      const double out = 0.003 * side.BulgeAt(scene.pose * face.p) * (face.label % 2 ? 1 : -1);
+      face.p += out * scene.pose.linear().transpose() * side.normal;
+    }
+    return scene.Measure(kWithoutLens).cost;
+  };
+  EXPECT_GT(cost(0), 2);
+  EXPECT_LT(cost(0.002), 0.5 * cost(0));
+}
+
 TEST(MeasureDisagreement, WhatIsNotAskedForIsAsItIsInTheSolution) {
   OneBoxElsewhere scene;
   scene.solution.state.boxes[0] = scene.displaced;
@@ -165,6 +192,7 @@ struct OddOne {
 
   /// `elsewhere`: m, the box's way along x, as the first sensor saw it.
   explicit OddOne(double elsewhere, const RefineOptions& with = {}) : options(with) {
+    options.bulge_sigma_m = 0;
     for (const Pose& pose : poses)
       frames.push_back({testing_infer::Borrowed(points), pose, pose, pose});
     problem = std::make_unique<JointProblem>(structure, frames, options);
