@@ -51,8 +51,9 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 }
 
 /// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
-/// of that is part of it. Consider parameters count here alone: with tilts in the choice of what is
-/// estimated, D415s of the physics simulator are 9.4 mm off in the median, not 8.8.
+/// of that is part of it. Consider parameters count here, and not in the choice of what is
+/// estimated: with tilts in it, D415s of the physics simulator are 9.4 mm off in the median,
+/// not 8.8.
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   QuadraticCost cost = CostAround(problem, solution);

@@ -9,13 +9,10 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/subpixels.h"
+#include "tests/render/corner_scene.h"
 
 namespace volalign::noise_frame_test {
 namespace {
-
-Intrinsics CentredCamera(int width, int height, double f) {
-  return {width, height, f, f, 0.5 * width - 0.5, 0.5 * height - 0.5, {}};
-}
 
 // Over many devices: what a wall that is seen askew is off by in the middle and at the border of
 // the picture.
@@ -65,17 +62,9 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
   EglContext egl;
   GlDepthRenderer renderer;
   const Structure structure = ReadStructureYaml("configs/structure.yaml");
-  SceneMesh mesh;
-  mesh.AppendStructure(structure);
-  mesh.BeginObject({0.9F, 1.0F, false});
+  const CornerScene scene(structure, renderer);
+  const auto& [mesh, k, pose, view] = scene;
   const double y = structure.FloorHeight();
-  mesh.AppendQuad({Eigen::Vector3d(-9, y, -9), Eigen::Vector3d(9, y, -9), Eigen::Vector3d(9, y, 9),
-                   Eigen::Vector3d(-9, y, 9)},
-                  Eigen::Vector3d::UnitY());
-  const Intrinsics k = CentredCamera(160, 144, 126);
-  const Pose pose = LookAt({2.2, 0.4, 0}, {0.4, -0.5, 0}, 0);
-  RenderedView view;
-  renderer.Render(mesh, k, pose, &view);
   const DepthErrorModel& model = ErrorsOf("azure_kinect_nfov_binned");
   const NoiseInput input = {view, mesh, structure, k, pose, "azure_kinect_nfov_binned"};
   constexpr int kDevices = 300;

@@ -14,6 +14,7 @@
 #include "render/noise_kernels.h"
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
+#include "tests/render/corner_scene.h"
 
 namespace volalign::noise_test {
 namespace {
@@ -28,10 +29,6 @@ struct WallScene {
   Pose pose = Pose::Identity();
   RenderedView view;
 };
-
-Intrinsics CentredCamera(int width, int height, double fx) {
-  return {width, height, fx, fx, 0.5 * width - 0.5, 0.5 * height - 0.5, {}};
-}
 
 class NoiseTest : public testing::Test {
  protected:
@@ -304,17 +301,9 @@ struct CornerErrors {
 
 CornerErrors MeasureCorner(const NoiseConfig& config, int frames, const Structure& structure,
                            DepthRenderer& renderer) {
-  SceneMesh mesh;
-  mesh.AppendStructure(structure);
-  mesh.BeginObject({0.9F, 1.0F, false});
+  const CornerScene scene(structure, renderer);
+  const auto& [mesh, k, pose, view] = scene;
   const double y = structure.FloorHeight();
-  mesh.AppendQuad({Eigen::Vector3d(-9, y, -9), Eigen::Vector3d(9, y, -9), Eigen::Vector3d(9, y, 9),
-                   Eigen::Vector3d(-9, y, 9)},
-                  Eigen::Vector3d::UnitY());
-  const Intrinsics k = CentredCamera(160, 144, 126);
-  const Pose pose = LookAt({2.2, 0.4, 0}, {0.4, -0.5, 0}, 0);
-  RenderedView view;
-  renderer.Render(mesh, k, pose, &view);
   double near = 0, middle = 0, far = 0, near_count = 0, middle_count = 0, far_count = 0;
   for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(frames); ++i) {
     const NoisyView noisy = ApplyNoise(config, {view, mesh, structure, k, pose, kAzure}, 78, i);

@@ -66,10 +66,9 @@ TEST(Residuals, DoNotShrinkWithTheWorld) {
   smaller.x[5] += (1 - kFactor) * model.floor();  // it shrinks about a point of the floor
   for (const Eigen::Index gain : {FrameColumns::kGain, FrameColumns::kSize})
     smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
-  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath,
-                                    FrameColumns::kConsidered, FrameColumns::kConsidered + 1,
-                                    FrameColumns::kConsidered + 2, FrameColumns::kConsidered + 3})
+  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath})
     smaller.x[length] *= kFactor;
+  smaller.x.segment<kFrameErrors>(FrameColumns::kConsidered) *= kFactor;
   for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
     const Eigen::Vector3d centre =
         structure.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
