@@ -19,10 +19,11 @@ struct DepthErrorModel {
   double tilt_m = 0;
   double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
   double shear_m = 0;  ///< the same, of surfaces whose picture is sheared (FrameErrorsAt)
-  /// Mean of light that comes by the floor or by another box (BouncedShare), evenly from nothing.
+  /// Mean of what light that comes by the floor or by another box adds (BouncedShare); it lies
+  /// evenly between nothing and twice that.
   double bounce_m = 0;
-  double bounce_reach_m = 0;
-  double seam_m = 0;  ///< in a concave corner, from where it falls linearly
+  double bounce_reach_m = 0;  ///< from the floor to where that is most
+  double seam_m = 0;          ///< in a concave corner, from where it falls linearly
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
   double edge_gap_rad = 0;  ///< without depth on the far side of a depth edge

@@ -19,7 +19,8 @@ inline constexpr double kGrazing = 0.1;
 enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kBounced, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
-/// Bounced light lies evenly between nothing and twice its mean: that in its standard deviations.
+/// The mean of bounced light in its standard deviations: it lies evenly between nothing and twice
+/// its mean.
 inline const double kMeanOfBounced = std::sqrt(3);
 
 /// Their standard deviations about their means, which are 0 but for bounced light.
@@ -48,10 +49,10 @@ Side FloorOf(const Structure& structure);
 
 /// By what share of DepthErrorModel::bounce_m light that comes by the floor and by other boxes adds
 /// to the depth of a point q of a side, for a sensor with its lamp at `eye`; structure frame. Each
-/// of these surfaces adds x exp(1 - x), x being its distance over `reach` (bounce_reach_m; at the
-/// seam itself the way is no longer), times the cosine at which it is lit at `reach` before the
-/// side. Over the cosine at which the side is seen: light that comes straight falls with it
-/// (Lambert), bounced light does not.
+/// of these surfaces adds x exp(1 - x), x being its distance over `reach` (bounce_reach_m; of a
+/// box three quarters of that; at the seam itself the way is no longer), times the cosine at which
+/// it is lit at `reach` before the side. Over the cosine at which the side is seen: light that
+/// comes straight falls with it (Lambert), bounced light does not.
 double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
                     const Eigen::Vector3d& eye, double reach);
 
