@@ -19,15 +19,11 @@ inline constexpr double kGrazing = 0.1;
 enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kBounced, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
-/// The mean of bounced light in its standard deviations: it lies evenly between nothing and twice
-/// its mean.
-inline const double kMeanOfBounced = std::sqrt(3);
-
-/// Their standard deviations about their means, which are 0 but for bounced light.
+/// Their root mean squares. Bounced light lies evenly between nothing and twice its mean.
 inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
   FrameErrorVector sigmas;
   sigmas << errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m,
-      errors.bounce_m / kMeanOfBounced;
+      2 * errors.bounce_m / std::sqrt(3);
   return sigmas;
 }
 

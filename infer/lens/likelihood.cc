@@ -1,7 +1,10 @@
 #include "infer/lens/likelihood.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "core/geometry/factor.h"
 #include "infer/view/alike.h"
@@ -17,6 +20,7 @@ constexpr double kLeastLever = 0.2;
 constexpr double kSmoothSpread = 0.8;
 const double kLeastSmooth = StepSigma() * kDepthStep, kMostSmooth = kSamePlace;  // m
 constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};              // rad
+constexpr double kSmoothStep = 1.25;  // between sizes: finer than what is told of one
 
 }  // namespace
 
@@ -55,24 +59,32 @@ Eigen::MatrixXd SmoothMovement::Covariance(double length_rad) const {
 void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
                     const Eigen::VectorXd& residuals, const Eigen::MatrixXd& unknown,
                     DepthErrorModel* errors) {
-  const double usual = errors->smooth_m;
+  struct Candidate {
+    double smooth, length, cost;
+  };
+  std::vector<Candidate> candidates;
   double least = std::numeric_limits<double>::infinity();
   for (const double length : kSmoothLengths) {
     const Eigen::MatrixXd unit = movement.Covariance(length);
-    double smooth = 0;
-    const double cost = MinimiseOverLog(
-        kLeastSmooth, kMostSmooth,
-        [&](double sigma) {
-          const double unusual = std::log(sigma / usual) / kSmoothSpread;
-          return RestrictedCost(sigma * sigma * unit + rest, residuals, unknown) +
-                 0.5 * unusual * unusual;
-        },
-        &smooth);
-    if (!(cost < least)) continue;
-    least = cost;
-    errors->smooth_m = smooth;
-    errors->smooth_rad = length;
+    for (double smooth = kLeastSmooth; smooth < kMostSmooth; smooth *= kSmoothStep) {
+      const double unusual = std::log(smooth / errors->smooth_m) / kSmoothSpread;
+      const double cost = RestrictedCost(smooth * smooth * unit + rest, residuals, unknown) +
+                          0.5 * unusual * unusual;
+      candidates.push_back({smooth, length, cost});
+      if (cost < least) least = cost;
+    }
   }
+  if (!std::isfinite(least)) return;
+  double weights = 0, squares = 0, lengths = 0;
+  for (const Candidate& candidate : candidates) {
+    const double weight = std::exp(least - candidate.cost);
+    if (!(weight > 0)) continue;  // nor NaN
+    weights += weight;
+    squares += weight * candidate.smooth * candidate.smooth;
+    lengths += weight * candidate.length;
+  }
+  errors->smooth_m = std::sqrt(squares / weights);
+  errors->smooth_rad = lengths / weights;
 }
 
 }  // namespace volalign::refine_internal

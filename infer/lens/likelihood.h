@@ -60,9 +60,10 @@ struct SmoothMovement {
   Eigen::MatrixXd Covariance(double length_rad) const;
 };
 
-/// Fills smooth_m and smooth_rad of `errors` with those under which the residuals are most probable
-/// (RestrictedCost): smooth_m has a log-normal prior about what it is. `rest`: the covariance of
-/// all other errors.
+/// Fills smooth_m and smooth_rad of `errors` with the root of the mean square and with the mean
+/// over all values, weighted by how probable residuals are under them (RestrictedCost): smooth_m
+/// has a log-normal prior about what it is. The most probable ones would be taken for known, and
+/// poses for better known than they are. `rest`: the covariance of all other errors.
 void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
                     const Eigen::VectorXd& residuals, const Eigen::MatrixXd& unknown,
                     DepthErrorModel* errors);

@@ -52,8 +52,7 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
              state.Lens(sensor).data(), state.Build(state.StillOf(sensor))},
             &r, &jacobian);
   constexpr Eigen::Index kOwn = FrameColumns::kOwn;
-  const Eigen::VectorXd sigmas =
-      SharedPriorSigmas(priors, observed.noise.depth.seam_m, 0).head<kOwn>();
+  const Eigen::VectorXd sigmas = SharedPriorSigmas(priors, observed.noise.depth, {}).head<kOwn>();
   const Eigen::MatrixXd shared =
       jacobian.middleCols<kOwn>(FrameColumns::kOffset) * sigmas.asDiagonal();
   const auto faces = static_cast<Eigen::Index>(observed.faces.size());

@@ -7,12 +7,20 @@
 
 namespace volalign::refine_internal {
 
-/// Parameters of the structure's real build, two Ceres blocks: size scale - 1; and of each box its
-/// x, z (m) and yaw (rad, about the vertical through its centre). Box b of the scaled stack stands
-/// on the same floor: its centre rises by (size scale - 1) * (its height above the floor).
+/// Parameters of the structure's real build, three Ceres blocks: size scale - 1; of each box its
+/// x, z (m) and yaw (rad, about the vertical through its centre); and of each labelled side by how
+/// much its middle bulges, m (Side::BulgeAt). Box b of the scaled stack stands on the same floor:
+/// its centre rises by (size scale - 1) * (its height above the floor).
 struct BuildParameters {
   const double* size;
   const double* boxes;
+  const double* bulges = nullptr;
+};
+/// How many boxes and labelled sides a structure has.
+struct BuildSize {
+  int boxes = 0, sides = 0;
+  /// How many parameters they have. Those of boxes come first.
+  int parameters() const { return 3 * boxes + sides; }
 };
 class BuildModel {
  public:
@@ -20,11 +28,14 @@ class BuildModel {
       : structure_(&structure), floor_(structure.FloorHeight()) {}
   const Structure& structure() const { return *structure_; }
   double floor() const { return floor_; }
-  /// How many parameters the boxes have. X, Z and Yaw are indices of one box's.
-  int box_parameters() const { return 3 * static_cast<int>(structure_->boxes().size()); }
+  BuildSize size() const {
+    return {static_cast<int>(structure_->boxes().size()), structure_->num_classes() - 1};
+  }
+  /// Indices of one box's parameters, and of a side's bulge among those of all sides.
   static int X(int box) { return 3 * box; }
   static int Z(int box) { return 3 * box + 1; }
   static int Yaw(int box) { return 3 * box + 2; }
+  static int Bulge(int label) { return label - 1; }
   /// Where the box went: structure_from_box' = Offset * structure_from_box (before scaling).
   Pose Offset(const BuildParameters& build, int box) const;
   /// structure() as built.

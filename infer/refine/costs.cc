@@ -139,14 +139,14 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
 
 void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
                                         double* residual, double** jacobians) const {
-  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2, kConsidered = kFocal + 2,
-                kLens = kConsidered + 2;  // of a; those of b follow
+  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2, kErrors = kFocal + 2,
+                kLens = kErrors + 2;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
   const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], *parameters[kFocal]),
                         seen_b = match.b.Through(parameters[lens_b], *parameters[kFocal + 1]);
   const auto corrected = [&](const LensPoint& point, const Eigen::Vector3d& seen, int b) {
     const double more =
-        point.considered.dot(Eigen::Map<const FrameErrorVector>(parameters[kConsidered + b]));
+        point.by_errors.dot(Eigen::Map<const FrameErrorVector>(parameters[kErrors + b]));
     return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0] + more);
   };
   const Eigen::Vector3d p = corrected(match.a, seen_a, 0), q = corrected(match.b, seen_b, 1);
@@ -160,8 +160,8 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     const double by_offset = by_point.dot(seen) / seen.z();
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_offset;
-    if (jacobians[kConsidered + b])
-      Eigen::Map<FrameErrorVector>{jacobians[kConsidered + b]} = by_offset * point.considered;
+    if (jacobians[kErrors + b])
+      Eigen::Map<FrameErrorVector>{jacobians[kErrors + b]} = by_offset * point.by_errors;
     if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
     const Eigen::RowVector3d by_lens = true_depth * by_point.head<2>() * point.by_lens;
     if (jacobians[kFocal + b]) jacobians[kFocal + b][0] = by_lens[0];

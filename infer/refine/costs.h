@@ -36,8 +36,8 @@ class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {
 struct LensPoint {
   Eigen::Vector3d p;
   RayByLensMatrix by_lens;
-  LensChange lens;                                         ///< with which p was measured
-  FrameErrorVector considered = FrameErrorVector::Zero();  ///< see FrameErrorsAt
+  LensChange lens;                                        ///< with which p was measured
+  FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt
 
   /// Where it is when the lens is another, and the sensor's own focal length (see State).
   Eigen::Vector3d Through(const double* change, double focal) const {
@@ -66,7 +66,7 @@ struct MeasuredMatch {
 /// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
 /// of points as the sensors' own errors have them, divided by the mean of the gains (see
 /// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
-/// Corrected), their own focal lengths, their consider parameters, and their lenses, a single one
+/// Corrected), their own focal lengths, the errors of the frames, and their lenses, a single one
 /// where `shared`.
 /// Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {

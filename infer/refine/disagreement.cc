@@ -6,7 +6,6 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
-#include "infer/refine/bulges.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/residuals.h"
 
@@ -42,7 +41,10 @@ constexpr Eigen::Index kShared = FrameColumns::kSize - 1;
 OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
                           const FreeSet& asked_for, std::size_t frame) {
   const FrameObservations& observed = solution.observed[frame];
-  const FrameParameters parameters = solution.state.Parameters(frame);
+  FrameParameters parameters = solution.state.Parameters(frame);
+  const BuildSize build = problem.model.size();
+  const std::vector<double> flat(static_cast<std::size_t>(build.sides), 0);
+  parameters.build.bulges = flat.data();
   const auto faces = static_cast<Eigen::Index>(observed.faces.size());
   const auto edges = static_cast<Eigen::Index>(observed.edges.size());
   Eigen::VectorXd r;
@@ -54,10 +56,7 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   own.by_faces = j.topRows(faces);
   own.r.resize(r.size());
   own.j.resize(j.rows(), j.cols());
-  Eigen::MatrixXd errors(faces, kFrameErrors + problem.model.structure().num_classes());
-  errors << own.by_faces.middleCols<kFrameErrors>(FrameColumns::kConsidered - 1) *
-                FrameErrorSigmas(ErrorsOf(problem.KindOf(frame))).asDiagonal(),
-      BulgesOfFaces(problem, solution, frame);
+  const Eigen::MatrixXd errors = problem.priors.bulge * own.by_faces.rightCols(build.sides);
   const Eigen::MatrixXd random = observed.face_root * observed.face_root.transpose();
   const std::optional<CholeskyFactor> factor = Factor(random + errors * errors.transpose());
   const Eigen::MatrixXd face_lower = factor ? Eigen::MatrixXd(factor->matrixL())
@@ -68,14 +67,12 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   own.r << face_root.solve(r.head(faces)), edge_root.solve(r.tail(edges));
   own.j << face_root.solve(j.topRows(faces)), edge_root.solve(j.bottomRows(edges));
 
-  const auto boxes = static_cast<int>(problem.layout.boxes());
   own.precisions.resize(j.cols());
   own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
-      SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth.seam_m, boxes)
-          .unaryExpr(&Positive);
+      SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth, build).unaryExpr(&Positive);
   own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
   own.values = Eigen::VectorXd::Zero(j.cols());
-  own.values.tail(j.cols() - 6) = SharedValues(parameters, boxes);
+  own.values.tail(j.cols() - 6) = SharedValues(parameters, build);
 
   // What is not to be estimated stays where it is.
   const ParameterLayout& layout = problem.layout;
@@ -95,7 +92,8 @@ OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
   hold(layout.Lens(solution.state.LensOf(frame)), in_tangent(FrameColumns::kLens), kLensParameters);
   hold(layout.Size(), kShared, 1);
   hold(layout.Boxes(solution.state.StillOf(frame)), in_tangent(FrameColumns::kBoxes),
-       Eigen::Index{3} * boxes);
+       Eigen::Index{3} * build.boxes);
+  own.j.rightCols(build.sides).setZero();
   return own;
 }
 

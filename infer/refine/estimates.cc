@@ -54,9 +54,9 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
         LogBayesFactor(estimate, prior_sigmas.segment<kLensParameters>(column)) > kBelievedLens;
   }
   const Eigen::MatrixXd projection = GaugeProjection(structure, priors);
-  const auto boxes = static_cast<int>(layout.boxes());
+  const int boxes = static_cast<int>(layout.boxes());
   const Eigen::VectorXd variances =
-      SharedPriorSigmas(priors, 0, boxes).unaryExpr(&Positive).tail(3 * boxes).cwiseAbs2();
+      SharedPriorSigmas(priors, {}, {boxes, 0}).unaryExpr(&Positive).tail(3 * boxes).cwiseAbs2();
   const Eigen::VectorXd prior =
       (projection * variances.asDiagonal() * projection.transpose()).diagonal();
   for (std::size_t still = 0; still < layout.stills(); ++still) {

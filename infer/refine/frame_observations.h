@@ -16,8 +16,9 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  double multipath = 0;                                    ///< see SeamShare
-  FrameErrorVector considered = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
+  double multipath = 0;                                   ///< see SeamShare
+  FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
+  double bulge = 0;                                       ///< see Side::BulgeAt
   double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };

@@ -101,7 +101,7 @@ std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout) {
   std::vector<Eigen::Index> free, others;
   for (Eigen::Index k = 0; k < layout.size(); ++k) {
-    if (!layout.IsConsidered(k)) (layout.IsAlwaysFree(k) ? free : others).push_back(k);
+    (layout.IsAlwaysFree(k) ? free : others).push_back(k);
   }
   const Eigen::MatrixXd& h = cost.normal.information;
   const Eigen::VectorXd& g = cost.normal.gradient;
@@ -176,9 +176,7 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
     ParallelFor(count, threads, [&](std::size_t k) {
       fits[k] = FitModel(cost, layout.Scales(all[believed[begin + k]]), true);
       if (!fits[k]) return;
-      const Eigen::MatrixXd follows = fits[k]->covariance * cost.normal.pulls;
-      fits[k]->covariance +=
-          fits[k]->step * fits[k]->step.transpose() + follows * follows.transpose();
+      fits[k]->covariance += fits[k]->step * fits[k]->step.transpose();
     });
     for (std::size_t k = 0; k < count; ++k) {
       if (!fits[k]) continue;

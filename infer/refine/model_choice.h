@@ -42,8 +42,8 @@ struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
 };
-/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree), and with
-/// consider parameters at 0. Nothing where it cannot be computed.
+/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
+/// where it cannot be computed.
 std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout);
 
@@ -54,9 +54,9 @@ std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
                                               int threads);
 
 /// Covariance of the parameters about the solution: the mean over all scales, weighted by their
-/// evidence, of the covariance under these scales, of the square of the step to their most probable
-/// values, and of what NormalEquations::pulls add. Scales under which it cannot be computed take no
-/// part; nothing, or a finite covariance.
+/// evidence, of the covariance under these scales and of the square of the step to their most
+/// probable values. Scales under which it cannot be computed take no part; nothing, or a finite
+/// covariance.
 std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
                                                     const ParameterLayout& layout, int threads);
 

@@ -113,10 +113,11 @@ Linearised Linearise(const BuildModel& model, const FrameObservations& observed,
   Residuals(model, observed, parameters, &linear.residuals, &jacobian);
   linear.by_pose =
       FrameColumns::InTangentSpace(jacobian.leftCols<FrameColumns::kOffset>(), parameters.pose);
-  const auto boxes = static_cast<int>(model.structure().boxes().size());
-  const Eigen::VectorXd sigmas = SharedPriorSigmas(priors, 0, boxes);
+  DepthErrorModel errors = observed.noise.depth;
+  errors.seam_m = 0;
+  const Eigen::VectorXd sigmas = SharedPriorSigmas(priors, errors, model.size());
   const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
-  linear.residuals -= known * SharedValues(parameters, boxes);
+  linear.residuals -= known * SharedValues(parameters, model.size());
   linear.shared = known * sigmas.asDiagonal();
   linear.seam = known.col(FrameColumns::kNuisance + kMultipath - FrameColumns::kOffset);
   return linear;

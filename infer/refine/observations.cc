@@ -54,12 +54,13 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   }
   face.p /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  face.considered = FrameErrorsAt(errors, face.p,
-                                  sensor.structure_from_sensor.linear().transpose() * side.normal);
+  face.by_errors = FrameErrorsAt(errors, face.p,
+                                 sensor.structure_from_sensor.linear().transpose() * side.normal);
   const Side& nominal_side = nominal.SideOfLabel(label);
   const Eigen::Vector3d q = sensor.InStructure(face.p);
+  face.bulge = side.BulgeAt(q);
   face.multipath = std::max(0.0, 1 - SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m);
-  face.considered[kBounced] = BouncedShare(
+  face.by_errors[kBounced] = BouncedShare(
       nominal, nominal_side, q, sensor.structure_from_sensor.translation(), errors.bounce_reach_m);
   return face;
 }
@@ -110,10 +111,11 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
   Eigen::MatrixXd over_blocks;
   Residuals(model, observed, parameters, &r, &over_blocks);
   const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
-  const auto boxes = static_cast<int>(model.structure().boxes().size());
+  DepthErrorModel errors = observed.noise.depth;
+  errors.seam_m *= 2;
   Eigen::VectorXd prior(j.cols());
   prior << Eigen::VectorXd::Constant(6, kRobustPose),
-      SharedPriorSigmas(priors, 2 * observed.noise.depth.seam_m, boxes).unaryExpr(&Positive);
+      SharedPriorSigmas(priors, errors, model.size()).unaryExpr(&Positive);
   const Eigen::VectorXd units = Units(observed);
   const std::size_t faces = observed.faces.size(), edges = observed.edges.size();
   Eigen::VectorXd left = r;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -92,6 +93,26 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   return pair;
 }
 
+/// n frames that see one place have n errors there, but n (n - 1) / 2 pairs: the squares of all
+/// differences, each over the variance of a difference, are n / 2 times those of the n errors from
+/// their mean, each over its own variance.
+void CountOnce(std::vector<PairOverlap>* pairs) {
+  using PointOfFrame = std::pair<std::size_t, const CloudPoint*>;
+  std::map<PointOfFrame, int> others;  // that see it
+  const auto for_each = [](const PairOverlap& pair, const auto& visit) {
+    for (const PairMatch& match : pair.of_a) visit(PointOfFrame(pair.a, match.point));
+    for (const PairMatch& match : pair.of_b) visit(PointOfFrame(pair.b, match.point));
+  };
+  for (const PairOverlap& pair : *pairs)
+    for_each(pair, [&](const PointOfFrame& point) { ++others[point]; });
+  for (PairOverlap& pair : *pairs) {
+    double sum = 0;
+    for_each(pair, [&](const PointOfFrame& point) { sum += 2.0 / (1 + others[point]); });
+    const std::size_t count = pair.of_a.size() + pair.of_b.size();
+    if (count > 0) pair.cells *= sum / static_cast<double>(count);
+  }
+}
+
 }  // namespace
 
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
@@ -108,6 +129,7 @@ std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
   ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
     pairs[k] = Measure(problem, observed, state, pairs[k].a, pairs[k].b);
   });
+  CountOnce(&pairs);
   return pairs;
 }
 

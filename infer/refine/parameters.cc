@@ -25,36 +25,40 @@ Priors PriorsOf(const PriorOptions& options) {
   priors.size = options.size_sigma_percent / 100;
   priors.box = options.box_sigma_m;
   priors.yaw = options.box_sigma_deg * kDegree;
+  priors.bulge = options.bulge_sigma_m;
   return priors;
 }
 
-Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes) {
+Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
+                                  const BuildSize& build) {
   using Columns = FrameColumns;
-  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + Eigen::Index{3} * boxes);
+  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + build.parameters());
   const auto of = [&](Eigen::Index column) -> double& { return sigmas[column - Columns::kOffset]; };
   of(Columns::kOffset) = priors.offset;
   of(Columns::kGain) = priors.gain;
   of(Columns::kFocal) = priors.focal;
-  of(Columns::kNuisance + kMultipath) = multipath;
+  of(Columns::kNuisance + kMultipath) = errors.seam_m;
   of(Columns::kNuisance + kEdgeShift) = of(Columns::kNuisance + kEdgeShift + 1) = priors.edge_shift;
-  sigmas.segment<kFrameErrors>(Columns::kConsidered - Columns::kOffset).setZero();
+  sigmas.segment<kFrameErrors>(Columns::kErrors - Columns::kOffset) = FrameErrorSigmas(errors);
   sigmas.segment<kLensParameters>(Columns::kLens - Columns::kOffset) = priors.lens;
   of(Columns::kSize) = priors.size;
-  auto of_boxes = sigmas.tail(3 * boxes);
-  for (int b = 0; b < boxes; ++b) {
+  sigmas.tail(build.sides).setConstant(priors.bulge);
+  auto of_boxes = sigmas.segment(Columns::kBoxes - Columns::kOffset, 3 * build.boxes);
+  for (int b = 0; b < build.boxes; ++b) {
     of_boxes[BuildModel::X(b)] = of_boxes[BuildModel::Z(b)] = priors.box;
     of_boxes[BuildModel::Yaw(b)] = priors.yaw;
   }
   return sigmas;
 }
 
-Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes) {
-  Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + Eigen::Index{3} * boxes);
+Eigen::VectorXd SharedValues(const FrameParameters& parameters, const BuildSize& build) {
+  Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + build.parameters());
   values << *parameters.offset, *parameters.gain, *parameters.focal,
       Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
-      Eigen::Map<const Eigen::VectorXd>(parameters.considered, kFrameErrors), LensChange::Zero(),
+      Eigen::Map<const Eigen::VectorXd>(parameters.errors, kFrameErrors), LensChange::Zero(),
       *parameters.build.size,
-      Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * boxes);
+      Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * build.boxes),
+      Eigen::Map<const Eigen::VectorXd>(parameters.build.bulges, build.sides);
   return values;
 }
 
@@ -76,9 +80,11 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   state.gains.assign(sensors, 0);
   state.focals.assign(sensors, 0);
   state.nuisances.assign(poses.size(), {});
-  state.considered.assign(poses.size(), {});
+  state.errors.assign(poses.size(), {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
+  const auto sides = static_cast<std::size_t>(BuildModel(structure).size().sides);
+  state.bulges.assign(placements.size(), std::vector<double>(sides, 0));
   state.built.assign(placements.size(), structure);
   return state;
 }
@@ -100,8 +106,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 }
 
 ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills,
-                                 std::size_t boxes, std::size_t lenses)
-    : frame_of_(std::move(frame_of)), stills_(stills), boxes_(boxes), lenses_(lenses) {
+                                 const BuildSize& build, std::size_t lenses)
+    : frame_of_(std::move(frame_of)), build_(build), stills_(stills), lenses_(lenses) {
   for (std::size_t i = 0; i < frame_of_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
 }
 
@@ -120,40 +126,44 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
   for (std::size_t i = 0; i < frames(); ++i)
-    blocks.push_back({state->considered[i].data(), Considered(i), kFrameErrors, kFrameErrors});
+    blocks.push_back({state->errors[i].data(), FrameErrors(i), kFrameErrors, kFrameErrors});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
-  const int boxes = static_cast<int>(3 * boxes_);
   for (std::size_t still = 0; still < stills_; ++still)
-    blocks.push_back({state->boxes[still].data(), Boxes(still), boxes, boxes});
+    blocks.push_back(
+        {state->boxes[still].data(), Boxes(still), 3 * build_.boxes, 3 * build_.boxes});
+  for (std::size_t still = 0; still < stills_; ++still)
+    blocks.push_back({state->bulges[still].data(), Bulges(still), build_.sides, build_.sides});
   return blocks;
 }
 
 Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
-                                             const std::vector<double>& multipath,
+                                             const std::vector<DepthErrorModel>& errors,
                                              const std::vector<SensorLens>& lenses) const {
   Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
-  const auto boxes = static_cast<int>(boxes_);
   std::vector<double> counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
     ++counts[SensorOf(i)];
-    const Eigen::VectorXd own = SharedPriorSigmas(priors, multipath[i], 0);
+    const Eigen::VectorXd own = SharedPriorSigmas(priors, errors[i], {});
     sigmas[Gain(i)] = priors.gain;
     sigmas[Focal(i)] = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
     sigmas.segment<kNuisances>(Nuisance(i, 0)) =
         own.segment<kNuisances>(FrameColumns::kNuisance - FrameColumns::kOffset);
-    sigmas.segment<kFrameErrors>(Considered(i)).setZero();
+    sigmas.segment<kFrameErrors>(FrameErrors(i)) =
+        own.segment<kFrameErrors>(FrameColumns::kErrors - FrameColumns::kOffset);
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)
     sigmas[Offset(i)] = priors.offset * std::sqrt(counts[SensorOf(i)]);
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
-  const Eigen::VectorXd build = SharedPriorSigmas(priors, 0, boxes).tail(1 + 3 * boxes);
+  const Eigen::VectorXd build = SharedPriorSigmas(priors, {}, build_).tail(1 + build_.parameters());
   sigmas[Size()] = build[0];
-  for (std::size_t still = 0; still < stills_; ++still)
-    sigmas.segment(Boxes(still), 3 * boxes) = build.tail(3 * boxes);
+  for (std::size_t still = 0; still < stills_; ++still) {
+    sigmas.segment(Boxes(still), 3 * build_.boxes) = build.segment(1, 3 * build_.boxes);
+    sigmas.segment(Bulges(still), build_.sides) = build.tail(build_.sides);
+  }
   return sigmas.unaryExpr(&Positive);
 }
 
@@ -169,11 +179,11 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (!free.gain[i]) hold(Gain(i), 1);
     if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Focal(i), 1);
     if (held.empty()) continue;
-    hold(Considered(i), kFrameErrors);
     if (held[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
       hold(Nuisance(i, 0), kNuisances);
+      hold(FrameErrors(i), kFrameErrors);
     } else {
       is_moved[SensorOf(i)] = 1;
     }
@@ -197,12 +207,10 @@ Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
   for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
   for (std::size_t s = 0; s < sensors_; ++s) of[GainOfSensor(s)] = scales.gain;
-  of.segment(Considered(0), Lens(0) - Considered(0)).setZero();
   of[Size()] = scales.size;
-  of.tail(size() - Boxes(0)).setConstant(scales.places);
+  of.segment(Boxes(0), Bulges(0) - Boxes(0)).setConstant(scales.places);
   for (std::size_t still = 0; still < stills_; ++still) {
-    for (int b = 0; b < static_cast<int>(boxes_); ++b)
-      of[Boxes(still) + BuildModel::Yaw(b)] = scales.turns;
+    for (int b = 0; b < build_.boxes; ++b) of[Boxes(still) + BuildModel::Yaw(b)] = scales.turns;
   }
   return of;
 }

@@ -34,15 +34,16 @@ struct FrameOf {
 };
 
 /// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
-/// sensor's depth gain - 1 (1) and focal length (1, see State), its nuisances, its lens
-/// (LensChange), and the build of its still.
+/// sensor's depth gain - 1 (1) and focal length (1, see State), its nuisances, the errors of its
+/// depths that look like another pose (FrameError), its lens (LensChange), and the build of its
+/// still.
 struct FrameParameters {
   const double* pose;
   const double* offset;
   const double* gain;
   const double* focal;
   const double* nuisance;
-  const double* considered;
+  const double* errors;
   const double* lens;
   BuildParameters build;
 };
@@ -53,9 +54,8 @@ struct FrameColumns {
   static constexpr Eigen::Index kPose = 0,
                                 kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
                                 kGain = kOffset + 1, kFocal = kGain + 1, kNuisance = kFocal + 1,
-                                kConsidered = kNuisance + kNuisances,
-                                kLens = kConsidered + kFrameErrors, kSize = kLens + kLensParameters,
-                                kBoxes = kSize + 1;
+                                kErrors = kNuisance + kNuisances, kLens = kErrors + kFrameErrors,
+                                kSize = kLens + kLensParameters, kBoxes = kSize + 1;
   /// How many columns are the sensor's own errors.
   static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
@@ -68,6 +68,7 @@ struct Priors {
   double edge_shift = 0;        ///< px
   double size = 0;              ///< 1
   double box = 0, yaw = 0;      ///< m, rad
+  double bulge = 0;             ///< m
   /// Of the LensChange of the sensor that they are for; zero: the lens is known.
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
   double focal = 0;  ///< see SensorLens::own_focal_sigma
@@ -80,12 +81,13 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, gain, focal length, nuisances, consider parameters (0), lens, size, boxes.
-/// `multipath`, m, belongs to the frame's noise model.
-Eigen::VectorXd SharedPriorSigmas(const Priors& priors, double multipath, int boxes);
+/// FrameColumns: offset, gain, focal length, nuisances, errors of the frame, lens, size, boxes,
+/// bulges. `errors`: the frame's noise model.
+Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
+                                  const BuildSize& build);
 
 /// The values of the same parameters. That of the lens is zero: its prior is about where it is.
-Eigen::VectorXd SharedValues(const FrameParameters& parameters, int boxes);
+Eigen::VectorXd SharedValues(const FrameParameters& parameters, const BuildSize& build);
 
 /// A measured point where it really is, sensor frame, m. True depth = measured * (1 + gain_error) +
 /// offset along the same ray.
@@ -119,11 +121,12 @@ struct State {
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
   std::vector<double> gains;          ///< of each sensor, depth gain - 1
   std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
-  std::vector<std::array<double, kNuisances>> nuisances;     ///< of each frame
-  std::vector<std::array<double, kFrameErrors>> considered;  ///< of each frame: 0
-  std::vector<LensChange> lenses;                            ///< from the assumed intrinsics
-  double size = 0;                                           ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;                    ///< of each still, see BuildModel
+  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
+  std::vector<std::array<double, kFrameErrors>> errors;   ///< of each frame, see FrameError
+  std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
+  double size = 0;                                        ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
+  std::vector<std::vector<double>> bulges;                ///< of each still, see BuildModel
   PriorScales scales;  ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
@@ -145,10 +148,12 @@ struct State {
   FrameState Frame(std::size_t i, const Pose& pose) const {
     return {pose, gains[SensorOf(i)], offsets[i]};
   }
-  BuildParameters Build(std::size_t still) const { return {&size, boxes[still].data()}; }
+  BuildParameters Build(std::size_t still) const {
+    return {&size, boxes[still].data(), bulges[still].data()};
+  }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values,     &offsets[i],          &gains[SensorOf(i)], &focals[SensorOf(i)],
-            nuisances[i].data(), considered[i].data(), Lens(i).data(),      Build(StillOf(i))};
+    return {poses[i].values,     &offsets[i],      &gains[SensorOf(i)], &focals[SensorOf(i)],
+            nuisances[i].data(), errors[i].data(), Lens(i).data(),      Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
   void UpdateBuilt(const BuildModel& model);
@@ -167,20 +172,19 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
 /// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each)
-/// and consider parameters (kFrameErrors each), the lenses (kLensParameters each), the size,
-/// the boxes of each still.
+/// and errors (kFrameErrors each), the lenses (kLensParameters each), the size, the boxes of each
+/// still, the bulges of each still.
 class ParameterLayout {
  public:
-  /// `boxes`: of one still.
-  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, std::size_t boxes,
+  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
                   std::size_t lenses);
 
   std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
   std::size_t stills() const { return stills_; }
-  std::size_t boxes() const { return boxes_; }  ///< of one still
+  std::size_t boxes() const { return static_cast<std::size_t>(build_.boxes); }  ///< of one still
   std::size_t lenses() const { return lenses_; }
-  Eigen::Index size() const { return Boxes(stills_); }
+  Eigen::Index size() const { return Bulges(stills_); }
 
   Eigen::Index Pose(std::size_t frame) const { return static_cast<Eigen::Index>(6 * frame); }
   /// Of a still, not the first.
@@ -203,17 +207,22 @@ class ParameterLayout {
   Eigen::Index Nuisance(std::size_t frame, int which) const {
     return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
-  Eigen::Index Considered(std::size_t frame) const {
+  Eigen::Index FrameErrors(std::size_t frame) const {
     return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kFrameErrors * frame);
   }
   Eigen::Index Lens(std::size_t lens) const {
-    return Considered(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);
+    return FrameErrors(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
   /// Of all boxes.
   Eigen::Index Size() const { return Lens(lenses_); }
   /// The three of each box (x, z, yaw) in a still, box by box from here.
   Eigen::Index Boxes(std::size_t still = 0) const {
-    return Size() + 1 + static_cast<Eigen::Index>(3 * boxes_ * still);
+    return Size() + 1 + static_cast<Eigen::Index>(3 * boxes() * still);
+  }
+  /// The bulges of all sides in a still.
+  Eigen::Index Bulges(std::size_t still) const {
+    return Boxes(stills_) +
+           static_cast<Eigen::Index>(build_.sides) * static_cast<Eigen::Index>(still);
   }
 
   /// A block of Ceres parameters and the first of its columns.
@@ -227,29 +236,25 @@ class ParameterLayout {
   std::vector<Block> Blocks(State* state) const;
 
   /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
-  /// `multipath`: m, of each frame. Offsets of n frames of one sensor have a prior that is wider by
+  /// `errors`: of each frame. Offsets of n frames of one sensor have a prior that is wider by
   /// the root of n: they are tied, see DriftCost.
-  Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<double>& multipath,
+  Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<DepthErrorModel>& errors,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
-  /// Is a column one of a pose, a placement or a frame's nuisances, which are never held?
+  /// Is a column one that is never held while its frame is not: of a pose, a placement, a frame's
+  /// nuisances and errors, or a bulge?
   bool IsAlwaysFree(Eigen::Index column) const {
-    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Considered(0));
-  }
-  /// Is a column one of a frame's consider parameters, which always are?
-  bool IsConsidered(Eigen::Index column) const {
-    return column >= Considered(0) && column < Lens(0);
+    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Lens(0)) ||
+           column >= Bulges(0);
   }
 
-  /// The scale of every parameter's prior; 0 of consider parameters, and 1 of others that are of
-  /// none of these kinds.
+  /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
   Eigen::VectorXd Scales(const PriorScales& scales) const;
   /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
 
   /// Which columns are held constant where only `free` is estimated, and where the frames marked in
   /// `held` stand where they are, with their offsets and all of a sensor that has no others.
-  /// Consider parameters are held where `held` is not empty.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
   /// Gives what `free` leaves out its nominal value, zero.
@@ -261,7 +266,8 @@ class ParameterLayout {
   }
 
   std::vector<FrameOf> frame_of_;
-  std::size_t sensors_ = 0, stills_, boxes_, lenses_;
+  BuildSize build_;
+  std::size_t sensors_ = 0, stills_, lenses_;
 };
 
 }  // namespace volalign::refine_internal

@@ -15,9 +15,6 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// px, standard deviation of the shift of silhouettes that all frames have in common.
-constexpr double kCommonEdgeShift = 0.3;
-
 /// J^T J, dense.
 Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
@@ -91,39 +88,12 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   if (!ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian)) {
     const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.observed);
     return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
-            false, Eigen::MatrixXd(sigmas.size(), 0)};
+            false};
   }
   NormalEquations normal;
   normal.information = Information(jacobian);
   normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), normal.information.rows());
-  normal.pulls =
-      PullsOf(normal.information, problem.layout, PriorSigmas(problem, solution.observed), {});
   return normal;
-}
-
-Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                        const Eigen::VectorXd& prior_sigmas,
-                        const std::vector<FrameErrorVector>& considered) {
-  const auto own = static_cast<Eigen::Index>(kFrameErrors * considered.size());
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(information.rows(), 2 + own);
-  // What pulls on a column, but its own prior.
-  const auto pull = [&](Eigen::Index column) {
-    Eigen::VectorXd of = information.col(column);
-    of[column] -= 1 / Square(prior_sigmas[column]);
-    return of;
-  };
-  for (std::size_t i = 0; i < layout.frames(); ++i) {
-    for (const int shift : {kEdgeShift, kEdgeShift + 1})
-      pulls.col(0) += kCommonEdgeShift * pull(layout.Nuisance(i, shift));
-  }
-  Eigen::Index next = 2;
-  for (std::size_t i = 0; i < considered.size(); ++i) {
-    pulls.col(1) +=
-        kMeanOfBounced * considered[i][kBounced] * pull(layout.Considered(i) + kBounced);
-    for (int k = 0; k < kFrameErrors; ++k)
-      pulls.col(next++) = considered[i][k] * pull(layout.Considered(i) + k);
-  }
-  return pulls;
 }
 
 Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,
@@ -133,12 +103,10 @@ Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char
   Posterior posterior;
   posterior.exact = inverse.exact() && normal.evaluated;
   posterior.covariance = inverse.Times(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
-  const auto widen = [&](const Eigen::VectorXd& error) {
-    if (error.allFinite()) posterior.covariance += error * error.transpose();
-  };
-  if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; }))
-    widen(inverse.Times(normal.gradient));
-  for (Eigen::Index k = 0; k < normal.pulls.cols(); ++k) widen(inverse.Times(normal.pulls.col(k)));
+  if (std::any_of(constant.begin(), constant.end(), [](char c) { return c != 0; })) {
+    const Eigen::VectorXd step = inverse.Times(normal.gradient);
+    if (step.allFinite()) posterior.covariance += step * step.transpose();
+  }
   return posterior;
 }
 

@@ -18,22 +18,11 @@ struct NormalEquations {
   Eigen::MatrixXd information;  ///< J^T J
   Eigen::VectorXd gradient;     ///< J^T r
   bool evaluated = true;        ///< false: they are those of the priors alone
-  /// By how much an error that is not estimated, of one standard deviation, pulls on every
-  /// parameter, a column each: the parameters follow by covariance * pull.
-  Eigen::MatrixXd pulls;
 };
 
-/// Of the refinement's cost at a solution, with everything free, and without pulls of consider
-/// parameters. Where the cost cannot be evaluated, of the priors alone.
+/// Of the refinement's cost at a solution, with everything free. Where the cost cannot be
+/// evaluated, of the priors alone.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
-
-/// NormalEquations::pulls: of a shift of silhouettes that all sensors have in common, which looks
-/// like another size; of bounced light, in its mean (kMeanOfBounced), in all frames; and of each
-/// frame's consider parameters. `considered`: their standard deviations, of each frame; none: they
-/// do not count.
-Eigen::MatrixXd PullsOf(const Eigen::MatrixXd& information, const ParameterLayout& layout,
-                        const Eigen::VectorXd& prior_sigmas,
-                        const std::vector<FrameErrorVector>& considered);
 
 struct Posterior {
   Eigen::MatrixXd covariance;
@@ -47,7 +36,7 @@ struct Posterior {
 };
 
 /// Covariance with everything free. Where something was not asked for (`constant`), widened by the
-/// square of the step that everything would take from here if it were free; and by what pulls.
+/// square of the step that everything would take from here if it were free.
 /// `prior_sigmas`: of all parameters. The covariance is finite, whatever the normal equations are.
 Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,
                            const Eigen::VectorXd& prior_sigmas);

@@ -48,7 +48,7 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       priors(refine_internal::PriorsOf(setup_in.prior)),
       lenses(WithKnownLens(lenses_in, frames_in)),
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
-      layout(frame_of, stills, structure_in.boxes().size(), lenses.size()) {
+      layout(frame_of, stills, model.size(), lenses.size()) {
   // One that its neighbours hold is held by what they share of the structure, too.
   const bool all = std::any_of(frames.begin(), frames.end(), [](const FrameInput& frame) {
     return frame.role == FrameRole::kOverlap;

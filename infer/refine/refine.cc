@@ -10,7 +10,6 @@
 #include "core/base/error.h"
 #include "core/geometry/sensor_kind.h"
 #include "infer/refine/acceptance.h"
-#include "infer/refine/bulges.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/gauge.h"
@@ -51,22 +50,10 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 }
 
 /// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
-/// of that is part of it. Consider parameters count here, and not in the choice of what is
-/// estimated: with tilts in it, D415s of the physics simulator are 9.4 mm off in the median,
-/// not 8.8.
+/// of that is part of it.
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
-  QuadraticCost cost = CostAround(problem, solution);
-  std::vector<FrameErrorVector> considered;
-  for (std::size_t i = 0; i < problem.size(); ++i)
-    considered.push_back(FrameErrorSigmas(ErrorsOf(problem.KindOf(i))));
-  if (cost.normal.evaluated) {
-    const Eigen::MatrixXd of_frames =
-        PullsOf(cost.normal.information, problem.layout, cost.prior_sigmas, considered);
-    const Eigen::MatrixXd of_bulges = PullsOfBulges(problem, solution);
-    cost.normal.pulls.resize(of_frames.rows(), of_frames.cols() + of_bulges.cols());
-    cost.normal.pulls << of_frames, of_bulges;
-  }
+  const QuadraticCost cost = CostAround(problem, solution);
   Posterior posterior =
       ComputePosterior(cost.normal, problem.layout.Constant(asked_for), cost.prior_sigmas);
   if (!problem.setup.free.where_told || !posterior.exact) return posterior;

@@ -38,7 +38,13 @@ class Scene {
   double gain() const { return 1 + *parameters_.gain; }
   /// Of ln(focal length), from the lens that was looked through.
   double FocalChange() const { return lens_[0]; }
-  Eigen::Index columns() const { return FrameColumns::kBoxes + model_.box_parameters(); }
+  Eigen::Index columns() const { return FrameColumns::kBoxes + model_.size().parameters(); }
+  Eigen::Index ColumnOfBulge(int label) const {
+    return FrameColumns::kBoxes + 3 * model_.size().boxes + BuildModel::Bulge(label);
+  }
+  double Bulge(const FaceObservation& face) const {
+    return face.bulge * parameters_.build.bulges[BuildModel::Bulge(face.label)];
+  }
   const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
   Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
     return rotation_ * p + translation_;
@@ -61,7 +67,7 @@ class Scene {
     return Corrected(
         face.p.z() * ray, parameters_.gain[0],
         parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
-            face.considered.dot(Eigen::Map<const FrameErrorVector>(parameters_.considered)));
+            face.by_errors.dot(Eigen::Map<const FrameErrorVector>(parameters_.errors)));
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -120,17 +126,18 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
   const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
   const Eigen::Vector3d ray = scene.Ray(face.p, face.by_lens);
   const Eigen::Vector3d p = scene.TruePoint(face, ray), at = scene.InStructure(p);
-  const double distance = scene.Distance(plane, at) / scene.gain();
+  const double distance = (scene.Distance(plane, at) - scene.Bulge(face)) / scene.gain();
   if (jacobian) {
     jacobian->row(row) = scene.Derivative(plane, p, at);
     const double along = plane.normal.dot(scene.rotation() * ray);
     (*jacobian)(row, FrameColumns::kOffset) = along;
     (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
     (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
-    jacobian->row(row).segment<kFrameErrors>(FrameColumns::kConsidered) =
-        along * face.considered.transpose();
+    jacobian->row(row).segment<kFrameErrors>(FrameColumns::kErrors) =
+        along * face.by_errors.transpose();
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
+    (*jacobian)(row, scene.ColumnOfBulge(face.label)) = -face.bulge;
     jacobian->row(row) /= scene.gain();
     (*jacobian)(row, FrameColumns::kGain) -= distance / scene.gain();
   }
@@ -199,8 +206,16 @@ void Residuals(const BuildModel& model, const FrameObservations& observed,
 SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observed)
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
-  *mutable_parameter_block_sizes() = {
-      7, 1, 1, 1, kNuisances, kFrameErrors, kLensParameters, 1, model.box_parameters()};
+  *mutable_parameter_block_sizes() = {7,
+                                      1,
+                                      1,
+                                      1,
+                                      kNuisances,
+                                      kFrameErrors,
+                                      kLensParameters,
+                                      1,
+                                      3 * model.size().boxes,
+                                      model.size().sides};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
@@ -215,7 +230,7 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
              parameters[4],
              parameters[5],
              parameters[6],
-             {parameters[7], parameters[8]}},
+             {parameters[7], parameters[8], parameters[9]}},
             &r, jacobians ? &j : nullptr);
   const auto faces = static_cast<Eigen::Index>(observed_.faces.size());
   const auto edges = static_cast<Eigen::Index>(observed_.edges.size());

@@ -96,6 +96,7 @@ void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solut
   State& state = solution->state;
   state.offsets[frame] = 0;
   state.nuisances[frame] = {};
+  state.errors[frame] = {};
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
   }

@@ -22,9 +22,9 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   const auto through_lens = [&](std::size_t i, const CloudPoint& of, double bounced) {
     const SensorPoints& points = *problem.frames[i].points;
     const DepthErrorModel& errors = observed[i].noise.depth;
-    FrameErrorVector considered = FrameErrorsAt(errors, of.p, of.normal);
-    considered[kBounced] = bounced;
-    return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, considered};
+    FrameErrorVector by_errors = FrameErrorsAt(errors, of.p, of.normal);
+    by_errors[kBounced] = bounced;
+    return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, by_errors};
   };
   const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
     if (matches.empty()) return;
@@ -36,17 +36,10 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
                           1 / (pair.excess * match.sigma)});
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
-    std::vector<double*> blocks = {state->poses[i].values,
-                                   state->poses[j].values,
-                                   &state->offsets[i],
-                                   &state->offsets[j],
-                                   state->Gain(i),
-                                   state->Gain(j),
-                                   state->Focal(i),
-                                   state->Focal(j),
-                                   state->considered[i].data(),
-                                   state->considered[j].data(),
-                                   state->Lens(i).data()};
+    std::vector<double*> blocks = {
+        state->poses[i].values,  state->poses[j].values,  &state->offsets[i],   &state->offsets[j],
+        state->Gain(i),          state->Gain(j),          state->Focal(i),      state->Focal(j),
+        state->errors[i].data(), state->errors[j].data(), state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -72,8 +65,7 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
     sought.insert(problem.frame_of[i].sensor);
     AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
     AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
-    AddPriors(sigmas, problem.layout.Considered(i), kFrameErrors, state->considered[i].data(),
-              ceres);
+    AddPriors(sigmas, problem.layout.FrameErrors(i), kFrameErrors, state->errors[i].data(), ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
@@ -88,8 +80,9 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
   if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->considered[i].data(),
-      state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data());
+      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->errors[i].data(),
+      state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data(),
+      state->bulges[state->StillOf(i)].data());
 }
 
 /// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
@@ -138,6 +131,9 @@ void AddBuild(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, Stat
     std::vector<double>& boxes = state->boxes[still];
     ceres->problem->AddParameterBlock(boxes.data(), static_cast<int>(boxes.size()));
     AddPriors(sigmas, layout.Boxes(still), boxes.size(), boxes.data(), ceres);
+    std::vector<double>& bulges = state->bulges[still];
+    ceres->problem->AddParameterBlock(bulges.data(), static_cast<int>(bulges.size()));
+    AddPriors(sigmas, layout.Bulges(still), bulges.size(), bulges.data(), ceres);
   }
 }
 
@@ -168,10 +164,10 @@ void HoldConstant(const ParameterLayout& layout, const std::vector<char>& consta
 
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<FrameObservations>& observed) {
-  std::vector<double> multipath;
-  multipath.reserve(observed.size());
-  for (const FrameObservations& of : observed) multipath.push_back(of.noise.depth.seam_m);
-  return problem.layout.PriorSigmas(problem.priors, multipath, problem.lenses);
+  std::vector<DepthErrorModel> errors;
+  errors.reserve(observed.size());
+  for (const FrameObservations& of : observed) errors.push_back(of.noise.depth);
+  return problem.layout.PriorSigmas(problem.priors, errors, problem.lenses);
 }
 
 CeresProblem BuildCeresProblem(const JointProblem& problem,
@@ -191,7 +187,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
     ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
-    ceres.problem->AddParameterBlock(state->considered[i].data(), kFrameErrors);
+    ceres.problem->AddParameterBlock(state->errors[i].data(), kFrameErrors);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(

@@ -13,7 +13,7 @@ namespace {
 TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
   const Structure structure = testing_infer::PaperStructure();
   const BuildModel model(structure);
-  std::vector<double> boxes(static_cast<std::size_t>(model.box_parameters()), 0);
+  std::vector<double> boxes(3 * structure.boxes().size(), 0);
   EXPECT_EQ(boxes.size(), 3 * structure.boxes().size());
   const double size = 0.02;
   boxes[static_cast<std::size_t>(BuildModel::X(1))] = 0.003;

@@ -153,7 +153,7 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const auto point = [&] {
       LensPoint of{RandomPoint(random), RayByLensMatrix::Zero(), RandomVector(random, 0.01),
                    FrameErrorVector::Zero()};
-      for (double& error : of.considered) error = random.Normal();
+      for (double& error : of.by_errors) error = random.Normal();
       for (double& entry : of.by_lens.reshaped()) entry = random.Normal();
       return of;
     };
@@ -179,10 +179,10 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     for (const std::vector<double>& block : others) parameters.push_back(block.data());
     std::array<double, 2> residuals{};
     ASSERT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), nullptr));
-    const Eigen::Vector3d q = poses[1] * TruePoint(b, -0.003 + b.considered.dot(of_b), -0.002,
+    const Eigen::Vector3d q = poses[1] * TruePoint(b, -0.003 + b.by_errors.dot(of_b), -0.002,
                                                    lens_b - 0.005 * LensChange::UnitX());
     const auto expected = [&](const LensPoint& of) {
-      const Eigen::Vector3d p = poses[0] * TruePoint(of, 0.004 + of.considered.dot(of_a), 0.006,
+      const Eigen::Vector3d p = poses[0] * TruePoint(of, 0.004 + of.by_errors.dot(of_a), 0.006,
                                                      lens_a + 0.003 * LensChange::UnitX());
       // The mean of the gains is 1.002.
       return MakeRobust(1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 0.3).value;

@@ -66,8 +66,7 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGainBeyondItsOwnErrors)
   const OneBoxElsewhere scene;
   const FrameObservations& observed = scene.solution.observed[0];
   const ParameterLayout& layout = scene.problem.layout;
-  const Eigen::VectorXd sigmas =
-      layout.PriorSigmas(scene.problem.priors, {observed.noise.depth.seam_m});
+  const Eigen::VectorXd sigmas = layout.PriorSigmas(scene.problem.priors, {observed.noise.depth});
   // Residuals and priors in standard deviations, of steps in the pose's tangent space and in the
   // other parameters, but for the lens.
   const auto errors = [&](const Eigen::VectorXd& step) {
@@ -78,6 +77,8 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGainBeyondItsOwnErrors)
     state.gains[0] += step[layout.Gain(0)];
     for (int k = 0; k < kNuisances; ++k)
       state.nuisances[0][static_cast<std::size_t>(k)] += step[layout.Nuisance(0, k)];
+    for (int k = 0; k < kFrameErrors; ++k)
+      state.errors[0][static_cast<std::size_t>(k)] += step[layout.FrameErrors(0) + k];
     state.size += step[layout.Size()];
     for (std::size_t k = 0; k < state.boxes[0].size(); ++k)
       state.boxes[0][k] += step[layout.Boxes() + static_cast<Eigen::Index>(k)];
@@ -97,30 +98,19 @@ TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGainBeyondItsOwnErrors)
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(layout.size(), k);
     jacobian.col(k) = (errors(step) - errors(-step)) / (2 * kStep);
   }
-  // Consider parameters, which do not move the residuals of a state, have their derivatives.
-  Eigen::VectorXd r;
-  Eigen::MatrixXd by_blocks;
-  Residuals(scene.problem.model, observed, scene.solution.state.Parameters(0), &r, &by_blocks);
-  const Eigen::Index first = layout.Considered(0);
-  jacobian.middleCols<kFrameErrors>(first).setZero();
-  jacobian.block(0, first, r.size(), kFrameErrors) =
-      by_blocks.middleCols<kFrameErrors>(FrameColumns::kConsidered) / kSigma;
-  jacobian.block<kFrameErrors, kFrameErrors>(r.size() + first, first) =
-      FrameErrorSigmas(ErrorsOf("")).unaryExpr(&Positive).cwiseInverse().asDiagonal();
   const auto after_best = [&at](const Eigen::MatrixXd& by) -> Eigen::VectorXd {
     return at - by * by.completeOrthogonalDecomposition().solve(at);
   };
-  const Eigen::VectorXd left = after_best(jacobian),
-                        where_it_is = after_best(jacobian.middleCols<kFrameErrors>(first));
+  const Eigen::VectorXd left = after_best(jacobian);
   const auto rms = [&](const Eigen::VectorXd& of) {
     const auto n = static_cast<Eigen::Index>(observed.faces.size());
     return kSigma * std::sqrt(of.head(n).squaredNorm() / static_cast<double>(n));
   };
   const Disagreement disagreement = scene.Measure(kWithoutLens);
-  const double gain = (where_it_is.squaredNorm() - left.squaredNorm()) / 2;
+  const double gain = (at.squaredNorm() - left.squaredNorm()) / 2;
   ASSERT_GT(gain, 40);
   EXPECT_NEAR(disagreement.cost, gain, 0.01 * gain);
-  EXPECT_NEAR(disagreement.rms_together, rms(where_it_is), 1e-6);
+  EXPECT_NEAR(disagreement.rms_together, rms(at), 1e-6);
   EXPECT_NEAR(disagreement.rms_alone, rms(left), 0.02 * rms(left));
   EXPECT_TRUE(Disagrees(disagreement, 13));
 }

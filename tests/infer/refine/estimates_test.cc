@@ -18,7 +18,7 @@ struct Handmade {
   Priors priors = SomePriors();
   ParameterLayout layout = LayoutOf(2, 4);
   FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
-  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
+  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {ErrorsOf(""), ErrorsOf("")});
   NormalEquations normal;
 
   Handmade() {

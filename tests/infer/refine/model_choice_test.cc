@@ -87,10 +87,9 @@ struct Measured {
   Measured() {
     const Priors priors = testing_infer::SomePriors();
     free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
-    cost.prior_sigmas = layout.PriorSigmas(priors, {0.01, 0.01});
+    cost.prior_sigmas = layout.PriorSigmas(priors, {ErrorsOf(""), ErrorsOf("")});
     cost.normal.information = 101 * cost.prior_sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
     cost.normal.gradient = Eigen::VectorXd::Zero(layout.size());
-    cost.normal.pulls = PullsOf(cost.normal.information, layout, cost.prior_sigmas, {});
     cost.values = Eigen::VectorXd::Zero(layout.size());
   }
 };
@@ -134,7 +133,6 @@ TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
   const auto n = static_cast<int>(layout.size());
   const Linear linear(Eigen::Index{2} * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
   Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(n, -0.3, 0.4);
-  at.segment(layout.Considered(0), layout.Lens(0) - layout.Considered(0)).setZero();
   const QuadraticCost all = linear.CostAt(at);
   const MarginalCost marginal = WithoutAlwaysFree(all, layout).value();
   EXPECT_EQ(marginal.columns.size(), 2u + 2 + 2 + 3 + 1 + 9)
@@ -184,19 +182,6 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
   const Eigen::Index pose = measured.layout.Pose(1);
   EXPECT_NEAR(covariance(pose, pose), 1 / measured.cost.normal.information(pose, pose), 1e-12);
   EXPECT_LT(covariance(offset, offset), measured.cost.prior_sigmas[offset] / 10);
-}
-
-TEST(CovarianceOverModels, SilhouettesOfAllSensorsMayBeShiftedAlike) {
-  const Measured measured;
-  const Eigen::MatrixXd covariance =
-      CovarianceOverModels(measured.cost, measured.layout, 2).value();
-  const Eigen::Index a = measured.layout.Nuisance(0, kEdgeShift);
-  const Eigen::Index b = measured.layout.Nuisance(1, kEdgeShift);
-  // A common shift of 0.3 px of standard deviation, taken for its own by each sensor but for the
-  // hundredth part that its prior holds back.
-  const double common = 0.3 * 100 / 101, sigma = measured.cost.prior_sigmas[a];
-  EXPECT_NEAR(covariance(a, b), common * common, 1e-9);
-  EXPECT_NEAR(covariance(a, a), common * common + sigma * sigma / 101, 1e-9);
 }
 
 TEST(CovarianceOverModels, SaysWhereThereIsNone) {

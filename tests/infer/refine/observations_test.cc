@@ -62,12 +62,12 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   EXPECT_NEAR(face.variance, 2 * 8e-6 / 16, 1e-12);
   EXPECT_NEAR(face.multipath, 0, 1e-9) << "nothing rises in front of the top box";
   const Side& side = block.structure.SideOfLabel(block.label);
-  FrameErrorVector considered =
+  EXPECT_EQ(face.bulge, side.BulgeAt(block.pose * face.p));
+  FrameErrorVector by_errors =
       FrameErrorsAt(observed.noise.depth, face.p, block.pose.linear().transpose() * side.normal);
-  considered[kBounced] =
-      BouncedShare(block.structure, side, block.pose * face.p, block.pose.translation(),
-                   observed.noise.depth.bounce_reach_m);
-  EXPECT_TRUE(face.considered.isApprox(considered, 1e-9)) << face.considered.transpose();
+  by_errors[kBounced] = BouncedShare(block.structure, side, block.pose * face.p,
+                                     block.pose.translation(), observed.noise.depth.bounce_reach_m);
+  EXPECT_TRUE(face.by_errors.isApprox(by_errors, 1e-9)) << face.by_errors.transpose();
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }
 

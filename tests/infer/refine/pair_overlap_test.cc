@@ -45,6 +45,21 @@ TEST(FindOverlaps, SaysHowManyMeasurementsTheMatchesAreAndHowFarTheySpread) {
   EXPECT_NEAR(overlaps[0].excess, 1.4826 * median, 0.1 * median);
 }
 
+TEST(FindOverlaps, CountsWhatManyFramesSeeOnce) {
+  const testing_infer::TwoSensors two(testing_infer::Strip(true, 2), testing_infer::Strip(true, 2));
+  for (const std::size_t n : {2, 3, 5}) {
+    const std::vector<FrameInput> frames(n, two.frames[0]);
+    const JointProblem problem(two.structure, frames, two.options);
+    const State state = NominalState(two.structure, std::vector<Pose>(n, two.pose));
+    const std::vector<FrameObservations> observed(n, testing_infer::TwoFrames()[0]);
+    const std::vector<PairOverlap> overlaps =
+        FindOverlaps(problem, observed, std::vector<char>(n, 0), state);
+    ASSERT_EQ(overlaps.size(), n * (n - 1) / 2);
+    for (const PairOverlap& pair : overlaps)
+      EXPECT_NEAR(pair.cells, 4 * 2.0 / static_cast<double>(n), 0.1);
+  }
+}
+
 TEST(FindOverlaps, LeavesOutAHeldFrameUnlessOnlyOverlapHoldsTheOther) {
   testing_infer::Neighbours made;
   const RefineOptions options;

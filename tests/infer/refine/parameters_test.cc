@@ -72,8 +72,8 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
     }
     for (int k = 0; k < kFrameErrors; ++k) {
       all.push_back(
-          {"consider parameter" + std::to_string(k) + of, layout.Considered(i) + k,
-           [i, k](State* s, double h) { s->considered[i][static_cast<std::size_t>(k)] += h; }});
+          {"error" + std::to_string(k) + of, layout.FrameErrors(i) + k,
+           [i, k](State* s, double h) { s->errors[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
@@ -92,6 +92,15 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                          s->boxes[still][static_cast<std::size_t>(at)] += h;
                        }});
       }
+    }
+  }
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    for (int label = 1; label <= 5 * static_cast<int>(layout.boxes()); ++label) {
+      const int at = BuildModel::Bulge(label);
+      all.push_back({"side " + std::to_string(label), layout.Bulges(still) + at,
+                     [still, at](State* s, double h) {
+                       s->bulges[still][static_cast<std::size_t>(at)] += h;
+                     }});
     }
   }
   return all;
@@ -154,11 +163,14 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     std::copy(before.gains.begin(), before.gains.end(), state.gains.begin());
     std::copy(before.focals.begin(), before.focals.end(), state.focals.begin());
     std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
-    std::copy(before.considered.begin(), before.considered.end(), state.considered.begin());
+    std::copy(before.errors.begin(), before.errors.end(), state.errors.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
-    for (std::size_t still = 0; still < 2; ++still)
+    for (std::size_t still = 0; still < 2; ++still) {
       std::copy(before.boxes[still].begin(), before.boxes[still].end(), state.boxes[still].begin());
+      std::copy(before.bulges[still].begin(), before.bulges[still].end(),
+                state.bulges[still].begin());
+    }
     state.size = before.size;
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
@@ -182,8 +194,12 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   SensorLens lens;
   lens.prior_sigmas = Eigen::Vector3d(0.01, 0.2, 0.1);
   lens.own_focal_sigma = 0.0015;
-  const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {0.001, 0}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kFrameErrors) + 3 + 1 + 3 * 3);
+  DepthErrorModel seam, none;
+  seam.seam_m = 0.001;
+  seam.tilt_m = 0.003;
+  seam.bounce_m = 0.004;
+  const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {seam, none}, {lens});
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kFrameErrors) + 3 + 1 + (3 + 5) * 3);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
@@ -192,7 +208,9 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Focal(i)], 0.0015);
     EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
-    EXPECT_EQ(sigmas[layout.Considered(i) + 1], 1e-6) << "it is not estimated";
+    EXPECT_EQ(sigmas[layout.FrameErrors(i) + kTiltColumns], i == 0 ? 0.003 : 1e-6);
+    EXPECT_NEAR(sigmas[layout.FrameErrors(i) + kBounced], i == 0 ? 0.00462 : 1e-6, 1e-5)
+        << "root mean square of what lies evenly within twice the mean";
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
   for (Eigen::Index b = 0; b < 3; ++b) {
@@ -200,6 +218,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 1], 0.004);
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 2], 0.009);
   }
+  EXPECT_TRUE((sigmas.tail(5 * 3).array() == 0.002).all());
 }
 
 TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
@@ -214,7 +233,7 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
   EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0),
-            3 + 1 + kKnownLens + 6 + 1 + 4 + 2 * kFrameErrors);
+            3 + 1 + kKnownLens + 6 + 1 + 4 + kFrameErrors);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;

@@ -23,7 +23,8 @@ inline std::vector<FrameOf> EachItsOwn(std::size_t frames) {
 }
 
 inline ParameterLayout LayoutOf(std::size_t frames, std::size_t boxes) {
-  return {EachItsOwn(frames), 1, boxes, 1};
+  const auto count = static_cast<int>(boxes);
+  return {EachItsOwn(frames), 1, {count, 5 * count}, 1};
 }
 
 /// Of such frames, whose lens is known.
@@ -96,8 +97,10 @@ struct Neighbours {
 /// Parameters of one sensor and the build, as one vector in the order of FrameColumns.
 struct ParameterPoint {
   Eigen::VectorXd x;
+  int boxes;
   ParameterPoint(const refine_internal::BuildModel& model, const Pose& pose)
-      : x(refine_internal::FrameColumns::kBoxes + model.box_parameters()) {
+      : x(refine_internal::FrameColumns::kBoxes + model.size().parameters()),
+        boxes(model.size().boxes) {
     x.setZero();
     const refine_internal::PoseBlock block(pose);
     x.head<7>() = Eigen::Map<const Eigen::Matrix<double, 7, 1>>(block.values);
@@ -109,9 +112,10 @@ struct ParameterPoint {
             x.data() + Columns::kGain,
             x.data() + Columns::kFocal,
             x.data() + Columns::kNuisance,
-            x.data() + Columns::kConsidered,
+            x.data() + Columns::kErrors,
             x.data() + Columns::kLens,
-            {x.data() + Columns::kSize, x.data() + Columns::kBoxes}};
+            {x.data() + Columns::kSize, x.data() + Columns::kBoxes,
+             x.data() + Columns::kBoxes + 3 * boxes}};
   }
 };
 
@@ -125,6 +129,7 @@ inline refine_internal::Priors SomePriors() {
   priors.focal = 0.002;
   priors.box = 0.004;
   priors.yaw = 0.009;
+  priors.bulge = 0.002;
   return priors;
 }
 
@@ -142,7 +147,8 @@ inline refine_internal::FrameObservations Observe(const Structure& structure, co
       face.p = z * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
       face.label = view.labels(u, v);
       face.multipath = 0.1 * (u % 7);
-      face.considered << face.p.head<2>() * z / 4, face.p.x() * face.p.y() / 4, 0.1 * (u % 3),
+      face.bulge = structure.SideOfLabel(face.label).BulgeAt(pose * face.p);
+      face.by_errors << face.p.head<2>() * z / 4, face.p.x() * face.p.y() / 4, 0.1 * (u % 3),
           0.2 * (v % 5);
       face.variance = 1e-8;
       observed.faces.push_back(face);

@@ -68,7 +68,8 @@ TEST(Residuals, DoNotShrinkWithTheWorld) {
     smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
   for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath})
     smaller.x[length] *= kFactor;
-  smaller.x.segment<kFrameErrors>(FrameColumns::kConsidered) *= kFactor;
+  smaller.x.segment<kFrameErrors>(FrameColumns::kErrors) *= kFactor;
+  smaller.x.tail(model.size().sides) *= kFactor;
   for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
     const Eigen::Vector3d centre =
         structure.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
@@ -82,6 +83,24 @@ TEST(Residuals, DoNotShrinkWithTheWorld) {
   Residuals(model, observed, smaller.Parameters(), &of_smaller, nullptr);
   ASSERT_GT(residuals.norm(), 0.01);
   EXPECT_LT((of_smaller - residuals).norm(), 1e-9 * residuals.norm());
+}
+
+TEST(Residuals, AreNoneOfASideThatBulges) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  FrameObservations observed = testing_infer::Observe(structure, pose, 12);
+  ParameterPoint at(model, pose);
+  for (int label = 1; label < structure.num_classes(); ++label)
+    at.x.tail(model.size().sides)[BuildModel::Bulge(label)] = 1e-3 * label;
+  for (FaceObservation& face : observed.faces) {
+    const Side& side = structure.SideOfLabel(face.label);
+    face.p +=
+        1e-3 * face.label * side.BulgeAt(pose * face.p) * pose.linear().transpose() * side.normal;
+  }
+  Eigen::VectorXd residuals;
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 1e-5);
 }
 
 TEST(Residuals, DerivativesAreThoseOfDifferences) {
@@ -169,9 +188,9 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, observed);
   const FrameParameters p = at.Parameters();
-  const std::array<const double*, 9> blocks = {p.pose,  p.offset,     p.gain,
-                                               p.focal, p.nuisance,   p.considered,
-                                               p.lens,  p.build.size, p.build.boxes};
+  const std::array<const double*, 10> blocks = {p.pose,        p.offset,      p.gain, p.focal,
+                                                p.nuisance,    p.errors,      p.lens, p.build.size,
+                                                p.build.boxes, p.build.bulges};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
   Residuals(model, observed, p, &residuals, nullptr);
