@@ -12,6 +12,9 @@ constexpr double kRise = 0.02;  // m, that a box has to rise in front of a side 
 /// (measured as bounce_m is).
 constexpr double kReachOfBox = 0.75;
 
+/// Of what upright sides get: tops are lit by walls and ceilings, too (measured as bounce_m is).
+constexpr double kOnTops = 1.3;
+
 /// Calls visit(nearest, share of its reach) with the point nearest to q of the floor, of an upright
 /// side, and of each box that rises in front of a side.
 template <class Visit>
@@ -78,6 +81,7 @@ double BouncedShare(const Structure& structure, const Side& side, const Eigen::V
     const double x = distance / within;
     bounced += x * std::exp(1 - x) * lit;
   });
+  if (side.box >= 0 && side.normal.y() > 0.5) bounced *= kOnTops;
   return bounced / std::max(kGrazing, side.normal.dot((eye - q).normalized()));
 }
 

@@ -19,11 +19,13 @@ constexpr std::size_t kFewest = 3;  // points of an observation on a face
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
 constexpr double kPixelsPerError = 2;
 
-// The robust fit.
+// The robust fit. Errors that neighbours share are no outliers, though they reach 2.5 robust
+// spreads: with that for the limit, smooth errors of rendered D415s came to 77 % of what they are,
+// and their positions to 12.2 mm in the median, not 11.8.
 constexpr int kRobustIterations = 8;
 constexpr double kRobustPose = 1;  // m and rad, prior of the pose
 constexpr double kLeastFaceScale = 2 * kDepthStep;
-constexpr double kOutlier = 2.5;  // spreads
+constexpr double kOutlier = 3.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
 /// One image block's points on one side, without those that lie apart from the others.

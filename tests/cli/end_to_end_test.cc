@@ -260,6 +260,7 @@ class RealCaptures : public testing::Test {
     }
   }
 
+  /// The residual has what a pose does not take away: light that bounced, and bulges of boxes.
   /// `weaknesses`: what it may be weak for.
   static void ExpectFit(const FrameResult& sensor, double measured_rms_mm,
                         const std::set<SensorCode>& weaknesses = {}, double inliers = 0.98) {
@@ -284,7 +285,7 @@ TEST_F(RealCaptures, AzureKinectPair) {
       CalibrateFrames({RealFrame("KA03_Depth", intrinsics), RealFrame("KAX1_Depth", intrinsics)});
   const std::set<SensorCode> weaknesses = {SensorCode::kIntrinsicsSuspect};
   ExpectFit(result.sensors[0], 5.7, weaknesses);
-  ExpectFit(result.sensors[1], 4.9, weaknesses);
+  ExpectFit(result.sensors[1], 7.7, weaknesses);
 }
 
 double OverlapOf(const CalibrationResult& result, const std::string& a, const std::string& b) {
@@ -309,7 +310,7 @@ TEST_F(RealCaptures, FourAzureKinects) {
   const CalibrationResult pinhole = CalibrateFrames(frames, as_given);
   for (SensorFrame& frame : frames) frame.sensor = "azure_kinect_nfov_binned";
   const CalibrationResult named = CalibrateFrames(frames);
-  const double unknown_mm[] = {6.1, 6.9, 6.4, 6.8}, named_mm[] = {5.6, 7.2, 6.5, 5.1};
+  const double unknown_mm[] = {6.5, 8.8, 5.7, 6.7}, named_mm[] = {6.0, 8.4, 5.4, 7.0};
   for (std::size_t i = 0; i < frames.size(); ++i) {
     std::set<SensorCode> weaknesses;
     // Its boxes are not quite those of the others.

@@ -118,6 +118,14 @@ TEST(BouncedShare, AddsWhatTheFloorAndBoxesThrow) {
   EXPECT_NEAR(BouncedShare(structure, FloorOf(structure), {0.275 + 0.15, -0.81, 0}, eye, 0.2), 1,
               0.05);
   EXPECT_EQ(BouncedShare(structure, SideNamed(structure, "top/up"), {0.05, 0.81, 0}, eye, 0.2), 0);
+  // A top before a box has more than the floor has there.
+  const Side top = SideNamed(structure, "bottom/up");
+  Side floor_there = top;
+  floor_there.box = -1;
+  const Eigen::Vector3d before(0.05 + 0.15, -0.405, 0);
+  const double share = BouncedShare(structure, floor_there, before, eye, 0.2);
+  EXPECT_GT(share, 1);
+  EXPECT_NEAR(BouncedShare(structure, top, before, eye, 0.2), 1.3 * share, 1e-9);
 }
 
 }  // namespace
