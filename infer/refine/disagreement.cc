@@ -30,8 +30,7 @@ struct OwnMeasurements {
   Eigen::VectorXd values;      // by which parameters differ from the priors' means; 0 of the held
   Eigen::VectorXd faces;       // residuals of faces, m
   Eigen::MatrixXd by_faces;    // their derivatives
-  /// Times residuals of faces: of these, what the frame's consider parameters and bulges of sides
-  /// do not explain.
+  /// Times residuals of faces: of these, what bulges of sides do not explain.
   Eigen::MatrixXd unexplained;
 };
 

@@ -13,9 +13,8 @@ namespace volalign::refine_internal {
 
 /// What a frame's own measurements lose by the joint solution.
 struct Disagreement {
-  /// Half the square, in standard deviations, of the way from the joint solution, but for what the
-  /// frame's own consider parameters explain there, to the one that its own measurements and the
-  /// priors make most probable.
+  /// Half the square, in standard deviations, of the way from the joint solution to the one that
+  /// its own measurements and the priors make most probable. Bulges of sides may be others here.
   double cost = 0;
   /// m, of its observations of faces at the joint solution, and at its own.
   double rms_together = 0, rms_alone = 0;

@@ -14,10 +14,10 @@ namespace volalign::refine_internal {
 
 /// Signed distances, m: faces (to the infinite plane of the side as built), then edges (bearing
 /// against the edge, measured in the side's plane). True depth = measured * gain + offset -
-/// multipath * seam share + what the consider parameters add. They are lengths as the sensor
-/// measures them: of a face the true one divided by the gain, of an edge what its bearing makes at
-/// the measured depth. A sensor's errors are of that kind; in true lengths the smallest world would
-/// fit best. `jacobian`, if wanted, has FrameColumns.
+/// multipath * seam share + what the errors of the frame add; a side stands out by its bulge. They
+/// are lengths as the sensor measures them: of a face the true one divided by the gain, of an edge
+/// what its bearing makes at the measured depth. A sensor's errors are of that kind; in true
+/// lengths the smallest world would fit best. `jacobian`, if wanted, has FrameColumns.
 void Residuals(const BuildModel& model, const FrameObservations& observed,
                const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian);
