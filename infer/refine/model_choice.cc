@@ -109,9 +109,13 @@ std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
   const std::optional<CholeskyFactor> factor = Factor(h(free, free));
   if (!factor) return std::nullopt;
   MarginalCost marginal;
-  marginal.cost.normal.information = h(others, others) - cross.transpose() * factor->solve(cross);
-  marginal.cost.normal.gradient =
-      g(others) - cross.transpose() * factor->solve(Eigen::VectorXd(g(free)));
+  marginal.follows = -factor->solve(cross);
+  marginal.free_step = -factor->solve(Eigen::VectorXd(g(free)));
+  marginal.free_covariance =
+      factor->solve(Eigen::MatrixXd::Identity(factor->rows(), factor->cols()));
+  marginal.free = std::move(free);
+  marginal.cost.normal.information = h(others, others) + cross.transpose() * marginal.follows;
+  marginal.cost.normal.gradient = g(others) + cross.transpose() * marginal.free_step;
   marginal.cost.prior_sigmas = cost.prior_sigmas(others);
   marginal.cost.values = cost.values(others);
   marginal.columns = std::move(others);
@@ -162,31 +166,36 @@ std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
       LogEvidence(*marginal, layout, all,
                   std::vector<char>(static_cast<std::size_t>(layout.size()), 0), threads);
   const double most = *std::max_element(evidence.begin(), evidence.end());
-  std::vector<std::size_t> believed;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    if (evidence[k] != kNoEvidence && std::exp(evidence[k] - most) >= kNegligible)
-      believed.push_back(k);
-  }
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(layout.size(), layout.size());
+  const auto n = static_cast<Eigen::Index>(marginal->columns.size());
+  Eigen::MatrixXd square = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(n);
   double weights = 0;
-  // As many at a time as there are threads: of a large rig each takes much memory.
-  std::vector<std::optional<ModelFit>> fits(static_cast<std::size_t>(threads));
-  for (std::size_t begin = 0; begin < believed.size(); begin += fits.size()) {
-    const std::size_t count = std::min(fits.size(), believed.size() - begin);
-    ParallelFor(count, threads, [&](std::size_t k) {
-      fits[k] = FitModel(cost, layout.Scales(all[believed[begin + k]]), true);
-      if (!fits[k]) return;
-      fits[k]->covariance += fits[k]->step * fits[k]->step.transpose();
-    });
-    for (std::size_t k = 0; k < count; ++k) {
-      if (!fits[k]) continue;
-      const double weight = std::exp(evidence[believed[begin + k]] - most);
-      sum += weight * fits[k]->covariance;
-      weights += weight;
-    }
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const double weight = std::exp(evidence[k] - most);
+    if (evidence[k] == kNoEvidence || weight < kNegligible) continue;
+    const std::optional<ModelFit> fit =
+        FitModel(marginal->cost, layout.Scales(all[k])(marginal->columns), true);
+    if (!fit) continue;
+    square += weight * (fit->covariance + fit->step * fit->step.transpose());
+    step += weight * fit->step;
+    weights += weight;
   }
-  if (weights == 0 || !sum.allFinite()) return std::nullopt;
-  return sum / weights;
+  if (weights == 0) return std::nullopt;
+  square /= weights;
+  step /= weights;
+  // What is always free takes free_step + follows * step, about which it has free_covariance.
+  const Eigen::MatrixXd crossed =
+      marginal->follows * square + marginal->free_step * step.transpose();
+  const Eigen::MatrixXd of_free =
+      marginal->free_covariance + crossed * marginal->follows.transpose() +
+      (marginal->free_step + marginal->follows * step) * marginal->free_step.transpose();
+  Eigen::MatrixXd covariance(layout.size(), layout.size());
+  covariance(marginal->columns, marginal->columns) = square;
+  covariance(marginal->free, marginal->columns) = crossed;
+  covariance(marginal->columns, marginal->free) = crossed.transpose();
+  covariance(marginal->free, marginal->free) = of_free;
+  if (!covariance.allFinite()) return std::nullopt;
+  return covariance;
 }
 
 }  // namespace volalign::refine_internal

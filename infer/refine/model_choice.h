@@ -41,6 +41,11 @@ std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorX
 struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
+  std::vector<Eigen::Index> free;     ///< of the others
+  /// Of the others: their step to their most probable values and their covariance where those that
+  /// are left stay, and by how much their step is more for a step of each of these.
+  Eigen::VectorXd free_step;
+  Eigen::MatrixXd free_covariance, follows;
 };
 /// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
 /// where it cannot be computed.

@@ -184,6 +184,32 @@ TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
   EXPECT_LT(covariance(offset, offset), measured.cost.prior_sigmas[offset] / 10);
 }
 
+TEST(CovarianceOverModels, IsTheMeanOverAllModels) {
+  const ParameterLayout layout = LayoutOf(2, 3);
+  const auto n = static_cast<int>(layout.size());
+  const Linear linear(Eigen::Index{2} * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
+  const QuadraticCost cost = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
+  std::vector<ModelFit> fits;
+  double most = -1e9;
+  for (int k = 0; k < 243; ++k) {
+    const auto scale = [&](int of) { return std::array{0.0, 0.3, 1.0}[k / of % 3]; };
+    const PriorScales scales{scale(1), scale(3), scale(9), scale(27), scale(81)};
+    fits.push_back(FitModel(cost, layout.Scales(scales), true).value());
+    most = std::max(most, fits.back().log_evidence);
+  }
+  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(n, n);
+  double weights = 0;
+  for (const ModelFit& fit : fits) {
+    const double weight = std::exp(fit.log_evidence - most);
+    expected += weight * (fit.covariance + fit.step * fit.step.transpose());
+    weights += weight;
+  }
+  expected /= weights;
+  const Eigen::MatrixXd covariance = CovarianceOverModels(cost, layout, 2).value();
+  // Models of little weight are left out.
+  EXPECT_LT((covariance - expected).norm(), 0.01 * expected.norm());
+}
+
 TEST(CovarianceOverModels, SaysWhereThereIsNone) {
   // Of a direction that is always free, the cost is no minimum.
   Measured measured;
