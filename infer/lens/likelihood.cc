@@ -20,7 +20,7 @@ constexpr double kLeastLever = 0.2;
 constexpr double kSmoothSpread = 0.8;
 const double kLeastSmooth = StepSigma() * kDepthStep, kMostSmooth = kSamePlace;  // m
 constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};              // rad
-constexpr double kSmoothStep = M_SQRT2;  // between sizes: under two standard deviations of one
+const double kSmoothStep = std::cbrt(2);  // between sizes, which a frame tells to a tenth at best
 
 }  // namespace
 
