@@ -93,7 +93,7 @@ TEST(CalibrateStills, SeveralPlacementsAreOneProblem) {
   EXPECT_TRUE(one.stills.empty());
   ASSERT_EQ(all.stills.size(), 3u);
   ASSERT_EQ(all.sensors.size(), 5u);
-  EXPECT_LT(MeanError(all), 0.7 * MeanError(one)) << "errors are drawn anew in each still";
+  EXPECT_LT(MeanError(all), 0.75 * MeanError(one)) << "errors are drawn anew in each still";
   for (std::size_t s = 0; s < 3; ++s) {
     const PoseError error = ComparePoses(all.stills[s].first_from_placement, studio.placements[s]);
     EXPECT_LT(error.translation_m, s == 0 ? 1e-12 : 0.003) << s;
