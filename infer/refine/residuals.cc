@@ -41,7 +41,7 @@ class Scene {
   double FocalChange() const { return lens_[0]; }
   Eigen::Index columns() const { return FrameColumns::kBoxes + model_.size().parameters(); }
   Eigen::Index ColumnOfBulge(int label) const {
-    return FrameColumns::kBoxes + 3 * model_.size().boxes + BuildModel::Bulge(label);
+    return FrameColumns::kBoxes + Eigen::Index{3} * model_.size().boxes + BuildModel::Bulge(label);
   }
   double Bulge(const FaceObservation& face) const {
     return face.bulge * parameters_.build.bulges[BuildModel::Bulge(face.label)];
