@@ -97,7 +97,7 @@ struct Neighbours {
 /// Parameters of one sensor and the build, as one vector in the order of FrameColumns.
 struct ParameterPoint {
   Eigen::VectorXd x;
-  int boxes;
+  Eigen::Index boxes;
   ParameterPoint(const refine_internal::BuildModel& model, const Pose& pose)
       : x(refine_internal::FrameColumns::kBoxes + model.size().parameters()),
         boxes(model.size().boxes) {
