@@ -12,7 +12,8 @@ constexpr double kRise = 0.02;  // m, that a box has to rise in front of a side 
 /// (measured as bounce_m is).
 constexpr double kReachOfBox = 0.75;
 
-/// Of what upright sides get: tops are lit by walls and ceilings, too (measured as bounce_m is).
+/// How many times as much bounced light a top gets as an upright side, since walls and ceilings
+/// light it, too (measured as bounce_m is).
 constexpr double kOnTops = 1.3;
 
 /// Calls visit(nearest, share of its reach) with the point nearest to q of the floor, of an upright

@@ -47,9 +47,9 @@ Side FloorOf(const Structure& structure);
 /// to the depth of a point q of a side, for a sensor with its lamp at `eye`; structure frame. Each
 /// of these surfaces adds x exp(1 - x), x being its distance over `reach` (bounce_reach_m; of a
 /// box three quarters of that; at the seam itself the way is no longer), times the cosine at which
-/// it is lit at `reach` before the side. More on tops, which walls and ceilings light. Over
-/// the cosine at which the side is seen: light that comes straight falls with it (Lambert), bounced
-/// light does not.
+/// it is lit at `reach` before the side. The sum is divided by the cosine at which the side is
+/// seen: light that comes straight falls with it (Lambert), bounced light does not. Tops get more,
+/// since walls and ceilings light them, too.
 double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
                     const Eigen::Vector3d& eye, double reach);
 

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/geometry/sensor_kind.h"
 #include "infer/refine/acceptance.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"

@@ -1,7 +1,6 @@
 #include "infer/refine/residuals.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -241,29 +240,24 @@ bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
   out.head(faces) = face_root.solve(r.head(faces));
   out.tail(edges) = edge_root.solve(r.tail(edges));
   if (!jacobians) return true;
-  // Whitening costs most: of what is held constant, no derivatives are wanted, and there are none
-  // by the bulges of sides that are not seen.
+  // Whitening costs most: of what is held constant, no derivatives are wanted.
   std::vector<Eigen::Index> wanted;
-  std::vector<double*> at;  // first element of the column in its row-major Jacobian
-  std::vector<Eigen::Index> width;
   Eigen::Index column = 0;
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
-    const Eigen::Index size = parameter_block_sizes()[b];
-    if (jacobians[b]) std::fill_n(jacobians[b], (faces + edges) * size, 0.0);
-    for (Eigen::Index k = 0; k < size; ++k, ++column) {
-      if (!jacobians[b] || j.col(column).isZero(0)) continue;
-      wanted.push_back(column);
-      at.push_back(jacobians[b] + k);
-      width.push_back(size);
+    for (int k = 0; k < parameter_block_sizes()[b]; ++k, ++column) {
+      if (jacobians[b]) wanted.push_back(column);
     }
   }
   Eigen::MatrixXd white = j(Eigen::all, wanted);
   face_root.solveInPlace(white.topRows(faces));
   edge_root.solveInPlace(white.bottomRows(edges));
-  for (std::size_t k = 0; k < wanted.size(); ++k) {
-    Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<>>(at[k], faces + edges,
-                                                         Eigen::InnerStride<>(width[k])) =
-        white.col(static_cast<Eigen::Index>(k));
+  column = 0;
+  for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
+    if (!jacobians[b]) continue;
+    const Eigen::Index width = parameter_block_sizes()[b];
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    Eigen::Map<RowMajor>(jacobians[b], faces + edges, width) = white.middleCols(column, width);
+    column += width;
   }
   return true;
 }

@@ -160,7 +160,7 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const LensPoint a = point(), b = point();
     const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
     const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
-    // Offsets, gains, own focal lengths, consider parameters, lenses.
+    // Offsets, gains, own focal lengths, errors of the frames, lenses.
     const FrameErrorVector of_a(0.002, -0.004, 0.001, 0.002, 0.003),
         of_b(-0.001, 0.003, 0.002, -0.004, -0.002);
     std::vector<std::vector<double>> others = {{0.004},  {-0.003}, {0.006},
