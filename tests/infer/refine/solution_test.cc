@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -82,6 +83,21 @@ TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
     EXPECT_LT(ComparePoses(solution.state.poses[i].ToPose(), made.poses[i]).translation_m, 1.5e-3);
     EXPECT_LT(ComparePoses(solution.state.poses[i].ToPose(), made.poses[i]).rotation_deg, 0.05);
   }
+}
+
+TEST(KeepInitial, LeavesNoErrors) {
+  const Neighbours made;
+  const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
+  Solution solution{
+      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+  for (std::size_t i = 0; i < 2; ++i) {
+    solution.state.errors[i].fill(0.001);
+    solution.state.nuisances[i].fill(0.001);
+  }
+  KeepInitial(problem, 0, &solution);
+  EXPECT_EQ(solution.state.errors[0], (std::array<double, kFrameErrors>{}));
+  EXPECT_EQ(solution.state.nuisances[0], (std::array<double, kNuisances>{}));
+  EXPECT_EQ(solution.state.errors[1][kBounced], 0.001) << "another frame";
 }
 
 TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {

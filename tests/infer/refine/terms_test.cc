@@ -179,6 +179,23 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
   }
 }
 
+// Where the depth of a point has bounced light, what two frames share says something of it.
+TEST(ComputeNormalEquations, OverlapTellsBouncedLight) {
+  const TwoSensors two(Strip(true, 2), Strip(true, 2));
+  const JointProblem problem = two.Problem();
+  Solution solution{AskedFor({}, problem.priors, 2, 4), two.state, {}, {0, 0}};
+  solution.observed = testing_infer::TwoFrames();
+  solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
+  const auto told = [&](double share) {
+    for (PairMatch& match : solution.overlaps.at(0).of_a) match.bounced_point = share;
+    const Eigen::Index column = problem.layout.FrameErrors(0) + kBounced;
+    return ComputeNormalEquations(problem, solution).information(column, column);
+  };
+  const double nothing = told(0), all = told(1) - nothing;
+  EXPECT_GT(all, 0);
+  EXPECT_NEAR(told(0.5) - nothing, 0.25 * all, 1e-6 * all);
+}
+
 TEST(BuildCeresProblem, HoldsWhatIsNotFree) {
   const Neighbours made;
   const RefineOptions options;
