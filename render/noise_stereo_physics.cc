@@ -13,7 +13,6 @@ namespace {
 
 constexpr int kWindow = 4;          // px to each side: 9x9, as Intel's presets of the D415
 constexpr int kMostDecimation = 4;  // native pixels along each side of one that is delivered
-constexpr int kStride = 2;          // of matched pixels, native px
 constexpr int kSearch = 3;          // px about the disparities of what lies within the window
 // A match is taken where no other one, more than a pixel away, is nearly as good, and where the
 // right picture shows the same surface there.
@@ -258,17 +257,18 @@ NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
   const int width = input.view.depth.width(), height = input.view.depth.height();
   const auto largest =
       static_cast<float>(model.largest_disparity * pair.factor() * width / model.native_width);
+  // A pixel is the mean of native ones (librealsense, "post-processing filters"): of those in its
+  // corners, which are about its middle.
+  const int factor = pair.factor(), stride = std::max(1, factor - 1);
   NoisyView out{DepthImage(width, height), LabelImage(width, height)};
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      // A pixel is the mean of what it has of native ones (librealsense, "post-processing
-      // filters").
       float sum = 0;
       int count = 0;
       std::uint8_t label = 0;
       float nearest = std::numeric_limits<float>::infinity();
-      for (int y = pair.factor() * v; y < pair.factor() * (v + 1); y += kStride) {
-        for (int x = pair.factor() * u; x < pair.factor() * (u + 1); x += kStride) {
+      for (int y = factor * v; y < factor * (v + 1); y += stride) {
+        for (int x = factor * u; x < factor * (u + 1); x += stride) {
           const float d = pair.Match(x, y, largest);
           if (d == 0) continue;
           sum += pair.baseline() / d;
