@@ -27,6 +27,9 @@ struct DepthErrorModel {
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
   double edge_gap_rad = 0;  ///< without depth on the far side of a depth edge
+  /// Width of the window over which a stereo matcher takes one depth; 0 where pixels have their
+  /// own.
+  double window_rad = 0;
 
   double White(double z) const;
   double Smooth(double z) const;
@@ -69,6 +72,8 @@ struct DepthErrorModel {
     ar("lateral_rad", lateral_rad, "standard deviation, rad, across the ray", AtLeast(0));
     ar("edge_gap_rad", edge_gap_rad, "rad without depth on the far side of a depth edge",
        AtLeast(0));
+    ar("window_rad", window_rad,
+       "width, rad, of the window over which a stereo matcher takes one depth", AtLeast(0));
   }
 };
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -36,6 +37,28 @@ std::vector<std::vector<int>> PixelsByLabel(const ConfidentSides& sides) {
   return by_label;
 }
 
+/// Is all of the window that a pixel's depth comes from on its own side? A matcher shows what is
+/// nearer larger than it is, by up to half its window, and rounds off where sides meet.
+bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
+  constexpr std::array<std::pair<int, int>, 4> kSteps = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+  const SensorView& view = sides.view;
+  if (view.errors.window_rad == 0) return true;
+  const double half_window = view.errors.window_rad / std::sqrt(view.ray_areas(u, v)) / 2;
+  const int reach = static_cast<int>(std::ceil(half_window + 0.5));
+  const double here = view.depth(u, v);
+  for (const auto& [du, dv] : kSteps) {
+    for (int step = 1; step <= reach; ++step) {
+      // Across what was not measured.
+      int x = u + step * du, y = v + step * dv;
+      for (; view.depth.Contains(x, y) && !(view.depth(x, y) > 0); y += dv) x += du;
+      if (!view.depth.Contains(x, y)) return false;
+      if (sides.At(x, y) == sides.At(u, v)) continue;
+      if (step < reach || view.depth(x, y) - here > DepthJump(here)) return false;
+    }
+  }
+  return true;
+}
+
 /// At most `max_points` points of each use (a decision by a fifth as many would be noisy), the same
 /// number of each side.
 std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_points) {
@@ -57,7 +80,7 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
     for (const int i : pixels) {
       const int u = i % view.width(), v = i / view.width();
       const BlockUse use = UseOfBlock(u, v);
-      if (++taken[use] > share) continue;
+      if (!HasItsOwnDepth(sides, u, v) || ++taken[use] > share) continue;
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
