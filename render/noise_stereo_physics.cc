@@ -13,7 +13,11 @@ namespace {
 
 constexpr int kWindow = 4;          // px to each side: 9x9, as Intel's presets of the D415
 constexpr int kMostDecimation = 4;  // native pixels along each side of one that is delivered
-constexpr int kSearch = 3;          // px about the disparities of what lies within the window
+/// Of a delivered pixel with so many native rows (less one), the column of each row that is
+/// matched: each column once, so that the mean is that of the whole pixel.
+constexpr std::array<std::array<int, kMostDecimation>, kMostDecimation> kMatched = {
+    {{0}, {1, 0}, {1, 0, 2}, {1, 3, 0, 2}}};
+constexpr int kSearch = 3;  // px about the disparities of what lies within the window
 // A match is taken where no other one, more than a pixel away, is nearly as good, and where the
 // right picture shows the same surface there.
 constexpr float kUniqueness = 0.95F;
@@ -257,30 +261,31 @@ NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
   const int width = input.view.depth.width(), height = input.view.depth.height();
   const auto largest =
       static_cast<float>(model.largest_disparity * pair.factor() * width / model.native_width);
-  // A pixel is the mean of native ones (librealsense, "post-processing filters"): of those in its
-  // corners, which are about its middle.
-  const int factor = pair.factor(), stride = std::max(1, factor - 1);
+  const int factor = pair.factor();
   NoisyView out{DepthImage(width, height), LabelImage(width, height)};
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
+      // A pixel is the mean of what it has of native ones (librealsense, "post-processing
+      // filters").
       float sum = 0;
       int count = 0;
       std::uint8_t label = 0;
       float nearest = std::numeric_limits<float>::infinity();
-      for (int y = factor * v; y < factor * (v + 1); y += stride) {
-        for (int x = factor * u; x < factor * (u + 1); x += stride) {
-          const float d = pair.Match(x, y, largest);
-          if (d == 0) continue;
-          sum += pair.baseline() / d;
-          ++count;
-          // The window's surface that was matched.
-          for (int q = y - kWindow; q <= y + kWindow; q += kWindow) {
-            for (int p = x - kWindow; p <= x + kWindow; p += kWindow) {
-              const float off = std::abs(pair.Disparity(p, q) - d);
-              if (pair.Face(p, q) < 0 || off >= nearest) continue;
-              nearest = off;
-              label = pair.subpixels().face(pair.Face(p, q)).label;
-            }
+      for (int row = 0; row < factor; ++row) {
+        const int y = factor * v + row;
+        const int x = factor * u +
+                      kMatched[static_cast<std::size_t>(factor) - 1][static_cast<std::size_t>(row)];
+        const float d = pair.Match(x, y, largest);
+        if (d == 0) continue;
+        sum += pair.baseline() / d;
+        ++count;
+        // The window's surface that was matched.
+        for (int q = y - kWindow; q <= y + kWindow; q += kWindow) {
+          for (int p = x - kWindow; p <= x + kWindow; p += kWindow) {
+            const float off = std::abs(pair.Disparity(p, q) - d);
+            if (pair.Face(p, q) < 0 || off >= nearest) continue;
+            nearest = off;
+            label = pair.subpixels().face(pair.Face(p, q)).label;
           }
         }
       }

@@ -450,14 +450,63 @@ TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
     int u = 119;
     while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) --u;
     for (; noisy.depth(u, v) == 0; --u) shadow += 1.0 / 40;
-    u = 200;
-    while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) ++u;
-    grown += (u - 204) / 40.0;
+    double edge = 199.5;
+    for (u = 200; noisy.depth(u, v) > 0 && u < 210; ++u)
+      edge += std::clamp((4.0 - noisy.depth(u, v)) / (4.0 - 1.6), 0.0, 1.0);
+    grown += (edge - 203.75) / 40;
   }
   EXPECT_NEAR(shadow, 4.9, 2.5);
   // Up to half a window of 9 native pixels.
-  EXPECT_GT(grown, 0.2);
-  EXPECT_LT(grown, 1.6);
+  EXPECT_GT(grown, 0.1);
+  EXPECT_LT(grown, 1.2);
+}
+
+// The mean of pixels that are not about the middle of theirs would move all that is seen.
+TEST_F(NoiseTest, PhysicsOfStereoMovesNothingAside) {
+  const Intrinsics k = CentredCamera(160, 90, 118);
+  NoiseConfig physics;
+  physics.model = "physics";
+  for (const bool rows : {true, false}) {
+    // A ridge 2 m away, whose slopes fall off steeply to both sides. What a device adds to the
+    // depth of both moves them in opposite directions.
+    WallScene scene;
+    scene.mesh.BeginObject({0.9F, 1.0F, true});
+    const double y = 2, run = 2.5, half = 1, wide = 9;
+    const auto corner = [&](double x, double along, double across) {
+      return rows ? Eigen::Vector3d(x, y + along, across) : Eigen::Vector3d(x, y + across, along);
+    };
+    for (const double side : {-1.0, 1.0}) {
+      const std::array<Eigen::Vector3d, 4> slope = {corner(2, -wide, 0), corner(2, wide, 0),
+                                                    corner(2 + run, wide, side * half),
+                                                    corner(2 + run, -wide, side * half)};
+      const Eigen::Vector3d out = corner(-half, 0, side * run) - corner(0, 0, 0);
+      const bool turns = (slope[1] - slope[0]).cross(slope[2] - slope[1]).dot(out) < 0;
+      scene.mesh.AppendQuad(
+          turns ? std::array<Eigen::Vector3d, 4>{slope[3], slope[2], slope[1], slope[0]} : slope,
+          out.normalized(), side < 0 ? 1 : 2);
+    }
+    scene.pose = LookAt({0, y, 0}, {2, y, 0}, 0);
+    renderer_.Render(scene.mesh, k, scene.pose, &scene.view);
+    double sum = 0;
+    int count = 0;
+    for (std::uint64_t device = 0; device < 16; ++device) {
+      const NoisyView noisy = Spoil(scene, k, kD415, device, physics);
+      for (int v = 8; v < 82; ++v) {
+        for (int u = 8; u < 152; ++u) {
+          const auto clean = [&](int step) {
+            return rows ? scene.view.depth(u + step, v) : scene.view.depth(u, v + step);
+          };
+          const float before = clean(-5), after = clean(5);
+          const bool straight = std::abs(before + after - 2 * clean(0)) < 0.1F;
+          if (noisy.depth(u, v) == 0 || clean(0) > 3 || !straight) continue;
+          sum += (noisy.depth(u, v) - clean(0)) / (after - before) * 10;
+          ++count;
+        }
+      }
+    }
+    EXPECT_GT(count, 5000) << rows;
+    EXPECT_NEAR(sum / count, 0, 0.05) << rows;  // px
+  }
 }
 
 TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <utility>
 #include <vector>
 
 #include "tests/infer/refine/points_and_observations.h"
@@ -93,6 +94,73 @@ TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
                         std::back_inserter(same));
   EXPECT_GT(before.size(), 500u);
   EXPECT_GT(same.size(), before.size() * 97 / 100);
+}
+
+/// The frame as a matcher would give it: what is nearer covers the pixels next to it, too.
+void GrowForeground(DepthImage* depth, LabelImage* labels) {
+  const DepthImage before = *depth;
+  const LabelImage sides = *labels;
+  for (int v = 1; v + 1 < depth->height(); ++v) {
+    for (int u = 1; u + 1 < depth->width(); ++u) {
+      for (const auto& [x, y] : {std::pair(u - 1, v), {u + 1, v}, {u, v - 1}, {u, v + 1}}) {
+        if (before(x, y) == 0 || before(x, y) > (*depth)(u, v) - 0.1F) continue;
+        (*depth)(u, v) = before(x, y);
+        (*labels)(u, v) = sides(x, y);
+      }
+    }
+  }
+}
+
+TEST(SidePoints, OfAStereoPairAreNoneThatItsMatcherAdds) {
+  const Rig rig = RingOfEight();
+  for (const bool stereo : {true, false}) {
+    std::size_t points = 0, off = 0;
+    for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+      DepthImage depth = rig.frames[i].depth;
+      LabelImage labels = rig.labels[i];
+      GrowForeground(&depth, &labels);
+      const SensorView view =
+          MakeSensorView(depth, rig.frames[i].intrinsics,
+                         ErrorsOf(stereo ? "realsense_d415" : "azure_kinect_nfov_binned"));
+      const SensorPoints sampled = SamplePoints(view, testing_infer::Certain(labels), rig.structure,
+                                                testing_infer::UsualSampling());
+      for (const SidePoint& point : sampled.side_points) {
+        const Side& side = rig.structure.SideOfLabel(point.label);
+        const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
+        ++points;
+        off += std::abs(side.normal.dot(p - side.centre)) > 5e-3;
+      }
+    }
+    EXPECT_GT(points, 2000u) << stereo;
+    if (stereo) {
+      EXPECT_EQ(off, 0u);
+    } else {
+      EXPECT_GT(off, 200u);
+    }
+  }
+}
+
+/// A pixel that was not measured is no end of a side.
+TEST(SidePoints, OfAStereoPairLieBesideHoles) {
+  const Rig rig = RingOfEight();
+  const auto sampled = [&](const DepthImage& depth) {
+    const SensorView view =
+        MakeSensorView(depth, rig.frames[0].intrinsics, ErrorsOf("realsense_d415"));
+    SamplingOptions all;
+    all.max_side_points = static_cast<int>(depth.size());
+    return SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all)
+        .side_points.size();
+  };
+  DepthImage depth = rig.frames[0].depth;
+  std::size_t holes = 0;
+  for (int v = 0; v < depth.height(); v += 3) {
+    for (int u = v % 2; u < depth.width(); u += 3) {
+      holes += depth(u, v) > 0 && rig.labels[0](u, v) > 0;
+      depth(u, v) = 0;
+    }
+  }
+  EXPECT_GT(holes, 200u);
+  EXPECT_GT(sampled(depth) + holes, sampled(rig.frames[0].depth) * 98 / 100);
 }
 
 }  // namespace
