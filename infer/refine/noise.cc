@@ -50,7 +50,8 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
     const FaceObservation& face = observed.faces[i];
     const double cosine =
         model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
-    const double lateral = observed.noise.depth.lateral_rad * face.p.z();
+    const double lateral =
+        std::hypot(observed.noise.depth.lateral_rad, face.aside_rad) * face.p.z();
     variances[static_cast<Eigen::Index>(i)] = face.variance +
                                               (1 - cosine * cosine) * lateral * lateral +
                                               Square(StepSigma() * kDepthStep);

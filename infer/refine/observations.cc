@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "core/base/statistics.h"
@@ -44,6 +45,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   const double spread = kMadToSigma * Median(deviations) + kDepthStep;
   FaceObservation face;
   face.label = label;
+  face.aside_rad = points.front()->aside_rad;
   face.p.setZero();
   double squares = 0, weights = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
@@ -146,13 +148,14 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   std::vector<FrameState> places;
   places.reserve(poses.size());
   for (const Pose& pose : poses) places.push_back(state.Frame(sensor, pose));
-  std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
+  // By label, block, and whether their depth may have been measured aside of them.
+  std::map<std::tuple<int, int, double>, std::vector<const SidePoint*>> faces;
   for (const SidePoint& point : points.side_points) {
     const auto lies_on_it = [&](const FrameState& at) {
       return LiesOnItsSide(built, at, point, gates.side);
     };
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
-      faces[{point.label, point.block}].push_back(&point);
+      faces[{point.label, point.block, point.aside_rad}].push_back(&point);
   }
   // By label, edge, block, axis, and whether one-sided.
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
@@ -169,7 +172,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
       observed->faces.push_back(
-          FaceOf(nominal, built, places.front(), key.first, observed->noise.depth, of));
+          FaceOf(nominal, built, places.front(), std::get<0>(key), observed->noise.depth, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();

@@ -80,13 +80,14 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
     for (const int i : pixels) {
       const int u = i % view.width(), v = i / view.width();
       const BlockUse use = UseOfBlock(u, v);
-      if (!HasItsOwnDepth(sides, u, v) || ++taken[use] > share) continue;
+      if (++taken[use] > share) continue;
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
       if (!view.depth_sigma.empty()) point.sigma = view.depth_sigma(u, v);
       point.block = BlockIndex(u, v, view.width());
       point.use = use;
+      if (!HasItsOwnDepth(sides, u, v)) point.aside_rad = view.errors.window_rad / 2 / std::sqrt(3);
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
       points.push_back(point);
     }

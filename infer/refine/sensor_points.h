@@ -21,6 +21,9 @@ struct SidePoint {
   double sigma = 0;  ///< m: standard error of its depth over several frames; 0: not known
   int block = 0;     ///< of the image, see BlockIndex
   BlockUse use = BlockUse::kFit;
+  /// Standard deviation of how far aside of it its depth was measured: evenly within half of a
+  /// stereo matcher's window, where that reaches beyond the side; 0 elsewhere.
+  double aside_rad = 0;
 };
 
 /// A point on the silhouette of a labelled side, where the depth behind it jumps or where there is

@@ -168,6 +168,7 @@ TEST(SetCovariance, IsThatOfItsParts) {
   observed.noise.depth.smooth_rad = 0.1;
   observed.noise.edge = 1.5;
   observed.noise.line = 0.003;
+  observed.faces[3].aside_rad = 0.0027;
   SetCovariance(model, pose, &observed);
   const Eigen::MatrixXd faces = observed.face_root * observed.face_root.transpose();
   for (std::size_t i = 0; i < observed.faces.size(); ++i) {
@@ -185,7 +186,8 @@ TEST(SetCovariance, IsThatOfItsParts) {
         const Eigen::Vector3d normal =
             pose.linear().transpose() * structure.SideOfLabel(a.label).normal;
         const double sine = normal.cross(a.p.normalized()).norm();
-        expected += a.variance + std::pow(sine * 0.0003 * a.p.z(), 2) + 1e-6 / 12;
+        const double aside = std::hypot(0.0003, i == 3 ? 0.0027 : 0);
+        expected += a.variance + std::pow(sine * aside * a.p.z(), 2) + 1e-6 / 12;
       }
       EXPECT_NEAR(faces(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), expected,
                   1e-11);
