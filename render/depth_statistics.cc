@@ -162,7 +162,7 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const Straig
     seen(seed.u, seed.v) = 1;
     for (std::size_t next = 0; next < region.size() && region.size() < limit; ++next) {
       const auto [u, v] = region[next];
-      for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+      for (const auto& [du, dv] : kBeside) {
         const int x = u + du, y = v + dv;
         if (!depth.Contains(x, y) || seen(x, y) || taken(x, y)) continue;
         const double z = depth(x, y);

@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kWindow = 4;          // px to each side: 9x9, as Intel's presets of the D415
 constexpr int kMostDecimation = 4;  // native pixels along each side of one that is delivered
-/// Of a delivered pixel with so many native rows (less one), the column of each row that is
-/// matched: each column once, so that the mean is that of the whole pixel.
+/// For 1 to 4 native pixels along each side of a delivered one: the column that is matched in each
+/// row. Each column is matched once, so that the mean is about the middle.
 constexpr std::array<std::array<int, kMostDecimation>, kMostDecimation> kMatched = {
     {{0}, {1, 0}, {1, 0, 2}, {1, 3, 0, 2}}};
 constexpr int kSearch = 3;  // px about the disparities of what lies within the window
@@ -265,8 +265,7 @@ NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
   NoisyView out{DepthImage(width, height), LabelImage(width, height)};
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      // A pixel is the mean of what it has of native ones (librealsense, "post-processing
-      // filters").
+      // A pixel is the mean of native ones (librealsense, "post-processing filters").
       float sum = 0;
       int count = 0;
       std::uint8_t label = 0;

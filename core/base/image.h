@@ -1,10 +1,15 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace volalign {
+
+/// The steps from a pixel to the four beside it.
+inline constexpr std::array<std::pair<int, int>, 4> kBeside = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
 
 /// Row-major image; pixel (u, v) is column u of row v, its centre at integer coordinates.
 template <class T>

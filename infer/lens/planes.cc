@@ -2,7 +2,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -100,8 +99,7 @@ class PatchGrid {
         plane.patches.push_back(patches_[Index(at)]->patch);
         plane.picture_area += patches_[Index(at)]->picture_area;
       }
-      constexpr std::array<std::pair<int, int>, 4> kSteps = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
-      for (const auto& [dx, dy] : kSteps) {
+      for (const auto& [dx, dy] : kBeside) {
         const int x = column + dx, y = row + dy;
         if (x < 0 || y < 0 || x >= columns_ || y >= rows_) continue;
         const int next = y * columns_ + x;

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <tuple>
 #include <utility>
 
 #include "core/base/statistics.h"
@@ -149,13 +148,13 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   places.reserve(poses.size());
   for (const Pose& pose : poses) places.push_back(state.Frame(sensor, pose));
   // By label, block, and whether their depth may have been measured aside of them.
-  std::map<std::tuple<int, int, double>, std::vector<const SidePoint*>> faces;
+  std::map<std::array<int, 3>, std::vector<const SidePoint*>> faces;
   for (const SidePoint& point : points.side_points) {
     const auto lies_on_it = [&](const FrameState& at) {
       return LiesOnItsSide(built, at, point, gates.side);
     };
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
-      faces[{point.label, point.block, point.aside_rad}].push_back(&point);
+      faces[{point.label, point.block, point.aside_rad > 0}].push_back(&point);
   }
   // By label, edge, block, axis, and whether one-sided.
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
@@ -172,7 +171,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
       observed->faces.push_back(
-          FaceOf(nominal, built, places.front(), std::get<0>(key), observed->noise.depth, of));
+          FaceOf(nominal, built, places.front(), key[0], observed->noise.depth, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();

@@ -2,7 +2,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -40,13 +39,12 @@ std::vector<std::vector<int>> PixelsByLabel(const ConfidentSides& sides) {
 /// Is all of the window that a pixel's depth comes from on its own side? A matcher shows what is
 /// nearer larger than it is, by up to half its window, and rounds off where sides meet.
 bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
-  constexpr std::array<std::pair<int, int>, 4> kSteps = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
   const SensorView& view = sides.view;
   if (view.errors.window_rad == 0) return true;
   const double half_window = view.errors.window_rad / std::sqrt(view.ray_areas(u, v)) / 2;
   const int reach = static_cast<int>(std::ceil(half_window + 0.5));
   const double here = view.depth(u, v);
-  for (const auto& [du, dv] : kSteps) {
+  for (const auto& [du, dv] : kBeside) {
     for (int step = 1; step <= reach; ++step) {
       // Across what was not measured.
       int x = u + step * du, y = v + step * dv;

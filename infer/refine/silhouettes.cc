@@ -191,7 +191,6 @@ std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candid
 }  // namespace
 
 Silhouettes FindSilhouettes(const ConfidentSides& sides) {
-  constexpr std::array<std::pair<int, int>, 4> kSteps = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
   const SensorView& view = sides.view;
   const LabelImage& labels = sides.segmentation.labels;
   Silhouettes found;
@@ -199,7 +198,7 @@ Silhouettes FindSilhouettes(const ConfidentSides& sides) {
   view.VisitMeasured(1, [&](int u, int v) {
     const int label = sides.At(u, v);
     if (label == 0) return;
-    for (const auto& [du, dv] : kSteps) {
+    for (const auto& [du, dv] : kBeside) {
       const int x = u + du, y = v + dv;
       if (!view.depth.Contains(x, y) || labels(x, y) == label) continue;
       // The normal is taken inside the side, where its neighbourhood is whole.
