@@ -505,7 +505,8 @@ TEST_F(NoiseTest, PhysicsOfStereoMovesNothingAside) {
       }
     }
     EXPECT_GT(count, 5000) << rows;
-    EXPECT_NEAR(sum / count, 0, 0.05) << rows;  // px
+    // px. Tilts of 16 devices leave some 0.03; half a native pixel would be 0.125.
+    EXPECT_NEAR(sum / count, 0, 0.08) << rows;
   }
 }
 
