@@ -12,16 +12,15 @@
 
 namespace volalign::refine_internal {
 
-/// One image block's points on one side, as one measurement; those that may have been measured
-/// aside are one of their own. Sensor frame, m.
+/// One image block's points on one side, as one measurement. Sensor frame, m.
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
   double multipath = 0;                                   ///< see SeamShare
   FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
   double bulge = 0;                                       ///< see Side::BulgeAt
-  double aside_rad = 0;                                   ///< see SidePoint
-  double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
+  double aside_rad = 0;  ///< of p, see SidePoint: the mean of its points, off alike
+  double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
 

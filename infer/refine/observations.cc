@@ -44,7 +44,6 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   const double spread = kMadToSigma * Median(deviations) + kDepthStep;
   FaceObservation face;
   face.label = label;
-  face.aside_rad = points.front()->aside_rad;
   face.p.setZero();
   double squares = 0, weights = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
@@ -52,10 +51,12 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
     // A pixel that several frames disagree about says less than the others.
     const double weight = 1 / (1 + Square(points[k]->sigma / kDepthStep));
     face.p += weight * points[k]->p;
+    face.aside_rad += weight * points[k]->aside_rad;
     squares += Square(weight * (distances[k] - middle));
     weights += weight;
   }
   face.p /= weights;
+  face.aside_rad /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
   face.by_errors = FrameErrorsAt(errors, face.p,
                                  sensor.structure_from_sensor.linear().transpose() * side.normal);
@@ -147,14 +148,13 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   std::vector<FrameState> places;
   places.reserve(poses.size());
   for (const Pose& pose : poses) places.push_back(state.Frame(sensor, pose));
-  // By label, block, and whether their depth may have been measured aside of them.
-  std::map<std::array<int, 3>, std::vector<const SidePoint*>> faces;
+  std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
     const auto lies_on_it = [&](const FrameState& at) {
       return LiesOnItsSide(built, at, point, gates.side);
     };
     if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
-      faces[{point.label, point.block, point.aside_rad > 0}].push_back(&point);
+      faces[{point.label, point.block}].push_back(&point);
   }
   // By label, edge, block, axis, and whether one-sided.
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
@@ -171,7 +171,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   for (const auto& [key, of] : faces) {
     if (of.size() >= kFewest)
       observed->faces.push_back(
-          FaceOf(nominal, built, places.front(), key[0], observed->noise.depth, of));
+          FaceOf(nominal, built, places.front(), key.first, observed->noise.depth, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();
