@@ -28,6 +28,14 @@ constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 3.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
+/// Leaves out points that may have been measured aside, where the others are enough.
+void LeaveOutAside(std::vector<const SidePoint*>* points) {
+  const auto aside = std::stable_partition(
+      points->begin(), points->end(), [](const SidePoint* point) { return point->aside_rad == 0; });
+  if (static_cast<std::size_t>(aside - points->begin()) >= kFewest)
+    points->erase(aside, points->end());
+}
+
 /// One image block's points on one side, without those that lie apart from the others.
 FaceObservation FaceOf(const Structure& nominal, const Structure& built, const FrameState& sensor,
                        int label, const DepthErrorModel& errors,
@@ -168,7 +176,8 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   }
   observed->lens = points.lens;
   observed->faces.clear();
-  for (const auto& [key, of] : faces) {
+  for (auto& [key, of] : faces) {
+    LeaveOutAside(&of);
     if (of.size() >= kFewest)
       observed->faces.push_back(
           FaceOf(nominal, built, places.front(), key.first, observed->noise.depth, of));

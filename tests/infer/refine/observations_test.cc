@@ -71,13 +71,19 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }
 
-TEST(GatherObservations, AMeanMayBeMeasuredAsFarAsideAsItsPointsMay) {
+TEST(GatherObservations, WhatMayBeMeasuredAsideIsLeftOutWhereTheOthersAreEnough) {
   Block block;
   for (int i = 0; i < 8; ++i) block.Add(0.002 * i, 0, 7);
-  for (std::size_t i = 6; i < 8; ++i) block.points.side_points[i].aside_rad = 0.003;
-  const FrameObservations observed = block.Gather();
-  ASSERT_EQ(observed.faces.size(), 1u);
-  EXPECT_NEAR(observed.faces[0].aside_rad, 0.003 * 2 / 8, 1e-9);
+  for (std::size_t i = 3; i < 8; ++i) block.points.side_points[i].aside_rad = 0.003;
+  const FrameObservations enough = block.Gather();
+  ASSERT_EQ(enough.faces.size(), 1u);
+  EXPECT_EQ(enough.faces[0].aside_rad, 0);
+  EXPECT_NEAR(enough.faces[0].p.x(), 0.002, 1e-9);
+  block.points.side_points[2].aside_rad = 0.003;
+  const FrameObservations all = block.Gather();
+  ASSERT_EQ(all.faces.size(), 1u);
+  EXPECT_NEAR(all.faces[0].aside_rad, 0.003 * 6 / 8, 1e-9);
+  EXPECT_NEAR(all.faces[0].p.x(), 0.007, 1e-9);
 }
 
 TEST(GatherObservations, APixelThatFramesDisagreeAboutSaysLess) {
