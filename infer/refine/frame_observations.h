@@ -19,7 +19,7 @@ struct FaceObservation {
   double multipath = 0;                                   ///< see SeamShare
   FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
   double bulge = 0;                                       ///< see Side::BulgeAt
-  double aside_rad = 0;  ///< of p, see SidePoint: the mean of its points, off alike
+  double aside_rad = 0;  ///< of p: the mean over its points, which are off alike, see SidePoint
   double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };

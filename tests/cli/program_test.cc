@@ -411,7 +411,7 @@ TEST_F(Program, EvaluatesRigsAndCaptures) {
     EXPECT_EQ(one.at("sensors").size(), 2u);
     for (const nlohmann::json& sensor : one.at("sensors")) {
       // Depths are exact but for their millimetres, silhouettes but for a part of a pixel, which
-      // tilts and bulges of the depth may make good: at most 3.3 mm and 0.091 deg were measured.
+      // tilts and bulges of the depth may make good: at most 3.3 mm and 0.092 deg were measured.
       const nlohmann::json& refined = sensor.at("error").at("refined");
       EXPECT_LT(refined.at("translation_m").get<double>(), 0.004) << one.dump();
       EXPECT_LT(refined.at("rotation_deg").get<double>(), 0.11) << one.dump();
