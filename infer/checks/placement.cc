@@ -169,12 +169,8 @@ void GiveMoveHints(const std::vector<Labelled>& labelled, std::vector<LocateResu
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
                                              const LocateOptions& options) {
-  SamplingOptions sampling;
-  sampling.min_confidence = options.initial.patch.min_confidence;
-  sampling.max_side_points = options.refine.max_side_points;
-  sampling.max_edge_points = options.refine.max_edge_points;
-  SensorPoints points =
-      SamplePoints(seen.views[id], segmentation, seen.capture->structure, sampling);
+  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.capture->structure,
+                                     options.refine, options.initial.patch.min_confidence);
   points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
   points.lens = seen.lenses.ChangeOf(id);

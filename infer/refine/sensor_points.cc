@@ -165,9 +165,10 @@ SampledCloud SampleCloud(const SensorView& view) {
 }
 
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
-                          const Structure& structure, const SamplingOptions& options) {
+                          const Structure& structure, const RefineOptions& options,
+                          double min_confidence) {
   const ConfidentSides sides{view, segmentation, static_cast<std::size_t>(structure.num_classes()),
-                             options.min_confidence};
+                             min_confidence};
   const auto most_edges = static_cast<std::size_t>(options.max_edge_points);
   const Silhouettes silhouettes = FindSilhouettes(sides);
   SensorPoints points;

@@ -7,6 +7,7 @@
 #include "core/geometry/kd_tree.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
+#include "infer/refine/options.h"
 #include "infer/view/held_out.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
@@ -92,18 +93,15 @@ struct SensorPoints {
   }
 };
 
-struct SamplingOptions {
-  double min_confidence = 0.5;  ///< of a label
-  int max_side_points = 0;      ///< that are fitted, at most; as many again of each other use
-  int max_edge_points = 0;      ///< and as many again of one-sided ones
-};
-
 /// The points of a view that have a normal: of every second pixel of every second row.
 SampledCloud SampleCloud(const SensorView& view);
 
-/// The labelled points of a view, without a cloud. The same view always gives the same points.
+/// The labelled points of a view, without a cloud: of labels of at least this confidence, at most
+/// RefineOptions::max_side_points that are fitted and as many again of each other use. The same
+/// view always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
-                          const Structure& structure, const SamplingOptions& options);
+                          const Structure& structure, const RefineOptions& options,
+                          double min_confidence);
 
 /// Unit normal towards the sensor of the surface at a pixel, from the plane through its (2 radius +
 /// 1)^2 neighbours on the same surface. Returns false where too few neighbours have depth or they

@@ -4,8 +4,8 @@
   claims.py VOLALIGN RUNS [--samples 1008]
   claims.py VOLALIGN MODELS --validations 5 [--samples 400] [--scores FOLDER]
 
-RUNS holds the runs of `volalign train --sweep configs/paper/claims.yaml -o RUNS`; those that are not finished are left out. Each
-model is scored (volalign validate) on samples of its own recipe, and m03, m05 and m07 on those of m07's distances, 150 to 350 cm;
+RUNS holds the runs of `volalign train --sweep SWEEP -o RUNS`, SWEEP configs/paper/claims.yaml or lite_seeds.yaml; those that are not finished
+are left out. Each model is scored (volalign validate) on samples of its own recipe, and m03, m05 and m07 on those of m07's distances, 150 to 350 cm;
 scores that are there already are kept (RUNS/NAME/own.json, far.json). Printed as Markdown: mean and standard deviation over seeds of each model; the
 differences that the paper claims, with Student's paired t-test over seeds (two-sided; models with the same seed and range see
 the same samples); and scores by distance. Needs SciPy.
@@ -80,7 +80,8 @@ def difference(before, after, metric, factor, decimals):
     gains = [factor * (b[s] - a[s]) for s in seeds]
     p = stats.ttest_rel([b[s] for s in seeds], [a[s] for s in seeds]).pvalue
     half = stats.t.ppf(0.975, len(gains) - 1) * statistics.stdev(gains) / len(gains) ** 0.5
-    return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f} (p = {p:.3f})"
+    told = "" if p != p else f" (p = {p:.3f})"  # without variation there is no p
+    return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f}{told}"
 
 
 def table(heading, rows):
@@ -115,7 +116,7 @@ def main():
             far.setdefault(model, {})[seed] = score(arguments.program, checkpoint, folder / "far.json", arguments.samples,
                                                     settings + ["data.pose.rho_cm=[150,350]"])
     if not own:
-        sys.exit(f"{arguments.runs} holds no finished run of configs/paper/claims.yaml, and no m01.pt for --validations")
+        sys.exit(f"{arguments.runs} holds no finished run of a sweep over seeds, and no m01.pt for --validations")
 
     headings = [heading for _, heading, _, _ in METRICS]
     print("Mean and standard deviation over seeds, each model on samples of its own distances:\n")

@@ -67,7 +67,7 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
     const SensorView& view = still.views[i];
     FrameInput frame;
     SensorPoints points = SamplePoints(view, LabelsAt(view, still.still.structure, *initial[i]),
-                                       still.still.structure, {});
+                                       still.still.structure, options, 1);
     points.cloud = SampleCloud(view);
     frame.points = std::make_shared<const SensorPoints>(std::move(points));
     frame.to_beat = frame.fallback = frame.start = *initial[i];

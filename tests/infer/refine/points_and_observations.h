@@ -37,20 +37,12 @@ inline State NominalState(const Structure& structure, const std::vector<Pose>& p
 
 namespace volalign::testing_infer {
 
-/// As much as a refinement takes unless it is told otherwise.
-inline SamplingOptions UsualSampling() {
-  const RefineOptions usual;
-  SamplingOptions sampling;
-  sampling.max_side_points = usual.max_side_points;
-  sampling.max_edge_points = usual.max_edge_points;
-  return sampling;
-}
-
 inline std::vector<SensorPoints> PointsOf(const Rig& rig) {
   std::vector<SensorPoints> points;
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
     const SensorView view = MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics);
-    points.push_back(SamplePoints(view, Certain(rig.labels[i]), rig.structure, UsualSampling()));
+    points.push_back(
+        SamplePoints(view, Certain(rig.labels[i]), rig.structure, RefineOptions(), 0.5));
     points.back().cloud = SampleCloud(view);
     points.back().intrinsics = rig.frames[i].intrinsics;
   }

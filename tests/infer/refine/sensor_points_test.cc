@@ -77,10 +77,11 @@ TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
   LabelImage labels = rig.labels[0];
   const auto sampled = [&] {
     std::vector<std::array<double, 3>> points;
-    SamplingOptions options;
+    RefineOptions options;
     options.max_side_points = 1000;
     for (const SidePoint& point :
-         SamplePoints(view, testing_infer::Certain(labels), rig.structure, options).side_points)
+         SamplePoints(view, testing_infer::Certain(labels), rig.structure, options, 0.5)
+             .side_points)
       points.push_back({point.p.x(), point.p.y(), point.p.z()});
     std::sort(points.begin(), points.end());
     return points;
@@ -122,8 +123,8 @@ TEST(SidePoints, OfAStereoPairSayWhereItsMatcherAddsSome) {
       const SensorView view =
           MakeSensorView(depth, rig.frames[i].intrinsics,
                          ErrorsOf(stereo ? "realsense_d415" : "azure_kinect_nfov_binned"));
-      const SensorPoints sampled = SamplePoints(view, testing_infer::Certain(labels), rig.structure,
-                                                testing_infer::UsualSampling());
+      const SensorPoints sampled =
+          SamplePoints(view, testing_infer::Certain(labels), rig.structure, RefineOptions(), 0.5);
       for (const SidePoint& point : sampled.side_points) {
         const Side& side = rig.structure.SideOfLabel(point.label);
         const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
@@ -147,10 +148,10 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
   const auto sampled = [&](const DepthImage& depth) {
     const SensorView view =
         MakeSensorView(depth, rig.frames[0].intrinsics, ErrorsOf("realsense_d415"));
-    SamplingOptions all;
+    RefineOptions all;
     all.max_side_points = static_cast<int>(depth.size());
     const SensorPoints points =
-        SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all);
+        SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all, 0.5);
     return std::count_if(points.side_points.begin(), points.side_points.end(),
                          [](const SidePoint& point) { return point.aside_rad == 0; });
   };
