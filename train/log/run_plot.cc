@@ -16,7 +16,7 @@ namespace {
 
 // Sizes in the units of the picture.
 constexpr double kPlotWidth = 720, kPanel = 300, kLegendLine = 20;
-constexpr double kLeft = 70, kRight = 20, kTop = 34, kBottom = 40;
+constexpr double kLeft = 70, kRight = 30, kTop = 34, kBottom = 40;
 constexpr std::size_t kLegendLetters = 85;  // in a line: 7 px each
 constexpr char kFrame[] = "stroke=\"#444\"";
 /// Of Okabe and Ito, which people with any colour vision tell apart.
