@@ -99,7 +99,7 @@ TEST(Runs, AreListedComparedAndPlotted) {
   };
   EXPECT_EQ(count("<polyline"), 4);
   EXPECT_EQ(count("<polygon"), 2);  // the band of the two seeds, in each panel
-  // Panel 1: x 10..20 over 70..700, y 0.5..2 over 260..34; the mean of seeds 1 and 2 is 1.5, 0.75.
+  // Panel 1: x 10..20 over 70..690, y 0.5..2 over 260..34; the mean of seeds 1 and 2 is 1.5, 0.75.
   EXPECT_NE(svg.find("<polyline points=\"70.0,109.3 690.0,222.3 \""), std::string::npos) << svg;
   // Everything is written on the sheet.
   const double height = std::stod(svg.substr(svg.find("height=\"") + 8));
