@@ -97,8 +97,9 @@ struct SensorPoints {
 SampledCloud SampleCloud(const SensorView& view);
 
 /// The labelled points of a view, without a cloud: of labels of at least this confidence, at most
-/// RefineOptions::max_side_points that are fitted and as many again of each other use. The same
-/// view always gives the same points.
+/// RefineOptions::max_side_points that are fitted and as many again of each other use, at most
+/// max_edge_points silhouettes and as many again of one-sided ones. The same view always gives the
+/// same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options,
                           double min_confidence);

@@ -16,6 +16,7 @@ of these very networks and not of others that the same recipe would give.
 
 import argparse
 import json
+import math
 import pathlib
 import re
 import statistics
@@ -80,7 +81,7 @@ def difference(before, after, metric, factor, decimals):
     gains = [factor * (b[s] - a[s]) for s in seeds]
     p = stats.ttest_rel([b[s] for s in seeds], [a[s] for s in seeds]).pvalue
     half = stats.t.ppf(0.975, len(gains) - 1) * statistics.stdev(gains) / len(gains) ** 0.5
-    told = "" if p != p else f" (p = {p:.3f})"  # without variation there is no p
+    told = "" if math.isnan(p) else f" (p = {p:.3f})"  # without variation there is no p
     return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f}{told}"
 
 
