@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
 """How accurate calibration is and how true its covariances are: one table, of one program or of two side by side.
 
-    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
+    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
+    tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
 docs/evaluation.md, section "One table", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
 project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
+
+--guard measures every family of frames, prints one row per family, and compares it with the first program, or with the kept table
+tests/accuracy_kept.json if one program is given. It ends with status 1 if a family is worse. --keep writes the kept table anew.
 """
 
 import argparse
@@ -150,8 +154,8 @@ def measure(result, set_name, capture, extrinsics, truths, align=False):
                                          of_predicted=pair["rms_m"] / pair.get("predicted_rms_m", np.nan)))
 
 
-def foreign(program, captures, result):
-    for model, folder in itertools.product((True, False), sorted((captures / "foreign").iterdir())):
+def foreign(program, captures, result, models=(True, False)):
+    for model, folder in itertools.product(models, sorted((captures / "foreign").iterdir())):
         files, boxes = sorted(folder.rglob("capture.json")), folder / "boxes.yaml"
         if model and boxes.exists():
             continue  # the model was trained on other boxes
@@ -185,6 +189,44 @@ def real(program, captures, result):
             program.calibrate("pallet", [pallet / "capture.json"], False, pallet / "pal.yaml"), {})
 
 
+def table(program, captures, result):
+    """Two sensors before cartons on a table. One pose in the other's frame is known from colour and ICP to 3 to 5 cm and 0.4 degrees."""
+    references = json.loads((captures / "table/reference.json").read_text())
+    for scene in ("cho11", "mai7"):
+        folder, reference = captures / "table" / scene, np.array(references[scene])
+        extrinsics = program.calibrate(f"table_{scene}", [folder / "capture.json"], False, folder / "boxes.yaml")
+        poses = {name: np.array(s["structure_from_sensor"]) for name, s in extrinsics["sensors"].items() if "structure_from_sensor" in s}
+        truths = {"cam1": poses["cam1"], "cam2": poses["cam1"] @ reference} if len(poses) == 2 else {}
+        measure(result, "real table, no model", scene, extrinsics, truths)
+
+
+def places(program, captures, result, counts=(1, 2, 4)):
+    """Sensors that stand still and a stack that is moved: captures of the first place, of the first two, of four."""
+    for count, folder in itertools.product(counts, sorted((captures / "foreign_places").iterdir())):
+        files = [folder / f"p{k}" / "capture.json" for k in range(count)]
+        measure(result, f"places {folder.name.split('_')[0]}, {count} of 4", folder.name,
+                program.calibrate(f"{folder.name}_{count}", files, True), truth_of(files[0]), align=True)
+
+
+def rendered_places(program, renderer, result, rigs, counts=(1, 4)):
+    """The rig `irregular`, the boxes built anew at each place; places are drawn from the seed within 0.8 m of the first."""
+    options = program.options
+    for kind, seed in itertools.product(KINDS, range(3000, 3000 + rigs)):
+        name = f"places_{kind}_{seed}"
+        folder = options.work / "rendered" / name
+        if not (folder / "capture.json").exists():
+            draws = np.random.default_rng(seed).uniform(-0.56, 0.56, (3, 3)) * [100, 100, 320]
+            spots = ", ".join(f"{{x_cm: {x:.0f}, z_cm: {z:.0f}, yaw_deg: {yaw:.0f}}}" for x, z, yaw in draws)
+            folder.mkdir(parents=True, exist_ok=True)
+            text = pathlib.Path("configs/rig_irregular.yaml").read_text()
+            (folder / "rig.yaml").write_text(re.sub(r"sensor: \w+,", f"sensor: {kind},", text) + f"placements: [{spots}]\n")
+            renderer.run("render", "--rig", folder / "rig.yaml", "-o", folder, "--force", "--set", f"seed={seed}")
+        files = [folder / "capture.json", *sorted(folder.glob("placement_*/capture.json"))]
+        for count in counts:
+            measure(result, f"rendered places {kind}, {count} of 4", name, program.calibrate(f"{name}_{count}", files[:count], True),
+                    truth_of(files[0]), align=True)
+
+
 def rendered(program, renderer, result, noise):
     """Rigs as those of README's table, which `volalign evaluate` renders: but that each is drawn with a seed of its own: boxes of one seed are displaced alike. `noise`: of rig.yaml."""
     part = {"sensor": "rendered"}.get(noise, noise)
@@ -202,6 +244,60 @@ def rendered(program, renderer, result, noise):
                          *itertools.chain(*(("--set", f"assembly.{text}") for text in ASSEMBLY)))
         measure(result, f"{part} {kind}", name, program.calibrate(name, [folder / "capture.json"], True),
                 truth_of(folder / "capture.json"))
+
+
+# The guard.
+
+KEPT = pathlib.Path("tests/accuracy_kept.json")
+
+
+def family(rows):
+    """One family of frames in figures: lengths in mm, shares in percent."""
+    right = [row for row in rows if row["placed"] and not row.get("wrong")]
+    lengths = np.array(of(right, "mm") or of(right, "rms_mm"))
+    sigmas = np.abs(of(right, "sigmas"))
+    return {"sensors": len(rows), "placed": sum(of(rows, "placed")), "wrong": sum(of(rows, "wrong")),
+            "wrong_ok": sum(row["status"] == "ok" for row in rows if row.get("wrong")),
+            "ambiguous": of(rows, "code").count("ambiguous"), "of": "error" if of(right, "mm") else "RMS to the structure",
+            **{key: round(float(np.quantile(lengths, q)), 2) if lengths.size else None for key, q in (("median", 0.5), ("p95", 0.95), ("worst", 1))},
+            **{f"in_{k}": round(100 * float(np.mean(sigmas < k)), 1) if sigmas.size else None for k in (1, 2)}}
+
+
+def complaints(now, kept):
+    """How a family is worse than it was: by more than 3 % of its median or 95th percentile (10 % below 40 sensors), by a sensor that is lost or wrong,
+    by 2 points of coverage, away from the nominal one (10 below 40 sensors, whose coverage varies by as much)."""
+    few = now["sensors"] < 40
+    found = [f"{key} {kept[key]} -> {now[key]}" for key in ("median", "p95")
+             if None not in (now[key], kept[key]) and now[key] > kept[key] * (1.1 if few else 1.03) + 0.05]
+    found += [f"placed {kept['placed']} -> {now['placed']}"] if now["placed"] < kept["placed"] else []
+    found += [f"{key} {kept[key]} -> {now[key]}" for key in ("wrong", "wrong_ok", "ambiguous") if now[key] > kept[key]]
+    for key, nominal in (("in_1", 68.3), ("in_2", 95.4)):
+        if None not in (now[key], kept[key]) and abs(now[key] - nominal) > max(abs(kept[key] - nominal), 2) + (10 if few else 2):
+            found.append(f"{key} {kept[key]} -> {now[key]} %")
+    return found
+
+
+def guard(results, options):
+    """Prints a row of every family and returns whether one is worse than in the first program, or than the kept table has it."""
+    form = "quick" if options.quick else "full"
+    families = [{name: family([row for row in result["sensors"] if row["set"] == name])
+                 for name in dict.fromkeys(of(result["sensors"], "set"))} for result in results]
+    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    before = families[0] if len(families) > 1 else kept.get(form, {})
+    worse = False
+    print("| family | sensors | placed | wrong (ok) | ambiguous | mm: median / 95 % / worst | before | in 1, 2 sigmas, % | before | worse |\n" + "|---" * 10 + "|")
+    for name, now in families[-1].items():
+        was = before.get(name)
+        found = complaints(now, was) if was else []
+        worse = worse or bool(found)
+        lengths, shares = (lambda f: " / ".join(str(f[key]) for key in ("median", "p95", "worst")) if f else "-",
+                           lambda f: f"{f['in_1']}, {f['in_2']}" if f and f["in_1"] is not None else "-")
+        rms = "" if now["of"] == "error" else " (RMS)"
+        print(f"| {name} | {now['sensors']} | {now['placed']} | {now['wrong']} ({now['wrong_ok']}) | {now['ambiguous']} | {lengths(now)}{rms} | {lengths(was)} | "
+              f"{shares(now)} | {shares(was)} | {'; '.join(found) or '-'} |")
+    if options.keep:
+        KEPT.write_text(json.dumps({**kept, form: families[-1]}, indent=1) + "\n")
+    return worse
 
 
 # The table.
@@ -291,8 +387,13 @@ def main():
     parser.add_argument("--seed", type=int, default=1000, help="the first one")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("out/accuracy"))
+    parser.add_argument("--guard", action="store_true", help="all families, compared with the first program or with the kept table")
+    parser.add_argument("--quick", action="store_true", help="with --guard: fewer frames, about 5 minutes")
+    parser.add_argument("--keep", action="store_true", help="with --guard: write the kept table anew")
     parser.add_argument("--json", type=pathlib.Path, help="file for the figures of every sensor and pair")
     options = parser.parse_args()
+    if options.guard:
+        options.parts, options.rigs = "foreign,real,table,places,rendered,physics", 2 if options.quick else 16
     captures = pathlib.Path(os.environ.get("VOLALIGN_CAPTURES") or "../shared/captures").resolve()
     parts = options.parts.split(",")
     if not captures.exists():
@@ -303,15 +404,23 @@ def main():
     results = [{"sensors": [], "pairs": [], "clouds": []} for _ in programs]
     for program, result in zip(programs, results):
         if "foreign" in parts:
-            foreign(program, captures, result)
+            foreign(program, captures, result, (False,) if options.guard and options.quick else (True, False))
         if "real" in parts:
             real(program, captures, result)
+        if "table" in parts:
+            table(program, captures, result)
+        if "places" in parts:
+            places(program, captures, result, (4,) if options.quick else (1, 2, 4))
         if "rendered" in parts:
             rendered(program, programs[0], result, "sensor")
+        if "places" in parts and not options.quick:
+            rendered_places(program, programs[0], result, 2)
         if "physics" in parts:
             rendered(program, programs[0], result, "physics")
     for number, path in enumerate(options.programs, 1):
         print(f"Program {number}: {path}")
+    if options.guard:
+        return guard(results, options)
     print_table(results)
     print_sensors(results)
     if options.json:
@@ -319,4 +428,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/base/error.h"
 
@@ -23,19 +24,19 @@ bool AreSame(const DepthImage& a, const DepthImage& b) {
 }
 
 /// A sensor is one device that stands still: only what is in front of it may change.
-void CheckSameSensor(const SensorFrame& first, const std::string& first_still,
+void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_still,
                      const SensorFrame& frame, const std::string& still) {
-  if (!(frame.intrinsics == first.intrinsics) || frame.sensor != first.sensor) {
+  if (!(frame.intrinsics == earlier.intrinsics) || frame.sensor != earlier.sensor) {
     throw DataError(fmt::format(
         "sensor \"{}\" has other intrinsics or is of another kind in {} than in {}; captures of "
         "one calibration have the same sensors in the same modes",
-        frame.name, still, first_still));
+        frame.name, still, earlier_still));
   }
-  if (AreSame(frame.depth, first.depth)) {
+  if (AreSame(frame.depth, earlier.depth)) {
     throw DataError(
         fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs the "
                     "stack in another place, and frames of its own",
-                    frame.name, still, first_still));
+                    frame.name, still, earlier_still));
   }
 }
 
@@ -67,7 +68,7 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
         "(--model), or choose geometry");
   }
   if (stills.empty()) throw DataError("there is no capture to calibrate");
-  std::map<std::string, std::pair<const SensorFrame*, const Still*>> first_of;
+  std::map<std::string, std::vector<std::pair<const SensorFrame*, const Still*>>> frames_of;
   std::set<std::string> still_names;
   for (const Still& still : stills) {
     if (!still_names.insert(still.name).second) {
@@ -80,18 +81,19 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
         throw DataError(
             fmt::format("two sensors are named \"{}\"; names must be unique", frame.name));
       }
-      const auto [entry, is_first] = first_of.emplace(frame.name, std::pair(&frame, &still));
-      if (!is_first)
-        CheckSameSensor(*entry->second.first, entry->second.second->name, frame, still.name);
+      auto& earlier = frames_of[frame.name];
+      for (const auto& [other, other_still] : earlier)
+        CheckSameSensor(*other, other_still->name, frame, still.name);
+      earlier.emplace_back(&frame, &still);
     }
   }
   for (const std::string& name : options.refine.without_structure) {
-    if (first_of.count(name) > 0) continue;
+    if (frames_of.count(name) > 0) continue;
     throw ConfigError(fmt::format(
         "refine.without_structure names \"{}\", which is no sensor of the capture", name));
   }
   for (const std::string& twin : options.orientation.twins) {
-    if (first_of.count(ParseTwin(twin).sensor) == 0) {
+    if (frames_of.count(ParseTwin(twin).sensor) == 0) {
       throw ConfigError(
           fmt::format("orientation.twins (--twin): \"{}\" names no sensor of the capture", twin));
     }

@@ -182,6 +182,24 @@ std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
   return pairs;
 }
 
+/// The true pose of each sensor, by sensor, in the structure of the first still. Where a sensor was
+/// absent then, the sensors that it shares a still with tell where the structure stood in that one.
+std::vector<std::optional<Pose>> TruthsInFirst(const CaptureSet& capture) {
+  std::vector<std::optional<Pose>> truths(capture.sensors.size());
+  std::vector<std::optional<Pose>> placements(capture.stills.size());
+  placements[0] = Pose::Identity();
+  for (std::size_t round = 0; round < capture.stills.size(); ++round) {
+    for (const FrameId id : capture.sensor_of.Ids()) {
+      const std::optional<Pose>& here = capture[id].ground_truth;
+      std::optional<Pose>& truth = truths[capture.sensor_of[id]];
+      std::optional<Pose>& placement = placements[id.still];
+      if (here && placement && !truth) truth = *placement * *here;
+      if (here && truth && !placement) placement = *truth * here->inverse();
+    }
+  }
+  return truths;
+}
+
 }  // namespace
 
 CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResult> stills,
@@ -193,13 +211,12 @@ CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResu
   }
   result.stills = std::move(stills);
   std::vector<std::vector<OfSensor>> of_sensor(capture.sensors.size());
-  std::vector<std::optional<Pose>> truths(capture.sensors.size());
+  const std::vector<std::optional<Pose>> truths = TruthsInFirst(capture);
   for (const FrameId id : capture.sensor_of.Ids()) {
     const std::size_t sensor = capture.sensor_of[id];
     const auto solved = frames.find(id);
     of_sensor[sensor].push_back({id.still, &result.stills[id.still].sensors[id.frame],
                                  solved != frames.end() ? &solved->second.refined : nullptr});
-    if (id.still == 0) truths[sensor] = capture[id].ground_truth;
   }
   for (std::size_t k = 0; k < of_sensor.size(); ++k)
     result.sensors.push_back(CombineFrames(of_sensor[k], result.stills, truths[k]));

@@ -118,7 +118,16 @@ Finding Contradiction(const Estimate& odd, const Estimate& agreed,
           "out of one of the captures"};
 }
 
-Finding Unconnected(const Still& still, const Still& first) {
+Finding Unconnected(const Still& still, const Still& first, bool first_has_poses) {
+  if (!first_has_poses) {
+    return {SensorCode::kUnconnected,
+            fmt::format("no sensor is placed in {}, and all poses are in the frame of the stack "
+                        "there",
+                        first.name),
+            fmt::format("give another capture first, for example {}, or see why {} fails by "
+                        "itself",
+                        still.name, first.name)};
+  }
   return {
       SensorCode::kUnconnected,
       fmt::format("it sees the stack in {}, but no chain of sensors that see it in two captures "
@@ -157,7 +166,8 @@ Stood JoinStills(const Seen& seen, const PerFrame<LocateResult>& results) {
   }
   for (const Sighting& sighting : sightings) {
     if (joined[sighting.frame.still]) continue;
-    stood.contradicted[sighting.frame] = Unconnected(stills[sighting.frame.still], stills.front());
+    stood.contradicted[sighting.frame] =
+        Unconnected(stills[sighting.frame.still], stills.front(), !stands.empty());
   }
   return stood;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/geometry/visibility.h"
 #include "infer/depth/explain_view.h"
@@ -23,13 +24,16 @@ constexpr ShareOdds kNotFloating{{240, 0.63}, {1.7, 0.60}};
 
 MeasuredView::MeasuredView(const SensorView& view, const Structure& structure,
                            const std::vector<Pose>& poses)
-    : view_(Decimate(view, StrideForRays(view.depth.size(), kRays))) {
+    : stride_(StrideForRays(view.depth.size(), kRays)), view_(Decimate(view, stride_)) {
   std::vector<Eigen::Vector3d> rays;
   for (int v = 0; v < view_.height(); ++v) {
-    for (int u = 0; u < view_.width(); ++u)
+    for (int u = 0; u < view_.width(); ++u) {
+      if (!(view_.ray_areas(u, v) > 0)) continue;  // the lens has no ray for this pixel
       rays.emplace_back(view_.rays.at(u, v).x(), view_.rays.at(u, v).y(), 0);
+      pixels_.emplace_back(u, v);
+      widest_pitch_ = std::max(widest_pitch_, PitchAt(u, v));
+    }
   }
-  if (rays.size() > 1) pitch_ = (rays[1] - rays[0]).norm();
   rays_ = std::make_unique<KdTree>(std::move(rays));
   const SensorView few = Decimate(view_, StrideForRays(view_.depth.size(), kRays / 4));
   few.VisitMeasured(1, [&](int u, int v) {
@@ -41,15 +45,20 @@ MeasuredView::MeasuredView(const SensorView& view, const Structure& structure,
   });
 }
 
+double MeasuredView::PitchAt(int u, int v) const {
+  return stride_ * std::sqrt(view_.ray_areas(u, v));
+}
+
 CauseShares MeasuredView::Explain(const MeasuredView& other, const Pose& this_from_other,
                                   double sigma_m) const {
   CauseShares causes = {};
   for (const Point& point : other.points_) {
     const Eigen::Vector3d p = this_from_other * point.p;
     if (!(p.z() > 0)) continue;
-    const KdTree::Neighbour ray = rays_->Nearest({p.x() / p.z(), p.y() / p.z(), 0}, pitch_);
+    const KdTree::Neighbour ray = rays_->Nearest({p.x() / p.z(), p.y() / p.z(), 0}, widest_pitch_);
     if (ray.index < 0) continue;
-    const int u = ray.index % view_.width(), v = ray.index / view_.width();
+    const auto [u, v] = pixels_[static_cast<std::size_t>(ray.index)];
+    if (std::sqrt(ray.squared_distance) > PitchAt(u, v)) continue;  // beside the picture
     // Between the depths of the pixel and its neighbours, the point lies on their surface or at its
     // edge.
     double nearest = 0, farthest = 0;

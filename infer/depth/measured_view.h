@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/geometry/kd_tree.h"
@@ -31,10 +32,15 @@ class MeasuredView {
     double cells = 0;
   };
 
+  /// Between the rays of a pixel and its neighbours on the plane z = 1, m.
+  double PitchAt(int u, int v) const;
+
   std::vector<Point> points_;
-  SensorView view_;               // with few rays
-  std::unique_ptr<KdTree> rays_;  // (x/z, y/z, 0) of its pixels, row by row
-  double pitch_ = 0;              // between neighbouring ones
+  int stride_;                               // of view_ in the view that was given
+  SensorView view_;                          // with few rays
+  std::vector<std::pair<int, int>> pixels_;  // (u, v) of view_ that have a ray
+  std::unique_ptr<KdTree> rays_;             // (x/z, y/z, 0) of pixels_
+  double widest_pitch_ = 0;                  // over pixels_
 };
 
 /// The causes between two sensors, both ways, in independent cells; each counts once.

@@ -109,6 +109,14 @@ TEST(CheckRequest, ComparesEveryPixel) {
   EXPECT_NO_THROW(request.Check());
 }
 
+TEST(CheckRequest, ComparesEveryTwoCaptures) {
+  Request request;
+  request.stills.push_back(request.stills[1]);
+  request.stills[2].name = "third";
+  const std::string message = Message<DataError>(request);
+  EXPECT_NE(message.find("in third as in second"), std::string::npos) << message;
+}
+
 TEST(CheckRequest, NamesWhatIsWrongWithTheOptions) {
   for (const PoseMethod method : {PoseMethod::kNetwork, PoseMethod::kPaper}) {
     Request request;

@@ -136,5 +136,34 @@ TEST(CombineStills, PairsAreOfTheStillWithMostOverlapAndInTheStructureOfTheFirst
   EXPECT_EQ(result.pairs[0].predicted_rms_m, 0.002);
 }
 
+// S is absent from the first still; T is in both, and its truths say where the structure stood in
+// the second.
+TEST(CombineStills, ComparesASensorThatIsAbsentFromTheFirstStillWithItsTruth) {
+  const auto frame = [](const std::string& name, double x) {
+    SensorFrame sensor;
+    sensor.name = name;
+    sensor.ground_truth = At(x);
+    return sensor;
+  };
+  const std::vector<Still> stills = {{"first", {frame("T", 1)}},
+                                     {"second", {frame("T", 0.25), frame("S", 2)}}};
+  const CaptureSet capture(stills, {});
+  std::vector<StillResult> results(2);
+  SomeFrames<FrameSolution> frames;
+  for (const FrameId id : capture.sensor_of.Ids()) {
+    FrameResult sensor = Result(SensorStatus::kOk, SensorCode::kNone);
+    sensor.name = capture[id].name;
+    sensor.structure_from_sensor = At(0);
+    frames[id].refined.first_from_sensor = At(sensor.name == "S" ? 2.85 : 1);
+    results[id.still].sensors.push_back(sensor);
+  }
+  results[1].first_from_placement = At(0.75);
+  const CalibrationResult result = CombineStills(capture, results, frames);
+  for (const FrameResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error) << sensor.name;
+    EXPECT_NEAR(sensor.error->translation_m, sensor.name == "S" ? 0.1 : 0, 1e-9) << sensor.name;
+  }
+}
+
 }  // namespace
 }  // namespace volalign::combine_stills_test

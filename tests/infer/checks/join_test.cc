@@ -141,5 +141,21 @@ TEST(JoinStills, WhatIsOpenToDoubtGivesWay) {
   }
 }
 
+TEST(JoinStills, AFirstStillWithoutPosesIsTheReason) {
+  Stills stills;
+  stills.AddStill();
+  for (const std::size_t still : {stills.AddStill(), stills.AddStill()}) {
+    stills.Add(still, "A", RingPose(0));
+    stills.Add(still, "B", RingPose(90));
+  }
+  stills.Join();
+  for (const auto& [frame, finding] : stills.stood.contradicted) {
+    EXPECT_EQ(finding.code, SensorCode::kUnconnected);
+    EXPECT_NE(finding.reason.find("no sensor is placed in still 0"), std::string::npos);
+    EXPECT_NE(finding.hint.find("give another capture first"), std::string::npos);
+  }
+  EXPECT_EQ(stills.stood.contradicted.size(), 4u);
+}
+
 }  // namespace
 }  // namespace volalign::join_test

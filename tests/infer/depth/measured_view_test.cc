@@ -48,6 +48,25 @@ TEST(MeasuredView, ComparesWhatBothSee) {
   }
 }
 
+// A lens whose model folds before the corners: the first pixels of the picture have no ray, and
+// their neighbours' pitch is not that of the others.
+TEST(MeasuredView, PixelsWithoutARayAreNoPartOfThePicture) {
+  Intrinsics intrinsics;
+  intrinsics.width = 640;
+  intrinsics.height = 480;
+  intrinsics.fx = intrinsics.fy = 400;
+  intrinsics.cx = 319.5;
+  intrinsics.cy = 239.5;
+  intrinsics.distortion = {-0.3, 0, 0, 0};
+  const SensorView view = MakeSensorView(DepthImage(640, 480, kWall), intrinsics);
+  ASSERT_EQ(view.ray_areas(0, 0), 0);
+  const MeasuredView here = Measured(view);
+  const CauseShares same = here.Explain(Measured(view), By(0), kSigma);
+  EXPECT_GT(same[0], 10);
+  EXPECT_NEAR(same[0], Sum(same), kAlmost * Sum(same));
+  EXPECT_EQ(Sum(here.Explain(Measured(view), By(20), kSigma)), 0) << "beside the picture";
+}
+
 TEST(MeasuredView, PointsBeforeTheOthersSurfaceAreSeenThrough) {
   const MeasuredView here = Measured(Wall());
   const double all = Sum(here.Explain(Measured(Wall()), By(0), kSigma));
