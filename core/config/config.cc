@@ -120,6 +120,9 @@ void CheckWord(const std::string& value, const std::vector<Constraint>& constrai
 }  // namespace config_internal
 
 Constraint FormerlyNamed(std::string name) { return {"", nullptr, nullptr, std::move(name)}; }
+Constraint Removed(std::string name, std::string instead) {
+  return {"", nullptr, nullptr, "", std::move(name), std::move(instead)};
+}
 
 namespace {
 
@@ -300,6 +303,12 @@ std::string ConfigReader::NameInSource(const std::string& name,
     return source_.leaves_.end();
   };
   for (const Constraint& check : checks) {
+    if (!check.removed_name.empty()) {
+      const auto removed = find(prefix_ + check.removed_name);
+      if (removed == source_.leaves_.end()) continue;
+      throw ConfigError(fmt::format("{}{} ({}) is no longer a key: {}", prefix_, check.removed_name,
+                                    removed->second.where, check.instead));
+    }
     if (check.former_name.empty()) continue;
     const auto former = find(prefix_ + check.former_name);
     if (former == source_.leaves_.end()) continue;

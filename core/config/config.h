@@ -35,7 +35,9 @@ struct Constraint {
   std::string text;
   std::function<bool(double)> number;
   std::function<bool(const std::string&)> word;
-  std::string former_name = "";  ///< no condition, but a name that the key had: see FormerlyNamed
+  std::string former_name = "";   ///< no condition, but a name that the key had: see FormerlyNamed
+  std::string removed_name = "";  ///< no condition, but a key that is gone: see Removed
+  std::string instead = "";       ///< what does its work
 };
 Constraint Above(double low);
 Constraint AtLeast(double low);
@@ -44,6 +46,9 @@ Constraint OneOf(std::vector<std::string> words);
 /// The key or group is read under this name, too, with a warning on stderr that names the present
 /// one. Files that give both are in error.
 Constraint FormerlyNamed(std::string name);
+/// A key of the same group that is gone: a file that gives it is in error, and `instead` says in a
+/// sentence which key or mechanism does its work.
+Constraint Removed(std::string name, std::string instead);
 
 /// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
 /// of scalars are one leaf; sequences of maps become "sensors[0].name".

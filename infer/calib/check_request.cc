@@ -87,11 +87,6 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
       earlier.emplace_back(&frame, &still);
     }
   }
-  for (const std::string& name : options.refine.without_structure) {
-    if (frames_of.count(name) > 0) continue;
-    throw ConfigError(fmt::format(
-        "refine.without_structure names \"{}\", which is no sensor of the capture", name));
-  }
   for (const std::string& twin : options.orientation.twins) {
     if (frames_of.count(ParseTwin(twin).sensor) == 0) {
       throw ConfigError(

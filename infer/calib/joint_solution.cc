@@ -73,8 +73,7 @@ SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const Refi
   SomeFrames<Pose> poses;
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
-    if (frame.role == FrameRole::kStructure && found->accepted)
-      poses[id] = found->structure_from_sensor;
+    if (found->accepted) poses[id] = found->structure_from_sensor;
     ++found;
   }
   return poses;

@@ -181,7 +181,7 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
   std::vector<FrameInput> sensors;
   sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
-  sensors.push_back({lost.points, start, start, start, FrameRole::kStructure, lost.lens});
+  sensors.push_back({lost.points, start, start, start, lost.lens});
   RefineSetup together(options.refine);
   together.free = EstimateSet();
   together.free.where_told = false;

@@ -42,8 +42,7 @@ OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPo
   alone.free.where_told = false;
   alone.schedule.threads = 1;
   const RefinedFrame refined =
-      Refine(seen.capture->structure,
-             {{std::move(points), start, start, start, FrameRole::kStructure, 0}}, alone,
+      Refine(seen.capture->structure, {{std::move(points), start, start, start, 0}}, alone,
              {seen.lenses.Of(id)})
           .frames.front();
   return {refined.structure_from_sensor,
@@ -102,12 +101,6 @@ OwnPose RefineTwice(const Seen& seen, FrameId id, const LocateOptions& options) 
                      options.refine);
 }
 
-FrameRole RoleOf(const std::string& name, const RefineOptions& options) {
-  const auto& without = options.without_structure;
-  const bool named = std::find(without.begin(), without.end(), name) != without.end();
-  return named ? FrameRole::kOverlap : FrameRole::kStructure;
-}
-
 /// See LocateAlone.
 LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& options) {
   const Structure& structure = seen.capture->structure;
@@ -119,10 +112,7 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial, options.verdict);
 
-  OwnPose own{initial.structure_from_sensor, 0};
-  if (RoleOf((*seen.capture)[id].name, options.refine) == FrameRole::kStructure)
-    own = RefineTwice(seen, id, options);
-
+  const OwnPose own = RefineTwice(seen, id, options);
   const Pose& pose = own.structure_from_sensor;
   const LocateFacts facts{
       ExplainView(view, labelled.ByNetwork(), structure, pose, options.refine.box_sigma_m,
@@ -237,7 +227,6 @@ SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateRes
                   located->by_neighbours ? located->own_pose : initial.structure_from_sensor,
                   located->InitialPoseOf(initial),
                   located->own_pose,
-                  RoleOf((*seen.capture)[id].name, options),
                   static_cast<int>(seen.lenses.of_frame[id]),
                   static_cast<int>(seen.capture->sensor_of[id]),
                   static_cast<int>(id.still)};

@@ -76,8 +76,7 @@ StackFinding InspectStack(const Seen& seen, const AssemblyOptions& assembly,
                           const LocateOptions& options);
 
 /// Refines each frame alone and decides, by what its view then explains, whether it sees the
-/// structure. A sensor in options.refine.without_structure, which its neighbours' overlap is to
-/// hold, is taken at its initial pose. Where the stack is built otherwise than described, no frame
+/// structure. Where the stack is built otherwise than described, no frame
 /// is located.
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options);

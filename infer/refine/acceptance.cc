@@ -18,14 +18,11 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kNeighbourScale = 0.01;  // m, of the robust cost against neighbours
-
 /// Is a refined pose to be taken, judged by the same points as the one to beat?
 bool IsAccepted(const JointProblem& problem, const Solution& solution, std::size_t i,
                 const FrameObservations& held_out) {
   const State& state = solution.state;
   const auto fit = [&](const Pose& pose, BlockUse use) {
-    if (!problem.HasStructureTerms(i)) return FitToNeighbours(problem, state, i, pose, use);
     return FitToStructure(problem.model, problem.priors, state, i, pose,
                           use == BlockUse::kAccept ? held_out : solution.observed[i]);
   };
@@ -72,37 +69,17 @@ PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const Stat
   return fit;
 }
 
-PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                        const Pose& pose, BlockUse use) {
-  OverlapEnd own = problem.Overlap(sensor, state);
-  own.state.structure_from_sensor = pose;
-  double sum = 0;
-  int count = 0;
-  for (std::size_t other = 0; other < problem.size(); ++other) {
-    if (other == sensor || problem.frame_of[other].still != problem.frame_of[sensor].still)
-      continue;
-    for (const Match& match :
-         FindMatches(own, problem.Overlap(other, state), kFarthestOff, kFacesAlike)) {
-      if (own.Cloud(match.from).use != use) continue;
-      sum += RobustCost(match.residual, kNeighbourScale);
-      ++count;
-    }
-  }
-  const double mean = count > 0 ? sum / count : 0;
-  return {mean, mean, count};
-}
-
 std::vector<FrameObservations> GatherHeldOut(const JointProblem& problem,
                                              const Solution& solution) {
   std::vector<FrameObservations> held_out(problem.size());
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-    if (!problem.HasStructureTerms(i) || solution.held[i]) return;
+    if (solution.held[i]) return;
     const State& state = solution.state;
     const Pose pose = state.poses[i].ToPose();
+    held_out[i].noise = solution.observed[i].noise;
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kAccept,
                        {pose, problem.frames[i].to_beat}, Gates(), &held_out[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &held_out[i]);
-    held_out[i].noise = solution.observed[i].noise;
     SetCovariance(problem.model, pose, &held_out[i]);
   });
   return held_out;

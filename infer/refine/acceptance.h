@@ -20,14 +20,9 @@ struct PoseFit {
   int observations = 0;  ///< that it was judged by
 };
 
-/// Of a sensor with structure terms at `pose`. `observed` has its covariance set.
+/// Of a sensor at `pose`. `observed` has its covariance set.
 PoseFit FitToStructure(const BuildModel& model, const Priors& priors, const State& state,
                        std::size_t sensor, const Pose& pose, const FrameObservations& observed);
-
-/// Of one sensor at `pose` against what the others see, by its points of one use.
-/// Both measures are the mean robust cost.
-PoseFit FitToNeighbours(const JointProblem& problem, const State& state, std::size_t sensor,
-                        const Pose& pose, BlockUse use);
 
 /// Is a refined pose to be taken, by points that no solution has seen? They are few, so that by
 /// chance a better pose may seem worse: it is refused where it lies farther off and is less

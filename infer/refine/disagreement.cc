@@ -292,15 +292,12 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
                 std::vector<Disagreement>(problem.size())};
   for (std::size_t aside = 0;; ++aside) {
     std::optional<std::size_t> worst;
-    const auto takes_part = [&](std::size_t i) {
-      return !agreed.solution.held[i] && problem.HasStructureTerms(i);
-    };
     ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-      if (takes_part(i))
+      if (!agreed.solution.held[i])
         agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
     });
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (!takes_part(i) ||
+      if (agreed.solution.held[i] ||
           !problem.frames[i].aside.value_or(Disagrees(agreed.measured[i], unknowns)))
         continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;

@@ -52,7 +52,6 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   bool lens_per_sensor = false;
   int max_side_points = 3000;
   int max_edge_points = 600;
-  std::vector<std::string> without_structure;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -111,9 +110,10 @@ struct RefineOptions : PriorOptions, RefineSchedule {
     ar("min_overlap", min_overlap,
        "least share of a sensor's points that another one sees, for their overlap to count and the "
        "two to be a pair",
-       Between(0, 1));
-    ar("without_structure", without_structure,
-       "sensors that are held by their neighbours' overlap alone");
+       Between(0, 1),
+       Removed("without_structure",
+               "a sensor is placed by its own view of the structure, and "
+               "overlap counts beside it"));
     ar("threads", threads, "threads of Ceres", AtLeast(1));
   }
 };

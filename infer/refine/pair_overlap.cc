@@ -45,7 +45,6 @@ struct PairEnd {
 PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservations>& observed,
                     const State& state, std::size_t a, std::size_t b) {
   PairOverlap pair{a, b};
-  const bool both_on_structure = problem.HasStructureTerms(a) && problem.HasStructureTerms(b);
   PairEnd end_a{problem.Overlap(a, state), observed[a].noise};
   PairEnd end_b{problem.Overlap(b, state), observed[b].noise};
   const SharedPoints shared = FindShared(end_a.view, end_b.view, kOverlapGate, kOnePlane);
@@ -68,11 +67,9 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
       if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
       const double sigma =
           std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
-      if (both_on_structure) {
-        if (sigma > kOverlapGate / 2) continue;
-        const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
-        if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
-      }
+      if (sigma > kOverlapGate / 2) continue;
+      const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
+      if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
       taken->push_back(
           {&from, &to, sigma, match.residual, bounced(*from_end, from.p), bounced(*to_end, to.p)});
       sizes.push_back(std::abs(match.residual) / sigma);
@@ -121,9 +118,7 @@ std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
   std::vector<PairOverlap> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      const bool left_out =
-          problem.HasStructureTerms(a) && problem.HasStructureTerms(b) && (held[a] || held[b]);
-      if (!left_out && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
+      if (!held[a] && !held[b] && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
     }
   }
   ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {

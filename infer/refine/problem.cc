@@ -49,10 +49,6 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       lenses(WithKnownLens(lenses_in, frames_in)),
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
       layout(frame_of, stills, model.size(), lenses.size()) {
-  // One that its neighbours hold is held by what they share of the structure, too.
-  const bool all = std::any_of(frames.begin(), frames.end(), [](const FrameInput& frame) {
-    return frame.role == FrameRole::kOverlap;
-  });
   overlap_points.resize(frames.size());
   ParallelFor(frames.size(), setup.schedule.threads, [&](std::size_t i) {
     int others = 0;
@@ -60,7 +56,7 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       others += OverlapCounts(std::min(i, j), std::max(i, j)) ? 1 : 0;
     if (others == 0) return;
     overlap_points[i] = ChooseOverlapPoints(structure, *frames[i].points, frames[i].start,
-                                            setup.schedule.max_overlap_points / others, all);
+                                            setup.schedule.max_overlap_points / others, false);
   });
 }
 

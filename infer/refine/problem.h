@@ -16,9 +16,6 @@
 
 namespace volalign {
 
-/// What ties a frame to the structure: its own points on it, or only what it shares with others.
-enum class FrameRole { kStructure, kOverlap };
-
 /// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the
 /// structure where it stands in that still.
 struct FrameInput {
@@ -29,7 +26,6 @@ struct FrameInput {
   Pose to_beat = Pose::Identity();
   Pose fallback = Pose::Identity();  ///< what stands where the refined pose is refused
   Pose start = Pose::Identity();     ///< where the solution begins
-  FrameRole role = FrameRole::kStructure;
   /// Index into the lenses; -1: its lens is known.
   int lens = -1;
   /// Index of the sensor among those of all stills; -1: one of its own.
@@ -79,7 +75,6 @@ struct JointProblem {
   const std::string& KindOf(std::size_t i) const {
     return lenses[static_cast<std::size_t>(frame_of[i].lens)].sensor;
   }
-  bool HasStructureTerms(std::size_t i) const { return frames[i].role == FrameRole::kStructure; }
   /// Does the overlap of two frames count? They have to be of one still, and no earlier one may
   /// have both sensors: what stands about the structure would be measured again with the same
   /// errors.

@@ -33,7 +33,6 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
     observed[i].noise = UsualNoise(problem.KindOf(i));
   const Gates gates;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-    if (!problem.HasStructureTerms(i)) return;
     const std::optional<NoiseModel>& earlier = problem.frames[i].noise;
     if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
@@ -52,7 +51,6 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
 
 void UpdateLineTolerance(const JointProblem& problem, Solution* solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!problem.HasStructureTerms(i)) continue;
     solution->observed[i].noise.line = LineTolerance(solution->free);
     SetCovariance(problem.model, solution->state.poses[i].ToPose(), &solution->observed[i]);
   }

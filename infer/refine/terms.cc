@@ -77,7 +77,7 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
 /// Residuals of one frame.
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
-  if (!problem.HasStructureTerms(i) || observed.faces.empty()) return;
+  if (observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
       state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->errors[i].data(),

@@ -173,7 +173,7 @@ struct Renamed {
   std::vector<Inner> list;
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("width", width, "width", FormerlyNamed("wide"));
+    ar("width", width, "width", FormerlyNamed("wide"), Removed("height", "width is both"));
     ar("inner", inner, "inner", FormerlyNamed("in"));
     ar("list", list, "list", FormerlyNamed("items"));
   }
@@ -203,6 +203,13 @@ TEST(ReadConfig, AFormerNameIsReadWithAWarning) {
   EXPECT_EQ(WriteConfig(config).find("wide"), std::string::npos);
   EXPECT_EQ(DocumentConfig<Renamed>().find("wide"), std::string::npos);
   EXPECT_THROW(ReadConfig<Renamed>(ConfigSource::FromString("wider: 3\n", "a.yaml")), ConfigError);
+}
+
+TEST(ReadConfig, AKeyThatIsGoneSaysWhatDoesItsWork) {
+  ExpectError<ConfigError>(
+      [] { ReadConfig<Renamed>(ConfigSource::FromString("height: 3\n", "a.yaml")); },
+      {"height (a.yaml:1) is no longer a key: width is both"});
+  EXPECT_EQ(DocumentConfig<Renamed>().find("both"), std::string::npos);
 }
 
 TEST(ReadConfig, AHugeIndexIsAnError) {

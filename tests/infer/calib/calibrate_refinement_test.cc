@@ -146,46 +146,6 @@ TEST_F(KeptInitial, FiguresAreOfTheReportedPose) {
   }
 }
 
-TEST(WithoutStructure, NeighboursAloneHoldASensor) {
-  const Rig rig = RingOfEight({true, 3.5});
-  constexpr std::size_t kHeld = 3;
-  const CalibrationResult all = CalibrateRig(rig);
-  CalibrateOptions options;
-  options.refine.without_structure = {rig.frames[kHeld].name};
-  const CalibrationResult result = CalibrateRig(rig, options);
-  ASSERT_EQ(result.placed(), 8);
-  for (const FrameResult& sensor : result.sensors) {
-    EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.name << ": " << sensor.reason;
-    EXPECT_FALSE(!(sensor.error->translation_m < 3e-3)) << sensor.error->translation_m;
-    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.05)) << sensor.error->rotation_deg;
-  }
-  // Less is known of its pose than with the structure.
-  const auto variance = [](const FrameResult& sensor) {
-    return sensor.covariance.diagonal().head<3>().sum();
-  };
-  EXPECT_GT(variance(result.sensors[kHeld]), 1.1 * variance(all.sensors[kHeld]));
-}
-
-/// A network whose labels lie beside the sides. The sensor's frame is as good as the others', and
-/// they see what it sees.
-TEST(WithoutStructure, NeighboursMendWhatLabelsSpoil) {
-  Rig rig = RingOfEight({true, 3.5});
-  constexpr std::size_t kHeld = 3;
-  LabelImage& labels = rig.labels[kHeld];
-  const LabelImage right = labels;
-  for (int v = 0; v < labels.height(); ++v) {
-    for (int u = 0; u < labels.width(); ++u)
-      labels(u, v) = u + 8 < labels.width() ? right(u + 8, v) : std::uint8_t{0};
-  }
-  CalibrateOptions options;
-  options.refine.without_structure = {rig.frames[kHeld].name};
-  const FrameResult sensor = CalibrateRig(rig, options).sensors[kHeld];
-  ASSERT_TRUE(sensor.structure_from_sensor.has_value()) << sensor.reason;
-  EXPECT_GT(sensor.initial_error->translation_m, 0.01);
-  EXPECT_FALSE(!(sensor.error->translation_m < 5e-3)) << sensor.error->translation_m;
-  EXPECT_FALSE(!(sensor.error->rotation_deg < 0.1)) << sensor.error->rotation_deg;
-}
-
 /// Half of the labels, those of every second stripe of the picture, and none near a side's end.
 LabelImage InStripes(const LabelImage& labels) {
   LabelImage some = labels;

@@ -453,10 +453,6 @@ TEST(Calibrate, RejectsBadInput) {
   rig.Add("A", RingPose(130));
   StoredSegmenter segmenter = rig.PerfectSegmenter();
   CalibrateOptions options;
-  options.refine.without_structure = {"B"};
-  ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
-                           {"without_structure", "\"B\""});
-  options = {};
   options.verdict.weak_inlier_share = 2;
   ExpectError<ConfigError>([&] { Calibrate(rig.frames, rig.structure, segmenter, options); },
                            {"weak_inlier_share", "2"});

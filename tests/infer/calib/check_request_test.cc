@@ -58,7 +58,6 @@ TEST(CheckRequest, LetsThroughWhatCanBeCalibrated) {
       },
       // The same depth map of two sensors is found later, sensor by sensor.
       [](Request* request) { request->Measure(0, 1, 1); },
-      [](Request* request) { request->options.refine.without_structure = {"B"}; },
       [](Request* request) {
         request->model = false;
         request->options.initial.method = PoseMethod::kGeometry;
@@ -125,9 +124,6 @@ TEST(CheckRequest, NamesWhatIsWrongWithTheOptions) {
     request.model = false;
     EXPECT_NE(Message<ConfigError>(request).find("no model"), std::string::npos);
   }
-  Request unknown;
-  unknown.options.refine.without_structure = {"A", "C"};
-  EXPECT_NE(Message<ConfigError>(unknown).find("\"C\""), std::string::npos);
   Request estimate;
   estimate.options.refine.estimate = "boxes, weather";
   EXPECT_NE(Message<ConfigError>(estimate).find("weather"), std::string::npos);

@@ -185,18 +185,14 @@ TEST(InspectStack, NamesMirroredFramesByTheirPlaceInTheCapture) {
   EXPECT_EQ(report->mirrored_frames, (std::vector<std::size_t>{2}));
 }
 
-TEST(FramesToRefine, AreLocatedOnesThatKnowWhatHoldsThem) {
+TEST(FramesToRefine, AreTheLocatedOnes) {
   Located frames(NarrowRig());
-  frames.options.refine.without_structure = {"S1"};
   std::vector<LocateResult> results = frames.Alone();
   SomeFrames<FrameInput> sensors =
       FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
   ASSERT_EQ(sensors.size(), 2u);
-  EXPECT_EQ(sensors.at({0, 0}).role, FrameRole::kStructure);
-  EXPECT_EQ(sensors.at({0, 1}).role, FrameRole::kOverlap);
-  // Only overlap is to hold it: its initial pose is where it begins.
-  EXPECT_TRUE(sensors.at({0, 1}).start.isApprox(
-      frames.seen.labelled[{0, 1}].initial.structure_from_sensor));
+  EXPECT_EQ(sensors.at({0, 1}).start.matrix(),
+            std::get<LocatedFrame>(results[1]).own_pose.matrix());
   results[0] = Finding{SensorCode::kNoStructure, "", ""};
   sensors = FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
   ASSERT_EQ(sensors.size(), 1u);

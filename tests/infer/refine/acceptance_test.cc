@@ -194,55 +194,5 @@ TEST(HeldOutObservations, AreWeighedByTheNoiseThatWasFound) {
   EXPECT_TRUE((twice - none).isApprox(4 * (some - none), 1e-6));
 }
 
-/// Points of a plane at this depth, that face the sensor or are square to it, on a grid of 1 cm
-/// about (x, 0).
-void AddPlane(double x, double z, const Eigen::Vector3d& normal, BlockUse use,
-              std::vector<CloudPoint>* cloud) {
-  for (int i = -2; i <= 2; ++i) {
-    for (int j = -2; j <= 2; ++j) {
-      CloudPoint point;
-      point.p = {x + 0.01 * i, 0.01 * j, z};
-      point.normal = normal;
-      point.use = use;
-      cloud->push_back(point);
-    }
-  }
-}
-
-TEST(FitToNeighbours, ComparesPointsOfOneSurface) {
-  const Structure structure = PaperStructure();
-  const Eigen::Vector3d facing(0, 0, -1), square(1, 0, 0);
-  std::vector<CloudPoint> own, others;
-  // A surface that both see, the neighbour 10 mm farther; one at which the neighbour's points are
-  // of another surface; one that it does not see; and one that is for the fit.
-  AddPlane(-0.5, 2, facing, BlockUse::kAccept, &own);
-  AddPlane(-0.5, 2.01, facing, BlockUse::kFit, &others);
-  AddPlane(0, 2, facing, BlockUse::kAccept, &own);
-  AddPlane(0, 2.002, square, BlockUse::kFit, &others);
-  AddPlane(0.5, 2, facing, BlockUse::kAccept, &own);
-  AddPlane(0.5, 2.2, facing, BlockUse::kFit, &others);
-  AddPlane(1, 2, facing, BlockUse::kFit, &own);
-  AddPlane(1, 2.03, facing, BlockUse::kFit, &others);
-  const SensorPoints own_points{{}, {}, SampledCloud(own)},
-      other_points{{}, {}, SampledCloud(others)};
-  const Pose pose = RingPose(40);
-  std::vector<FrameInput> frames;
-  for (const SensorPoints* of : {&own_points, &other_points})
-    frames.push_back({testing_infer::Borrowed(*of), pose, pose, pose, FrameRole::kOverlap});
-  const RefineOptions options;
-  const JointProblem problem(structure, frames, options);
-  const State state = NominalState(structure, {pose, pose});
-  const auto fit = [&](double nearer, BlockUse use) {
-    return FitToNeighbours(problem, state, 0, pose * Eigen::Translation3d(0, 0, nearer), use);
-  };
-  // Cauchy's function of distances in units of 10 mm.
-  EXPECT_EQ(fit(0, BlockUse::kAccept).observations, 25);
-  EXPECT_NEAR(fit(0, BlockUse::kAccept).misfit, std::log(2.0), 1e-9);
-  EXPECT_NEAR(fit(0.005, BlockUse::kAccept).misfit, std::log(1.25), 1e-9);
-  EXPECT_NEAR(fit(0.01, BlockUse::kAccept).misfit, 0, 1e-9);
-  EXPECT_EQ(fit(0, BlockUse::kFit).observations, 25);
-  EXPECT_NEAR(fit(0, BlockUse::kFit).misfit, std::log(10.0), 1e-9);
-}
-
 }  // namespace
 }  // namespace volalign::refine_internal::acceptance_test

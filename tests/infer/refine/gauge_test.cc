@@ -28,8 +28,8 @@ struct Handmade {
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];
-      frames.push_back({testing_infer::Borrowed(nothing), pose, pose, pose, FrameRole::kStructure,
-                        -1, i / 2, i == 0 ? 0 : 1});
+      frames.push_back(
+          {testing_infer::Borrowed(nothing), pose, pose, pose, -1, i / 2, i == 0 ? 0 : 1});
     }
     const JointProblem problem = Problem();
     solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,

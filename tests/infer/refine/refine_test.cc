@@ -89,40 +89,6 @@ TEST(Refine, ComputesNoCovariancesThatAreNotWanted) {
   }
 }
 
-TEST(Refine, OverlapAloneBringsASensorBack) {
-  const Rig rig = RingOfEight();
-  const std::vector<SensorPoints> points = PointsOf(rig);
-  for (const std::size_t lost : {0, 3, 6}) {
-    std::vector<FrameInput> frames;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Pose& truth = *rig.frames[i].ground_truth;
-      const Pose start = i == lost ? Displaced(truth, 0.03, 2, 100 + lost) : truth;
-      frames.push_back({testing_infer::Borrowed(points[i]), start, start, start,
-                        i == lost ? FrameRole::kOverlap : FrameRole::kStructure});
-    }
-    // Each association leaves about two thirds of the way.
-    RefineSetup setup;
-    setup.schedule.associations = 10;
-    const RefineResult result = Refine(rig.structure, frames, setup);
-    const PoseError error =
-        ComparePoses(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth);
-    EXPECT_TRUE(result.frames[lost].accepted) << lost;
-    EXPECT_FALSE(!(error.rotation_deg < 0.02)) << lost << ": " << error.rotation_deg;
-    // What the first and the last share with their neighbours leaves one direction open, to 4 to 6
-    // cm; elsewhere they are as exact as the other.
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> open(
-        result.frames[lost].covariance.topLeftCorner<3, 3>());
-    const Eigen::Vector3d off =
-        open.eigenvectors().transpose() *
-        LeftDifference(result.frames[lost].structure_from_sensor, *rig.frames[lost].ground_truth)
-            .head<3>();
-    const Eigen::Vector3d sigmas = open.eigenvalues().cwiseSqrt();
-    EXPECT_EQ(sigmas.z() > 0.03, lost != 3) << lost << ": " << sigmas.transpose();
-    EXPECT_LT(off.head<2>().norm(), 1.5e-3) << lost << ": " << off.transpose();
-    EXPECT_LT(std::abs(off.z()), std::max(1.5e-3, sigmas.z())) << lost << ": " << off.transpose();
-  }
-}
-
 TEST(Refine, FindsASensorsOwnFocalLengthBesideThatOfALensThatAllShare) {
   // All focal lengths are given 2 % too long, which their prior has as two sigmas, and one of them
   // another 0.6 %.
@@ -141,8 +107,7 @@ TEST(Refine, FindsASensorsOwnFocalLengthBesideThatOfALensThatAllShare) {
     std::vector<FrameInput> frames;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
-      frames.push_back(
-          {testing_infer::Borrowed(points[i]), truth, truth, truth, FrameRole::kStructure, 0});
+      frames.push_back({testing_infer::Borrowed(points[i]), truth, truth, truth, 0});
     }
     const RefineResult result = Refine(rig.structure, frames, {}, {lens}, {Pose::Identity()});
     const auto off = [&](std::size_t i) {
