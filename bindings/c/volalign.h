@@ -106,15 +106,8 @@ VOLALIGN_API volalign_code volalign_options_set(volalign_options* options, const
                                                 const char* value);
 VOLALIGN_API void volalign_options_free(volalign_options* options);
 
-/* A network, exported by `volalign export --format onnx`. ONNX Runtime runs it where the system's
- * loader finds that library, else OpenCV; the result's JSON says which it was. One thread at a
- * time.
- */
+/* A network, exported by `volalign export --format onnx`. OpenCV runs it. One thread at a time. */
 VOLALIGN_API volalign_code volalign_model_load(const char* onnx, volalign_model** model);
-/* The same by `runtime`: "auto", as above; "opencv"; "onnxruntime"; or the path of ONNX Runtime's
- * library, with a '/'. VOLALIGN_CONFIG_ERROR where that cannot be had. */
-VOLALIGN_API volalign_code volalign_model_load_with(const char* onnx, const char* runtime,
-                                                    volalign_model** model);
 VOLALIGN_API void volalign_model_free(volalign_model* model);
 
 /* Told what begins, in a few words. Another value than 0 ends the calibration with

@@ -33,9 +33,8 @@ struct volalign_options {
 };
 
 struct volalign_model {
-  std::string file, runtime;
+  std::string file;
   std::unique_ptr<volalign::NetworkSegmenter> segmenter;
-  int threads = volalign::CalibrateOptions().threads;  // of the segmenter
   std::string fits;  // hash of the structure that its labels were compared with
 };
 
@@ -144,16 +143,13 @@ volalign::SensorFrame FrameOf(const volalign_frame& from) {
   return frame;
 }
 
-/// The model with `threads` threads, whose labels are those of `structure`.
+/// The model, whose labels are those of `structure`.
 volalign::NetworkSegmenter* Fitting(volalign_model* model,
-                                    const std::optional<volalign::Structure>& structure,
-                                    int threads) {
+                                    const std::optional<volalign::Structure>& structure) {
   if (!model) return nullptr;
-  if ((structure && model->fits != structure->Hash()) || model->threads != threads) {
-    model->segmenter = volalign::LoadOnnxSegmenter(model->file, structure ? &*structure : nullptr,
-                                                   model->runtime, threads);
-    model->threads = threads;
-    if (structure) model->fits = structure->Hash();
+  if (structure && model->fits != structure->Hash()) {
+    model->segmenter = volalign::LoadOnnxSegmenter(model->file, &*structure);
+    model->fits = structure->Hash();
   }
   return model->segmenter.get();
 }
@@ -265,16 +261,10 @@ volalign_code volalign_options_set(volalign_options* options, const char* key, c
 void volalign_options_free(volalign_options* options) { delete options; }
 
 volalign_code volalign_model_load(const char* onnx, volalign_model** model) {
-  return volalign_model_load_with(onnx, "auto", model);
-}
-
-volalign_code volalign_model_load_with(const char* onnx, const char* runtime,
-                                       volalign_model** model) {
   return Created(model, [&](volalign_model* made) {
-    Require(onnx && runtime, "onnx or runtime is NULL");
+    Require(onnx, "onnx is NULL");
     made->file = onnx;
-    made->runtime = runtime;
-    made->segmenter = volalign::LoadOnnxSegmenter(onnx, nullptr, runtime, made->threads);
+    made->segmenter = volalign::LoadOnnxSegmenter(onnx);
     made->fits = made->segmenter->structure().Hash();
   });
 }
@@ -291,7 +281,7 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     }
     const volalign::CalibrateOptions values =
         options ? options->values : volalign::CalibrateOptions();
-    volalign::NetworkSegmenter* segmenter = Fitting(model, capture->structure, values.threads);
+    volalign::NetworkSegmenter* segmenter = Fitting(model, capture->structure);
     if (!capture->structure && !segmenter) {
       throw ConfigError("neither the capture nor a model has a structure; give its file");
     }

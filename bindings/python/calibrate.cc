@@ -10,13 +10,13 @@
 
 #include "bindings/python/capture.h"
 #include "bindings/python/module.h"
-#include "bindings/python/onnx_runtime.h"
 #include "bindings/python/options.h"
 #include "bindings/python/structure.h"
 #include "bindings/python/work.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "infer/calib/calibrate.h"
+#include "infer/segment_onnx/load.h"
 #include "infer/view/network_segmenter.h"
 
 namespace volalign::python {
@@ -42,14 +42,14 @@ std::optional<Structure> CommonStructure(const std::vector<NamedCapture>& captur
 }
 
 /// The network that `model` names: None, a path, or "auto". Null where there is none.
-std::unique_ptr<NetworkSegmenter> LoadModel(const CalibrateArguments& arguments, int threads,
+std::unique_ptr<NetworkSegmenter> LoadModel(const CalibrateArguments& arguments,
                                             const std::optional<Structure>& structure) {
   if (arguments.model.is_none()) return nullptr;
   const std::string path = PathOf(arguments.model);
   if (path == kAutoModel) {
     const std::string installed = FindInputFile(kInstalledModel);
     if (!std::filesystem::exists(installed)) return nullptr;
-    auto segmenter = LoadByRuntime(installed, nullptr, arguments.runtime, threads);
+    auto segmenter = LoadOnnxSegmenter(installed);
     const bool fits = !structure || segmenter->structure().Hash() == structure->Hash();
     return fits ? std::move(segmenter) : nullptr;
   }
@@ -59,7 +59,7 @@ std::unique_ptr<NetworkSegmenter> LoadModel(const CalibrateArguments& arguments,
         "{} --format onnx -o MODEL.onnx` makes a model for it",
         path, path));
   }
-  return LoadByRuntime(path, structure ? &*structure : nullptr, arguments.runtime, threads);
+  return LoadOnnxSegmenter(path, structure ? &*structure : nullptr);
 }
 
 }  // namespace
@@ -70,8 +70,7 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
   std::vector<NamedCapture> captures = CapturesOf(arguments.capture);
   std::optional<Structure> structure =
       arguments.structure.is_none() ? CommonStructure(captures) : StructureOf(arguments.structure);
-  const std::unique_ptr<NetworkSegmenter> segmenter =
-      LoadModel(arguments, options.threads, structure);
+  const std::unique_ptr<NetworkSegmenter> segmenter = LoadModel(arguments, structure);
   if (!structure && segmenter) structure = segmenter->structure();
   if (!structure) {
     throw ConfigError(
@@ -105,22 +104,18 @@ void AddCalibrate(py::module_& module) {
   module.def(
       "calibrate",
       [](const py::object& capture, const py::object& structure, const py::object& model,
-         const std::string& runtime, const py::object& options, const py::object& progress,
-         const py::kwargs& keywords) {
-        return CalibrateCapture({capture, structure, model, runtime, options, progress, keywords});
+         const py::object& options, const py::object& progress, const py::kwargs& keywords) {
+        return CalibrateCapture({capture, structure, model, options, progress, keywords});
       },
       py::arg("capture"), py::kw_only(), py::arg("structure") = py::none(),
-      py::arg("model") = "auto", py::arg("runtime") = "auto", py::arg("options") = py::none(),
-      py::arg("progress") = py::none(),
+      py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
       "Finds the poses of a capture's sensors.\n\n"
       "capture: a Capture, the path of a capture.json, or a list of these, between which the stack "
       "was moved; poses are in the frame of the stack in the first. structure: a Structure or the "
       "path of one; None: the capture's, else the model's. model: path of an .onnx checkpoint; "
       "None: geometry alone; \"auto\": models/m05-lite.onnx where it is installed and its stack "
-      "is this one, else geometry alone (Result.model says which). runtime: what runs the model, "
-      "\"opencv\" or \"onnxruntime\"; \"auto\": ONNX Runtime where its Python package is "
-      "installed, "
-      "else OpenCV. options: a dict, or the path of a YAML, of docs/config.md's options; further "
+      "is this one, else geometry alone (Result.model says which). options: a dict, or the path of "
+      "a YAML, of docs/config.md's options; further "
       "keywords stand over it: threads=4, "
       "initial={\"method\": \"geometry\"}, **{\"initial.table_height_m\": 0.7}. progress: called "
       "with a few words when a stage begins; what it raises ends the calibration. A sensor that "

@@ -12,7 +12,6 @@ namespace volalign::python {
 /// What `calibrate` and `check` have in common. Each as in `calibrate`.
 struct CalibrateArguments {
   pybind11::object capture, structure, model;
-  std::string runtime;
   pybind11::object options, progress;
   pybind11::dict keywords;
 };

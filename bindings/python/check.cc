@@ -33,9 +33,8 @@ struct MovementPart {
 
 std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture,
                                double false_alarm, const py::object& structure,
-                               const py::object& model, const std::string& runtime,
-                               const py::object& options, const py::object& progress,
-                               const py::kwargs& keywords) {
+                               const py::object& model, const py::object& options,
+                               const py::object& progress, const py::kwargs& keywords) {
   auto checked = std::make_shared<Checked>();
   std::string last_file = "last";
   if (py::isinstance<Calibrated>(last)) {
@@ -47,7 +46,7 @@ std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture
   checked->result =
       py::isinstance<Calibrated>(capture)
           ? capture.cast<std::shared_ptr<Calibrated>>()
-          : CalibrateCapture({capture, structure, model, runtime, options, progress, keywords});
+          : CalibrateCapture({capture, structure, model, options, progress, keywords});
   checked->now = checked->result->MakeExtrinsics();
   MovementOptions movement;
   movement.false_alarm = false_alarm;
@@ -158,8 +157,7 @@ void AddCheck(py::module_& module) {
   module.def(
       "check", &Check, py::arg("last"), py::arg("capture"), py::kw_only(),
       py::arg("false_alarm") = MovementOptions().false_alarm, py::arg("structure") = py::none(),
-      py::arg("model") = "auto", py::arg("runtime") = "auto", py::arg("options") = py::none(),
-      py::arg("progress") = py::none(),
+      py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
       "Which sensors of a calibrated rig were moved since?\n\n"
       "last: the path of an extrinsics.json, or a Result. capture: of the rig as it is now, as in "
       "`calibrate`, or the Result of one; the stack may stand elsewhere. false_alarm: probability "

@@ -15,10 +15,8 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
-#include "core/base/text.h"
 #include "infer/segment_onnx/encode_depth.h"
 #include "infer/segment_onnx/onnx_network.h"
-#include "infer/segment_onnx/onnx_runtime.h"
 
 namespace volalign {
 
@@ -44,11 +42,6 @@ SegmentationResult MostProbable(const float* log_probabilities, int classes, int
   }
   for (float& value : best) value = std::exp(value);
   return result;
-}
-
-[[noreturn]] void FailForShape(const NetworkSegmenter& of, int classes, int width, int height) {
-  throw Error(fmt::format("{}: {} gives log-probabilities of another shape than {}x{}x{}",
-                          of.file(), of.runtime(), classes, height, width));
 }
 
 class OnnxSegmenter : public NetworkSegmenter {
@@ -111,7 +104,8 @@ std::vector<SegmentationResult> OnnxSegmenter::Forward(
       const int expected[] = {1, options.num_classes, height, width};
       if (log_probabilities.dims != 4 || log_probabilities.type() != CV_32F ||
           !std::equal(expected, expected + 4, log_probabilities.size.p)) {
-        FailForShape(*this, options.num_classes, width, height);
+        throw Error(fmt::format("{}: {} gives log-probabilities of another shape than {}x{}x{}",
+                                file(), runtime(), options.num_classes, height, width));
       }
       results.push_back(
           MostProbable(log_probabilities.ptr<float>(), options.num_classes, width, height));
@@ -123,97 +117,23 @@ std::vector<SegmentationResult> OnnxSegmenter::Forward(
   return results;
 }
 
-class ForeignSegmenter : public NetworkSegmenter {
- public:
-  ForeignSegmenter(int classes, OnnxRuntime runtime, NetworkDescription description)
-      : NetworkSegmenter(std::move(description)), classes_(classes), runtime_(std::move(runtime)) {}
-
- private:
-  std::vector<SegmentationResult> Forward(const std::vector<const DepthImage*>& depths) override {
-    std::vector<SegmentationResult> results;
-    results.reserve(depths.size());
-    const std::lock_guard<std::mutex> lock(mutex_);
-    for (const DepthImage* depth : depths) {
-      const std::vector<float> log_probabilities = runtime_.log_probabilities(*depth);
-      if (log_probabilities.size() != static_cast<std::size_t>(classes_) * depth->size())
-        FailForShape(*this, classes_, depth->width(), depth->height());
-      results.push_back(
-          MostProbable(log_probabilities.data(), classes_, depth->width(), depth->height()));
-    }
-    return results;
-  }
-
-  std::mutex mutex_;
-  const int classes_;
-  const OnnxRuntime runtime_;
-};
-
-struct CheckedFile {
-  std::string bytes;
-  OnnxNetwork network;
-  NetworkDescription description;
-};
-
-CheckedFile ReadChecked(const std::filesystem::path& file, const Structure* structure) {
-  CheckedFile read;
-  read.bytes = ReadFile(FindInputFile(file.string()), kMaxOnnxBytes);
-  try {
-    read.network = ReadOnnxNetwork(read.bytes);
-  } catch (const DataError& error) {
-    throw DataError(fmt::format("{}: not a whole ONNX file of volalign export ({})", file.string(),
-                                error.what()));
-  }
-  const CheckpointMeta& meta = read.network.meta;
-  if (structure) CheckStructure(meta, *structure);
-  read.description = {meta.structure, meta.focal_px, file.string(), Sha256(read.bytes), ""};
-  return read;
-}
-
-std::unique_ptr<NetworkSegmenter> ByOpenCv(CheckedFile read) {
-  read.description.runtime = "OpenCV " CV_VERSION;
-  return std::make_unique<OnnxSegmenter>(std::move(read.network), std::move(read.description));
-}
-
-std::unique_ptr<NetworkSegmenter> By(OnnxRuntime runtime, CheckedFile read) {
-  read.description.runtime = runtime.name;
-  return std::make_unique<ForeignSegmenter>(read.network.meta.network.num_classes,
-                                            std::move(runtime), std::move(read.description));
-}
-
 }  // namespace
 
 std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
                                                     const Structure* structure) {
-  return ByOpenCv(ReadChecked(file, structure));
-}
-
-std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(
-    const std::filesystem::path& file, const Structure* structure,
-    const std::function<OnnxRuntime(const std::string& bytes)>& start) {
-  CheckedFile read = ReadChecked(file, structure);
-  OnnxRuntime runtime = start(read.bytes);
-  return By(std::move(runtime), std::move(read));
-}
-
-std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
-                                                    const Structure* structure,
-                                                    const std::string& runtime, int threads) {
-  const bool either = runtime == "auto", is_path = runtime.find('/') != std::string::npos;
-  if (!either && runtime != "opencv" && runtime != "onnxruntime" && !is_path) {
-    throw ConfigError(
-        fmt::format("runtime = {} is none of auto, opencv, onnxruntime, and no path with a '/'",
-                    Shortened(runtime)));
-  }
-  CheckedFile read = ReadChecked(file, structure);
-  if (runtime == "opencv") return ByOpenCv(std::move(read));
+  const std::string bytes = ReadFile(FindInputFile(file.string()), kMaxOnnxBytes);
+  OnnxNetwork network;
   try {
-    OnnxRuntime started = StartOnnxRuntime(is_path ? runtime : "", read.bytes,
-                                           read.network.meta.network.num_classes, threads);
-    return By(std::move(started), std::move(read));
-  } catch (const ConfigError&) {
-    if (!either) throw;
-    return ByOpenCv(std::move(read));
+    network = ReadOnnxNetwork(bytes);
+  } catch (const DataError& error) {
+    throw DataError(fmt::format("{}: not a whole ONNX file of volalign export ({})", file.string(),
+                                error.what()));
   }
+  const CheckpointMeta& meta = network.meta;
+  if (structure) CheckStructure(meta, *structure);
+  NetworkDescription description = {meta.structure, meta.focal_px, file.string(), Sha256(bytes),
+                                    "OpenCV " CV_VERSION};
+  return std::make_unique<OnnxSegmenter>(std::move(network), std::move(description));
 }
 
 }  // namespace volalign

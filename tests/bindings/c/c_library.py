@@ -1,15 +1,12 @@
 #!/usr/bin/env python3
 """libvolalign_c as its callers have it: Python's ctypes, the C99 example and, where mono is installed, the C# example.
 
-    tests/bindings/c/c_library.py LIBRARY C_COMPILER PROGRAM SOURCE_FOLDER library|onnx_runtime
+    tests/bindings/c/c_library.py LIBRARY C_COMPILER PROGRAM SOURCE_FOLDER
 
-library: the quick start's capture is rendered and calibrated by the program, and every caller has to find the program's poses. onnx_runtime: those of
-OpenCV, by ONNX Runtime of PyPI or of the system; exit status 77 where neither is there.
+The quick start's capture is rendered and calibrated by the program, and every caller has to find the program's poses.
 """
 
 import ctypes
-import glob
-import importlib.util
 import json
 import os
 import shutil
@@ -47,39 +44,6 @@ class Sensor(ctypes.Structure):
 PROGRESS = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
 
 
-# A library with ONNX Runtime's interface that refuses whatever is asked of it.
-REFUSING = r"""
-#include <stdint.h>
-static const char* message(void* status) { return status; }
-static void* refuse(int level, const char* name, void** env) { (void)level, (void)name, (void)env; return "too old for this"; }
-static void release(void* status) { (void)status; }
-static void* table[101] = {[2] = (void*)message, [3] = (void*)refuse, [93] = (void*)release};
-static const void* api(uint32_t version) { return version == 1 ? table : 0; }
-static const char* version(void) { return "0.1"; }
-static const struct { const void* (*api)(uint32_t); const char* (*version)(void); } base = {api, version};
-const void* OrtGetApiBase(void) { return &base; }
-"""
-
-
-def is_installed():
-    """Whether the system's loader finds ONNX Runtime."""
-    try:
-        return bool(ctypes.CDLL("libonnxruntime.so.1"))
-    except OSError:
-        return False
-
-
-# Before any other library of that name is loaded.
-INSTALLED = is_installed()
-
-
-def onnx_runtime():
-    """The library in PyPI's package, or the system's, or None."""
-    package = importlib.util.find_spec("onnxruntime")
-    found = glob.glob(os.path.join(os.path.dirname(package.origin), "capi", "libonnxruntime.so.*")) if package else []
-    return found[0] if found else "onnxruntime" if INSTALLED else None
-
-
 def compile_c(*arguments):
     subprocess.run([COMPILER, "-x", "c", *arguments], check=True)
 
@@ -106,12 +70,6 @@ class Calls(unittest.TestCase):
         for function in ("capture", "options", "model", "result"):
             getattr(cls.library, f"volalign_{function}_free").argtypes = [ctypes.c_void_p]
 
-        # Nor does what is installed decide which runtime is found.
-        source = os.path.join(cls.folder, "refusing.c")
-        with open(source, "w", encoding="utf-8") as file:
-            file.write(REFUSING)
-        cls.refusing = os.path.join(cls.folder, "libonnxruntime.so.1")
-        compile_c("-shared", "-fPIC", source, "-o", cls.refusing)
         header = os.path.join(SOURCE, "bindings", "c")
         source = os.path.join(SOURCE, "examples", "calibrate_c", "main.c")
         cls.example = os.path.join(cls.folder, "calibrate_c")
@@ -178,20 +136,11 @@ class Calls(unittest.TestCase):
     def poses(self, result):
         return {s.name.decode(): list(s.structure_from_sensor) if s.has_pose else None for s in self.sensors(result)}
 
-    def with_model(self, runtime, threads=2):
-        """What `runtime` finds, and its name."""
-        model = self.handle("model", "model_load_with", MODEL.encode(), runtime.encode())
-        options = self.handle("options", "options_create", None)
-        self.call("options_set", options, b"threads", b"%d" % threads)
-        result = self.calibrate(self.memory(), model, options)
-        return self.poses(result), json.loads(self.library.volalign_result_json(result))["model"]["runtime"]
-
-    def run_example(self, command, model, runtimes=None):
-        """The poses; `runtimes`: a folder with libonnxruntime.so.1."""
-        path = [os.path.dirname(LIBRARY), runtimes or os.path.dirname(self.refusing)]
+    def run_example(self, command, model):
+        """The poses."""
         out = [os.path.join(self.folder, "example")] if command == [self.example] else []
         done = subprocess.run([*command, STRUCTURE, model, self.list, *out], stdout=subprocess.PIPE, text=True,
-                              env=dict(os.environ, LD_LIBRARY_PATH=":".join(path)), check=False)  # fmt: skip
+                              env=dict(os.environ, LD_LIBRARY_PATH=os.path.dirname(LIBRARY)), check=False)  # fmt: skip
         self.assertIn(done.returncode, (0, 3))
         return poses_of(done.stdout)
 
@@ -218,7 +167,7 @@ class CLibrary(Calls):
         self.assert_same(found, {name: pose and [x for row in pose for x in row] for name, pose in poses.items()}, SAME_POSE)
 
     def test_frames_in_memory_with_a_model(self):
-        model = self.handle("model", "model_load_with", MODEL.encode(), b"opencv")
+        model = self.handle("model", "model_load", MODEL.encode())
         stages = []
         result = self.calibrate(self.memory(), model, progress=lambda stage, _: stages.append(stage) or 0)
         self.assert_poses(self.poses(result), "model")
@@ -312,18 +261,6 @@ class CLibrary(Calls):
         self.assertNotIn("torch", libraries)
         self.assertNotIn("not found", libraries)
 
-    def test_a_runtime_that_cannot_be_had_is_an_error(self):
-        nothing = ctypes.c_void_p()
-        for runtime, reason in ((LIBRARY, "is not ONNX Runtime"), (self.refusing, "ONNX Runtime 0.1: too old for this"), ("tensorrt", "is none of auto")):
-            self.call("model_load_with", MODEL.encode(), runtime.encode(), ctypes.byref(nothing), code=CONFIG_ERROR)
-            self.assertIn(reason, self.error())
-        self.call("model_load_with", MODEL.encode(), None, ctypes.byref(nothing), code=INVALID_ARGUMENT)
-        if INSTALLED:
-            self.assertIn("ONNX Runtime", self.with_model("onnxruntime")[1])
-        else:
-            self.call("model_load_with", MODEL.encode(), b"onnxruntime", ctypes.byref(nothing), code=CONFIG_ERROR)
-            self.assertIn("install a release of ONNX Runtime", self.error())
-
     # The examples
 
     def test_c99(self):
@@ -339,29 +276,5 @@ class CLibrary(Calls):
         self.assert_poses(self.run_example(["mono", program], MODEL), "model")
 
 
-class OnnxRuntime(Calls):
-    @unittest.skipUnless(onnx_runtime(), "needs PyPI's onnxruntime, of 1.20 or later, or a release of ONNX Runtime")
-    def test_gives_the_poses_of_opencv(self):
-        expected, name = self.with_model("opencv")
-        self.assertIn("OpenCV", name)
-        self.assertGreater(sum(pose is not None for pose in expected.values()), 6)
-        found, name = self.with_model(onnx_runtime())
-        self.assertIn("ONNX Runtime", name)
-        self.assert_same(found, expected, 1e-6)
-        # Its threads, of which the caller is one, are as many as the options say.
-        before = len(os.listdir("/proc/self/task"))
-        self.with_model(onnx_runtime(), threads=4)
-        self.assertEqual(len(os.listdir("/proc/self/task")) - before, 3)
-        # By default where the loader finds it.
-        runtimes = os.path.join(self.folder, "runtimes")
-        os.makedirs(runtimes)
-        if not INSTALLED:
-            os.symlink(onnx_runtime(), os.path.join(runtimes, "libonnxruntime.so.1"))
-        self.assert_same(self.run_example([self.example], MODEL, runtimes), expected, 1e-6)
-        self.assertIn("ONNX Runtime", self.runtime_of_example())
-
-
 if __name__ == "__main__":
-    asked = {"library": "CLibrary", "onnx_runtime": "OnnxRuntime"}[sys.argv[1]]
-    result = unittest.main(argv=[sys.argv[0], asked], exit=False).result
-    sys.exit(1 if not result.wasSuccessful() else 77 if asked == "OnnxRuntime" and result.skipped else 0)
+    unittest.main()

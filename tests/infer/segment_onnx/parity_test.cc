@@ -113,11 +113,11 @@ std::vector<at::Tensor> Batches(const std::vector<DepthImage>& frames) {
   return batches;
 }
 
-/// Share of pixels with depth that a runtime of LoadOnnxSegmenter labels as LibTorch does.
-double AgreementOf(const std::string& runtime, const fs::path& checkpoint, const fs::path& onnx,
+/// Share of pixels with depth that LoadOnnxSegmenter labels as LibTorch does.
+double AgreementOf(const fs::path& checkpoint, const fs::path& onnx,
                    const std::vector<DepthImage>& frames) {
   const auto theirs = LoadNetworkSegmenter(checkpoint);
-  const auto ours = LoadOnnxSegmenter(onnx, nullptr, runtime, 2);
+  const auto ours = LoadOnnxSegmenter(onnx);
   std::vector<Intrinsics> intrinsics(frames.size());
   std::vector<SegmentationRequest> requests;
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -154,7 +154,7 @@ void ExpectAgreement(const fs::path& checkpoint, std::vector<DepthImage> frames)
     ExportTorchScript(checkpoint, folder / (name + precision + ".ts"), half);
   }
   const fs::path onnx = folder / (name + ".fp16.onnx");
-  EXPECT_TRUE(AgreementOf("opencv", checkpoint, onnx, frames) >= 0.9999) << name;
+  EXPECT_TRUE(AgreementOf(checkpoint, onnx, frames) >= 0.9999) << name;
   const c10::NoGradGuard no_grad;
   LoadedModel model = LoadCheckpoint(checkpoint);
   const std::vector<at::Tensor> batches = Batches(frames);
@@ -167,7 +167,6 @@ void ExpectAgreement(const fs::path& checkpoint, std::vector<DepthImage> frames)
       testing_nn::RunCheck(VOLALIGN_PYTHON, "tests/core/nn/export_onnx_check.py", folder.path());
   if (status == 77) GTEST_SKIP() << VOLALIGN_PYTHON << " has no onnxruntime (PyPI)";
   EXPECT_EQ(status, 0) << name;
-  EXPECT_TRUE(AgreementOf(VOLALIGN_ONNX_RUNTIME, checkpoint, onnx, frames) >= 0.9999) << name;
 }
 
 /// The network that calibration uses, and one without attention; with VOLALIGN_LONG=1 also those of
