@@ -4,6 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 
 #include "core/base/text.h"
 #include "core/config/config.h"
@@ -23,6 +25,20 @@ CLI::App* Find(CLI::App* app, const std::string& name) {
 std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string nearest = NearestKey(word, known);
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
+}
+
+/// Where an argument may belong that stands by itself: behind the first option that is missing.
+std::string Place(const CLI::App* app, const std::string& argument) {
+  for (const CLI::Option* option : app->get_options(kAllOptions)) {
+    if (!option->get_required() || option->count() > 0 || option->get_lnames().empty()) continue;
+    const std::string& name = option->get_lnames().front();
+    std::error_code error;
+    const bool folder = name == "capture" && std::filesystem::is_directory(argument, error);
+    return fmt::format(" by itself: did you mean --{} {}{}?{}", name, argument,
+                       folder ? "/capture.json" : "",
+                       folder ? fmt::format(" `volalign init {}` writes that file", argument) : "");
+  }
+  return "";
 }
 
 }  // namespace
@@ -124,7 +140,8 @@ std::string UnknownOption(CLI::App* program) {
       return fmt::format("{} has no option {}{} ({} --help lists them)", path, name,
                          Suggestion(name, OptionNames(app)), path);
     }
-    return fmt::format("{} does not know what to do with {}", path, argument);
+    return fmt::format("{} takes no argument \"{}\"{}; {} --help lists what it takes", path,
+                       argument, Place(app, argument), path);
   }
   return "";
 }

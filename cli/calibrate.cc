@@ -19,9 +19,10 @@ Command AddCalibrateCommand(CLI::App& program) {
       ->required();
   AddCalibrationOptions(app, request.get());
   return {app, [request] {
-            const CalibrationResult result = RunCalibration(*request).result;
+            const Calibration calibration = RunCalibration(*request);
+            const CalibrationResult& result = calibration.result;
             request->table.Print(FormatReport(result), SensorsTable(result.sensors));
-            request->table.Say("written: " + WrittenBy(*request));
+            request->table.Say("written: " + WrittenBy(*request, calibration));
             return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
           }};
 }

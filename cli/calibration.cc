@@ -161,11 +161,16 @@ Calibration RunCalibration(const CalibrationRequest& request) {
       ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
   NetworkSegmenter* const segmenter = labeller.network.get();
   out.structure = structure ? *structure : segmenter->structure();
+  WarnOf(out.structure);
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   // Before the work: whether one can write there.
   std::optional<ResultFolder> folder;
-  if (!request.output.empty()) folder.emplace(request.output);
+  if (!request.output.empty()) {
+    folder.emplace(request.output);
+    std::error_code error;
+    out.replaced = std::filesystem::exists(folder->dir() / "extrinsics.json", error);
+  }
   out.result = Calibrate(
       out.stills, out.structure, segmenter, config,
       [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
@@ -192,9 +197,11 @@ Calibration RunCalibration(const CalibrationRequest& request) {
   return out;
 }
 
-std::string WrittenBy(const CalibrationRequest& request) {
-  return fmt::format("{}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/",
-                     request.output, request.no_report ? "" : "report.html, rig.glb, ");
+std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration) {
+  return fmt::format(
+      "{}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/{}",
+      request.output, request.no_report ? "" : "report.html, rig.glb, ",
+      calibration.replaced ? " (in place of an earlier result)" : "");
 }
 
 }  // namespace volalign

@@ -29,7 +29,8 @@ struct Calibration {
   Structure structure;
   CalibrationResult result;
   ExtrinsicsSource source;
-  std::string options;  ///< YAML: every option of the calibration
+  std::string options;    ///< YAML: every option of the calibration
+  bool replaced = false;  ///< the folder had a result already
 };
 
 /// Reads, calibrates, says which model it takes and why, and writes the folder `request.output`
@@ -37,6 +38,6 @@ struct Calibration {
 Calibration RunCalibration(const CalibrationRequest& request);
 
 /// A line on what RunCalibration wrote.
-std::string WrittenBy(const CalibrationRequest& request);
+std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration);
 
 }  // namespace volalign

@@ -63,7 +63,7 @@ int RunCheck(const CheckOptions& options) {
   table.Print(FormatRigCheck(check), MovementTable(check.movements));
   if (!options.request.output.empty()) {
     WriteRigCheck(std::filesystem::path(options.request.output) / "check.json", check);
-    table.Say(fmt::format("written: {}, check.json", WrittenBy(options.request)));
+    table.Say(fmt::format("written: {}, check.json", WrittenBy(options.request, now)));
   }
   if (!options.update.empty()) {
     WriteExtrinsics(options.update, UpdateExtrinsics(last, now_extrinsics, check));

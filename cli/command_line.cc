@@ -4,10 +4,13 @@
 #include <fmt/ranges.h>
 
 #include <nlohmann/json.hpp>
+#include <system_error>
 
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/provenance.h"
 #include "core/base/text.h"
+#include "core/geometry/stack_faults.h"
 
 namespace volalign {
 
@@ -55,6 +58,17 @@ std::string OptionLine(const CLI::Option* option) {
   return fmt::format("  {}: {}\n", name, values.back());
 }
 
+std::filesystem::path CommandFile(const std::filesystem::path& result) {
+  if (std::filesystem::is_directory(result)) return result / "command.yaml";
+  std::filesystem::path file = result;
+  file += ".command.yaml";
+  return file;
+}
+
+std::string HashLine(const std::filesystem::path& file) {
+  return fmt::format("sha256: {}\n", Sha256(ReadFile(file, kMaxResultBytes)));
+}
+
 }  // namespace
 
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
@@ -73,12 +87,20 @@ void SaveCommand(const std::filesystem::path& result,
   for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
     text += OptionLine(option);
   for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
-  std::filesystem::path file = result / "command.yaml";
-  if (!std::filesystem::is_directory(result)) {
-    file = result;
-    file += ".command.yaml";
-  }
-  WriteFileAtomically(file, text);
+  if (!std::filesystem::is_directory(result)) text += HashLine(result);
+  WriteFileAtomically(CommandFile(result), text);
+}
+
+void WarnOf(const Structure& structure) {
+  for (const StackFault& fault : FindStackFaults(structure))
+    fmt::print(stderr, "warning: {}: {}\n", structure.name(), fault.text);
+}
+
+bool IsAsWritten(const std::filesystem::path& file) {
+  std::error_code error;
+  const std::filesystem::path command = CommandFile(file);
+  return std::filesystem::exists(command, error) &&
+         ReadFile(command, kMaxTextBytes).find("\n" + HashLine(file)) != std::string::npos;
 }
 
 }  // namespace volalign

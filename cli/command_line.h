@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/geometry/structure.h"
+
 namespace volalign {
 
 /// How the program was called, as a shell reads it.
@@ -17,9 +19,15 @@ void KeepCommand(const CLI::App* program, int argc, const char* const* argv);
 
 /// Writes how a result came about: RESULT/command.yaml where the result is a folder, else
 /// RESULT.command.yaml beside it. It has the program's version, the command line, every option of
-/// the sub-command as it was used, and `configs`: names and YAML of resolved configurations that
-/// have no file of their own. Throws IoError.
+/// the sub-command as it was used, `configs`: names and YAML of resolved configurations that have
+/// no file of their own, and the SHA-256 of a result that is a file. Throws IoError.
 void SaveCommand(const std::filesystem::path& result,
                  const std::vector<std::pair<std::string, std::string>>& configs = {});
+
+/// Says on standard error what is doubtful in the description of a stack.
+void WarnOf(const Structure& structure);
+
+/// Whether nobody has changed the file since SaveCommand told of it. Throws IoError.
+bool IsAsWritten(const std::filesystem::path& file);
 
 }  // namespace volalign

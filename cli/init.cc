@@ -26,8 +26,11 @@ int RunInit(const InitOptions& options) {
   namespace fs = std::filesystem;
   const fs::path output =
       options.output.empty() ? fs::path(options.folder) / "capture.json" : fs::path(options.output);
-  if (fs::exists(output) && !options.force)
-    throw ConfigError(output.string() + " is there already; --force replaces it");
+  if (fs::exists(output) && !options.force && !IsAsWritten(output)) {
+    throw ConfigError(output.string() +
+                      " is there already, and is not as `volalign init` wrote it; --force replaces "
+                      "it");
+  }
   CaptureDraftOptions draft_options;
   if (options.depth_scale > 0) draft_options.depth_scale = options.depth_scale;
   if (!options.intrinsics.empty()) draft_options.intrinsics = options.intrinsics;
@@ -69,7 +72,8 @@ Command AddInitCommand(CLI::App& program) {
                   "kind of the devices, a name of configs/intrinsics.yaml, e.g. "
                   "azure_kinect_nfov_binned: what lens their frames have");
   app->add_option("-o,--output", options->output, "file to write; FOLDER/capture.json without it");
-  app->add_flag("--force", options->force, "replace an existing file");
+  app->add_flag("--force", options->force,
+                "replace a file that was changed since `volalign init` wrote it");
   return {app, [options] { return RunInit(*options); }};
 }
 

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <string>
 #include <vector>
@@ -13,6 +15,7 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/base/interrupt.h"
+#include "core/base/sentence.h"
 #include "core/base/text.h"
 #include "render/egl/egl_context.h"
 
@@ -51,7 +54,7 @@ std::vector<Command> AddCommands(CLI::App& program) {
 bool Parse(CLI::App* program, int argc, char** argv, int* status) {
   const std::string unknown = UnknownCommand(program, {argv + 1, argv + argc});
   if (!unknown.empty()) {
-    fmt::print(stderr, "error: {}\n", unknown);
+    fmt::print(stderr, "error: {}\n", MessageLine(unknown));
     *status = 1;
     return false;
   }
@@ -66,18 +69,22 @@ bool Parse(CLI::App* program, int argc, char** argv, int* status) {
     // What is misspelled is missing, too.
     const std::string misspelled = UnknownOption(program);
     fmt::print(stderr, "error: {}\n",
-               misspelled.empty() ? std::string(error.what()) + " (--help says more)" : misspelled);
+               misspelled.empty() ? MessageLine(error.what()) + " (--help says more)"
+                                  : MessageLine(misspelled));
     *status = 1;
   }
   return false;
 }
 
-/// A message, which may quote a file, as a terminal can show it.
-std::string Shown(const std::string& message) {
-  std::string shown;
-  for (const std::string& line : Split(message, '\n'))
-    shown += (shown.empty() ? "" : "\n") + Printable(line);
-  return shown;
+/// `status`, or 1 where standard output did not take all that was written to it. Where it is 1,
+/// an error was said.
+int Written(int status) {
+  if (status == 1) return status;
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
+  const std::string why = errno == 0 ? "" : fmt::format(": {}", std::strerror(errno));
+  fmt::print(stderr, "error: cannot write all of standard output{}\n", why);
+  return 1;
 }
 
 int Run(int argc, char** argv) {
@@ -97,20 +104,20 @@ int Run(int argc, char** argv) {
   });
   AddExamples(&program);
   int status = 1;
-  if (!Parse(&program, argc, argv, &status)) return status;
   try {
+    for (int i = 1; i < argc; ++i) RequireUtf8(argv[i], fmt::format("argument {},", i));
+    if (!Parse(&program, argc, argv, &status)) return status;
     SetDataFolder(FindDataFolder(data_dir));
     KeepCommand(&program, argc, argv);
     for (const Command& command : commands) {
       if (*command.app) return command.run();
     }
   } catch (const IoError& e) {
-    fmt::print(stderr, "error: {}{}\n", Shown(WithPages(e.what())), DataFolderHint(e.what()));
+    fmt::print(stderr, "error: {}{}\n", WithPages(e.what()), DataFolderHint(e.what()));
   } catch (const Error& e) {
-    fmt::print(stderr, "error: {}\n", Shown(WithPages(e.what())));
+    fmt::print(stderr, "error: {}\n", WithPages(e.what()));
   } catch (const std::exception& e) {
-    const std::string text = e.what();
-    fmt::print(stderr, "error: {}\n", Shown(text.substr(0, text.find('\n'))));
+    fmt::print(stderr, "error: {}\n", SentenceOf(e));
   }
   return 1;
 }
@@ -123,5 +130,5 @@ int main(int argc, char** argv) {
   volalign::KeepSoftwareRenderingOnOneThread();
   volalign::EndOnInterrupt();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails, and says so
-  return volalign::Run(argc, argv);
+  return volalign::Written(volalign::Run(argc, argv));
 }

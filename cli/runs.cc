@@ -33,13 +33,20 @@ CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, RunsOptions
   return verb;
 }
 
+/// Says on standard error which folders were passed over.
+std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
+  std::vector<std::string> passed_over;
+  std::vector<LoggedRun> runs = ReadRuns(options.folders, &passed_over);
+  for (const std::string& folder : passed_over) fmt::print(stderr, "passed over: {}\n", folder);
+  return runs;
+}
+
 void WritePlot(const RunsOptions& options) {
   if (std::filesystem::path(options.output).extension() != ".svg") {
     throw ConfigError(fmt::format(
         "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
   }
-  WriteFileAtomically(options.output,
-                      PlotRuns(GroupRuns(ReadRuns(options.folders)), options.metrics));
+  WriteFileAtomically(options.output, PlotRuns(GroupRuns(ReadThem(options)), options.metrics));
   SaveCommand(options.output);
   fmt::print("written: {}\n", options.output);
 }
@@ -69,7 +76,7 @@ Command AddRunsCommand(CLI::App& program) {
               WritePlot(*options);
               return 0;
             }
-            const std::vector<LoggedRun> runs = ReadRuns(options->folders);
+            const std::vector<LoggedRun> runs = ReadThem(*options);
             const Table table = *list ? ListRuns(runs) : CompareRuns(GroupRuns(runs));
             options->table.Print(FormatTable(table, TableFormat::kText), table);
             return 0;

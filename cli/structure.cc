@@ -42,6 +42,7 @@ Table SidesTable(const Structure& structure) {
 }
 
 void PrintStructure(const Structure& structure, const TableOutput& output) {
+  WarnOf(structure);
   const Table table = SidesTable(structure);
   const std::size_t boxes = structure.boxes().size();
   output.Print(fmt::format("{}: {} box{}, {} labels and background, {:.0f} mm high, sha256 {}\n{}",
@@ -56,8 +57,7 @@ void CheckStructure(const std::string& file, const TargetViewOptions& views,
                     const std::string& picture, const TableOutput& output) {
   const Structure structure = ReadStructure(file);
   ProgressLine line;
-  line.Begin("views of the stack");
-  const TargetQuality quality = MeasureTarget(structure, views);
+  const TargetQuality quality = MeasureTarget(structure, views, line.Counter("views of the stack"));
   line.Stop();
   output.Print(FormatTarget(structure, quality), TargetTable(quality));
   if (picture.empty()) return;
@@ -67,6 +67,7 @@ void CheckStructure(const std::string& file, const TargetViewOptions& views,
 }
 
 void WriteSheet(const Structure& structure, const std::string& file, const TableOutput& output) {
+  WarnOf(structure);
   WriteFileAtomically(file, BuildSheet(structure));
   SaveCommand(file);
   output.Say("written: " + file);

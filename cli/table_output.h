@@ -7,9 +7,8 @@
 
 namespace volalign {
 
-/// What a command that prints a table writes on standard output: text with the table in it, or,
-/// with
-/// --json or --csv, the table alone.
+/// What a command that prints a table writes on standard output: text with the table in it, in the
+/// lines of a terminal where it is one, or, with --json or --csv, the table alone.
 class TableOutput {
  public:
   void AddOptions(CLI::App* app);

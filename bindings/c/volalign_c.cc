@@ -14,10 +14,13 @@
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "core/base/provenance.h"
+#include "core/base/sentence.h"
+#include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/formats/structure_gltf.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
+#include "infer/formats/depth_file.h"
 #include "infer/report/export.h"
 #include "infer/segment_onnx/load.h"
 
@@ -91,7 +94,7 @@ volalign_code Guard(const Work& work) noexcept {
   } catch (const IoError& error) {
     return Failed(VOLALIGN_IO_ERROR, error.what());
   } catch (const std::exception& error) {
-    return Failed(VOLALIGN_ERROR, error.what());
+    return Failed(VOLALIGN_ERROR, volalign::SentenceOf(error).c_str());
   } catch (...) {
     return Failed(VOLALIGN_ERROR, "an exception that is no std::exception");
   }
@@ -105,16 +108,24 @@ constexpr char kUnknownSize[] =
     "struct_size is of no interface that this library has; set it to "
     "the sizeof of the structure, or update libvolalign_c";
 
+/// A path, which results name in JSON.
+std::string PathOf(const char* path) {
+  volalign::RequireUtf8(path, "the path");
+  return path;
+}
+
 volalign::SensorFrame FrameOf(const volalign_frame& from) {
   Require(from.struct_size == sizeof(volalign_frame), kUnknownSize);
   Require(from.name, "name is NULL");
   volalign::SensorFrame frame;
   frame.name = from.name;
   if (!volalign::IsFileName(frame.name)) {
-    throw DataError("the sensor's name \"" + frame.name +
+    throw DataError("the sensor's name \"" + volalign::Shortened(frame.name) +
                     "\" does not serve as the name of its files");
   }
   if (from.sensor) frame.sensor = from.sensor;
+  volalign::RequirePlainText(frame.sensor, frame.name + ": sensor");
+  volalign::formats_internal::RequireSize(from.width, from.height, frame.name);
   volalign::Intrinsics& intrinsics = frame.intrinsics;
   intrinsics.width = from.width;
   intrinsics.height = from.height;
@@ -194,14 +205,14 @@ const char* volalign_last_error(void) { return last_error.c_str(); }
 volalign_code volalign_set_data_folder(const char* folder) {
   return Guard([&] {
     Require(folder, "folder is NULL");
-    volalign::SetDataFolder(folder);
+    volalign::SetDataFolder(PathOf(folder));
   });
 }
 
 volalign_code volalign_capture_create(const char* structure, volalign_capture** capture) {
   return Created(capture, [&](volalign_capture* made) {
     Require(structure, "structure is NULL");
-    made->structure = volalign::ReadStructure(volalign::FindInputFile(structure));
+    made->structure = volalign::ReadStructure(volalign::FindInputFile(PathOf(structure)));
     made->stills.emplace_back();
     made->files.emplace_back("memory");
   });
@@ -211,9 +222,9 @@ volalign_code volalign_capture_read(const char* path, const char* structure,
                                     volalign_capture** capture) {
   return Created(capture, [&](volalign_capture* made) {
     Require(path, "path is NULL");
-    volalign::Capture read = volalign::ReadCapture(path);
+    volalign::Capture read = volalign::ReadCapture(PathOf(path));
     if (structure) {
-      made->structure = volalign::ReadStructure(volalign::FindInputFile(structure));
+      made->structure = volalign::ReadStructure(volalign::FindInputFile(PathOf(structure)));
     } else if (read.structure) {
       made->structure = volalign::ReadStructure(*read.structure);
     }
@@ -243,7 +254,7 @@ volalign_code volalign_capture_next_still(volalign_capture* capture) {
 
 volalign_code volalign_options_create(const char* yaml, volalign_options** options) {
   return Created(options, [&](volalign_options* made) {
-    if (yaml) made->source = volalign::ConfigSource::FromFile(yaml);
+    if (yaml) made->source = volalign::ConfigSource::FromFile(PathOf(yaml));
     made->values = volalign::ReadConfig<volalign::CalibrateOptions>(made->source);
   });
 }
@@ -263,7 +274,7 @@ void volalign_options_free(volalign_options* options) { delete options; }
 volalign_code volalign_model_load(const char* onnx, volalign_model** model) {
   return Created(model, [&](volalign_model* made) {
     Require(onnx, "onnx is NULL");
-    made->file = onnx;
+    made->file = PathOf(onnx);
     made->segmenter = volalign::LoadOnnxSegmenter(onnx);
     made->fits = made->segmenter->structure().Hash();
   });
@@ -302,7 +313,7 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     made->json = volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->calibration, made->stills,
                                                                    made->structure, made->source),
                                           "result")
-                     .dump(2);
+                     .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   });
 }
 
@@ -367,7 +378,7 @@ volalign_code volalign_result_save(const volalign_result* result, const char* fo
                                    int with_report) {
   return Guard([&] {
     Require(result && folder, "result or folder is NULL");
-    const volalign::ResultFolder out(folder);
+    const volalign::ResultFolder out(PathOf(folder));
     volalign::WriteFileAtomically(out.draft() / "options.yaml", result->options);
     std::optional<volalign::ReportRun> report;
     if (with_report) report = volalign::ReportRun{"libvolalign_c", result->options};

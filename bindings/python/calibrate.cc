@@ -15,6 +15,7 @@
 #include "bindings/python/work.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/geometry/stack_faults.h"
 #include "infer/calib/calibrate.h"
 #include "infer/segment_onnx/load.h"
 #include "infer/view/network_segmenter.h"
@@ -86,6 +87,10 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
     read.push_back(std::move(capture.capture));
   }
   calibrated->structure = *std::move(structure);
+  for (const StackFault& fault : FindStackFaults(calibrated->structure)) {
+    if (!fault.impossible && PyErr_WarnEx(PyExc_UserWarning, fault.text.c_str(), 1) != 0)
+      throw py::error_already_set();
+  }
   calibrated->options = WriteConfig(options);
   if (segmenter) {
     calibrated->source.model_file = segmenter->file();

@@ -13,6 +13,7 @@
 #include "bindings/python/structure.h"
 #include "bindings/python/work.h"
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/formats/structure_gltf.h"
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
@@ -22,6 +23,27 @@ namespace volalign::python {
 namespace {
 
 constexpr double kMillimetre = 0.001;
+
+/// numpy's array of `depth`: what a masked array masks is 0, and a last axis of one channel is
+/// gone.
+py::object PlainArray(const py::object& depth) {
+  const py::module_ numpy = py::module_::import("numpy");
+  py::object array = numpy.attr("asarray")(numpy.attr("ma").attr("filled")(depth, 0));
+  const auto axes = array.attr("ndim").cast<int>();
+  if (axes < 3 || axes > 4) return array;
+  const auto last = py::object(array.attr("shape"))[py::int_(-1)].cast<py::ssize_t>();
+  return last == 1 ? array.attr("squeeze")(-1) : array;
+}
+
+/// Whether the principal point is where it would be in the image with height and width exchanged.
+bool LooksTransposed(const Intrinsics& k) {
+  constexpr double kShare = 0.08;  // of the longer side: further off than sensors' own are
+  const auto off = [&](double width, double height) {
+    return std::max(std::abs(k.cx - (width - 1) / 2), std::abs(k.cy - (height - 1) / 2));
+  };
+  const double given = off(k.width, k.height);
+  return given > kShare * std::max(k.width, k.height) && 3 * off(k.height, k.width) < given;
+}
 
 /// The images of (H, W) or (N, H, W) values.
 std::vector<StoredDepth> ImagesOf(const Input& input, bool whole_numbers, const std::string& name) {
@@ -33,6 +55,11 @@ std::vector<StoredDepth> ImagesOf(const Input& input, bool whole_numbers, const 
         name, shape.size(), input.memory.size));
   }
   const auto height = shape[shape.size() - 2], width = shape.back();
+  if (width <= 4) {
+    throw DataError(fmt::format(
+        "{}: the last axis of depth has {} values; depth is one channel, (height, width)", name,
+        width));
+  }
   formats_internal::RequireSize(width, height, name);
   const auto* values = static_cast<const float*>(input.memory.ptr);
   std::vector<StoredDepth> images;
@@ -50,9 +77,13 @@ SensorFrame MakeFrame(const std::string& name, const py::object& depth, double f
                       std::optional<double> depth_scale, const std::string& sensor,
                       std::optional<int> quarter_turns, const std::string& serial,
                       const py::object& ground_truth) {
-  if (!IsFileName(name))
-    throw DataError(fmt::format("the name \"{}\" has to serve as a file name", name));
-  const py::object array = py::module_::import("numpy").attr("asarray")(depth);
+  if (!IsFileName(name)) {
+    throw DataError(fmt::format("the name \"{}\" has to serve as a file name",
+                                Shortened(name, kMostNameBytes)));
+  }
+  RequirePlainText(sensor, name + ": sensor");
+  RequirePlainText(serial, name + ": serial");
+  const py::object array = PlainArray(depth);
   const auto kind = array.attr("dtype").attr("kind").cast<std::string>();
   if (kind != "f" && !(kind == "u" && array.attr("itemsize").cast<int>() == 2)) {
     throw DataError(
@@ -70,6 +101,13 @@ SensorFrame MakeFrame(const std::string& name, const py::object& depth, double f
   frame.intrinsics = {frame.depth.width(),  frame.depth.height(), fx, fy, cx, cy,
                       std::move(distortion)};
   frame.intrinsics.Validate(name);
+  if (LooksTransposed(frame.intrinsics)) {
+    throw DataError(fmt::format(
+        "{}: depth is {} rows of {} pixels, and cx = {:g}, cy = {:g} are the middle of the image "
+        "with "
+        "rows and columns exchanged; transpose the array (depth.T), or correct cx and cy",
+        name, frame.depth.height(), frame.depth.width(), cx, cy));
+  }
   if (quarter_turns && (*quarter_turns < 0 || *quarter_turns > 3)) {
     throw DataError(
         fmt::format("{}: quarter_turns = {} is neither 0, 1, 2, 3 nor None", name, *quarter_turns));
@@ -112,7 +150,8 @@ void AddFrame(py::module_& module) {
            py::arg("distortion") = std::vector<double>(), py::arg("depth_scale") = py::none(),
            py::arg("sensor") = "", py::arg("quarter_turns") = py::none(), py::arg("serial") = "",
            py::arg("ground_truth") = py::none(),
-           "depth: (H, W), or (N, H, W) of one still scene, of which it is the mean. Floats are "
+           "depth: (H, W), or (N, H, W) of one still scene, of which it is the mean; a last axis "
+           "of 1 is left out. What a masked array masks is no measurement. Floats are "
            "metres, uint16 millimetres; depth_scale gives other metres per unit. 0, NaN, infinity "
            "and negative values are no measurement. fx, fy, cx, cy, distortion: see Intrinsics. "
            "sensor: the kind of device, such as \"azure_kinect_nfov_binned\". quarter_turns: "
@@ -165,7 +204,9 @@ std::vector<NamedCapture> CapturesOf(const py::handle& object) {
   if (IsPath(object)) return {LoadCapture(py::reinterpret_borrow<py::object>(object))};
   std::vector<NamedCapture> captures;
   for (const py::handle item : object) {
-    for (NamedCapture& capture : CapturesOf(item)) captures.push_back(std::move(capture));
+    if (!py::isinstance<NamedCapture>(item) && !IsPath(item))
+      throw py::type_error("a capture is a Capture, a path, or a list of these");
+    captures.push_back(CapturesOf(item).front());
   }
   return captures;
 }

@@ -1,7 +1,12 @@
 #include "core/base/error.h"
 
+#include <exception>
+#include <system_error>
+#include <utility>
+
 #include "bindings/python/module.h"
 #include "core/base/input_file.h"
+#include "core/base/sentence.h"
 
 namespace volalign::python {
 
@@ -17,6 +22,15 @@ void AddErrors(py::module_& module) {
   py::register_exception<IoError>(module, "IoError", error).doc() =
       "A file or device cannot be opened, read or written.";
 
+  // Of files, and of threads that the system does not give.
+  py::register_exception_translator([](std::exception_ptr thrown) {
+    try {
+      std::rethrow_exception(std::move(thrown));
+    } catch (const std::system_error& error) {
+      PyErr_SetString(py::module_::import("volalign").attr("Error").ptr(),
+                      SentenceOf(error).c_str());
+    }
+  });
   module.def(
       "_use_data_near", [](const std::string& file) { SetDataFolder(DataFolderNear(file)); },
       py::arg("file"));

@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include "core/base/error.h"
+#include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
+
 namespace volalign::python {
 
 namespace {
@@ -24,17 +28,21 @@ bool IsListOfDicts(const py::handle& value) {
   return py::len(list) > 0 && py::isinstance<py::dict>(list[0]);
 }
 
-void SetAll(const std::string& key, const py::handle& value, ConfigSource* source) {
+void SetAll(const std::string& key, const py::handle& value, int depth, ConfigSource* source) {
+  if (depth > kMaxYamlDepth) {  // or contains itself
+    throw ConfigError(fmt::format("{}: nested deeper than the {} levels that are read of options",
+                                  Shortened(key), kMaxYamlDepth));
+  }
   if (py::isinstance<py::dict>(value)) {
     for (const auto& [name, item] : py::reinterpret_borrow<py::dict>(value)) {
       const auto text = py::str(name).cast<std::string>();
-      SetAll(key.empty() ? text : key + "." + text, item, source);
+      SetAll(key.empty() ? text : key + "." + text, item, depth + 1, source);
     }
   } else if (IsListOfDicts(value)) {
     source->Set(key + "=[]", "argument");
     std::size_t i = 0;
     for (const py::handle item : py::reinterpret_borrow<py::sequence>(value))
-      SetAll(fmt::format("{}[{}]", key, i++), item, source);
+      SetAll(fmt::format("{}[{}]", key, i++), item, depth + 1, source);
   } else {
     source->Set(key + "=" + FlowText(value), "argument");
   }
@@ -47,7 +55,7 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
   if (IsPath(options)) {
     source = ConfigSource::FromFile(PathOf(options));
   } else if (py::isinstance<py::dict>(options)) {
-    SetAll("", options, &source);
+    SetAll("", options, 0, &source);
   } else if (!options.is_none()) {
     throw py::type_error("options are a dict or the path of a YAML file");
   }
@@ -55,14 +63,16 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
   return source;
 }
 
-void SetOptions(const py::dict& options, ConfigSource* source) { SetAll("", options, source); }
+void SetOptions(const py::dict& options, ConfigSource* source) { SetAll("", options, 0, source); }
 
 bool IsPath(const py::handle& object) {
   return py::isinstance<py::str>(object) || py::hasattr(object, "__fspath__");
 }
 
 std::string PathOf(const py::handle& path) {
-  return py::module_::import("os").attr("fsdecode")(path).cast<std::string>();
+  auto text = py::module_::import("os").attr("fsencode")(path).cast<std::string>();
+  RequireUtf8(text, "the path");
+  return text;
 }
 
 py::object FromJson(const std::string& text) {
@@ -72,6 +82,7 @@ py::object FromJson(const std::string& text) {
 std::string PythonCommand() {
   return py::module_::import("shlex")
       .attr("join")(py::module_::import("sys").attr("orig_argv"))
+      .attr("encode")("utf-8", "backslashreplace")
       .cast<std::string>();
 }
 

@@ -18,7 +18,7 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords);
 /// Sets the keys of such a dict.
 void SetOptions(const py::dict& options, ConfigSource* source);
 
-/// A path as text: str or os.PathLike.
+/// A path as text: str or os.PathLike. Throws DataError where it is not UTF-8.
 std::string PathOf(const py::handle& path);
 
 /// Whether this is a path.

@@ -9,7 +9,9 @@ namespace volalign {
 /// wrong, its value, where it stands and what to do; only `main` catches it.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  /// Keeps the MessageLine of it (core/base/text.h): nothing that a message quotes can forge or
+  /// flood what a terminal, a log or Python shows.
+  explicit Error(const std::string& message);
 };
 
 /// A configuration key is unknown, duplicated, of the wrong type or out of its range.

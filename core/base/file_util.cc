@@ -88,7 +88,17 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
   return content;
 }
 
+void RequirePlace(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::filesystem::file_status there = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(there) || std::filesystem::is_regular_file(there)) return;
+  throw IoError(
+      fmt::format("cannot write {}: {} is there; name another file", ShownPath(path),
+                  std::filesystem::is_directory(there) ? "a folder" : "a device or a pipe"));
+}
+
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
+  RequirePlace(path);
   MakeFolder(path.parent_path());
   if (sync) RemoveAbandoned(path);
   const std::string shown = ShownPath(path);

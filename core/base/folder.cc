@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/shown_path.h"
 #include "core/base/temporary_file.h"
 
 namespace volalign {
@@ -54,6 +56,19 @@ std::set<fs::path> FilesBelow(const fs::path& folder) {
     if (!entry.is_directory()) files.insert(entry.path().lexically_relative(folder));
   }
   return files;
+}
+
+/// Below the folder. What lies behind a link to another folder, which somebody may have put there,
+/// is not written over.
+void RequireNoLinks(const fs::path& folder, const fs::path& file) {
+  fs::path at = folder;
+  for (const fs::path& part : file.parent_path()) {
+    at /= part;
+    std::error_code error;
+    if (!fs::is_symlink(fs::symlink_status(at, error))) continue;
+    throw IoError(fmt::format("cannot write {}: {} is a link to another folder; remove the link",
+                              ShownPath(folder / file), ShownPath(at)));
+  }
 }
 
 /// What is no file of an earlier run stays.
@@ -129,10 +144,10 @@ void ResultFolder::Publish(const std::string& last, const std::set<fs::path>& ou
   const std::unique_lock<std::mutex> hold = HoldInterrupts();
   const std::set<fs::path> files = FilesBelow(draft());
   std::set<fs::path> folders;
+  for (const fs::path& file : outdated) RequireNoLinks(dir_, file);
   for (const fs::path& file : files) {
-    if (fs::is_directory(dir_ / file)) {
-      throw IoError(fmt::format("cannot write {}: a folder is there", (dir_ / file).string()));
-    }
+    RequireNoLinks(dir_, file);
+    RequirePlace(dir_ / file);
     folders.insert((dir_ / file).parent_path());
   }
   const auto each = [&](bool of_last, const auto& call) {

@@ -6,10 +6,16 @@
 
 #include <atomic>
 #include <cerrno>
+#include <cstdlib>
+#include <exception>
 #include <set>
 #include <string>
 #include <system_error>
 #include <thread>
+#include <vector>
+
+#include "core/base/sentence.h"
+#include "core/base/start_threads.h"
 
 namespace volalign {
 namespace {
@@ -26,6 +32,7 @@ sem_t g_came;
 struct Begun {
   std::mutex mutex;
   std::set<fs::path> paths;
+  std::string explanation;  ///< of exceptions that nothing can catch
 };
 
 Begun& TheBegun() {
@@ -38,16 +45,36 @@ void Remove(const fs::path& path) {
   fs::remove_all(path, ignored);
 }
 
-[[noreturn]] void End(int number) {
-  Begun& begun = TheBegun();
-  begun.mutex.lock();  // for good: nothing else begins
-  for (const fs::path& path : begun.paths) Remove(path);
-  const std::string sentence =
-      fmt::format("{}stopped by {}\n", ::isatty(STDERR_FILENO) == 1 ? "\r\x1b[K" : "",
-                  number == SIGINT ? "Ctrl-C (SIGINT)" : "SIGTERM");
-  const ssize_t written = ::write(STDERR_FILENO, sentence.data(), sentence.size());
+/// Says the sentence, and ends without what is unfinished. With the lock of TheBegun, for good:
+/// nothing else begins.
+[[noreturn]] void EndWith(const std::string& sentence, int status) {
+  for (const fs::path& path : TheBegun().paths) Remove(path);
+  const std::string line =
+      fmt::format("{}{}\n", ::isatty(STDERR_FILENO) == 1 ? "\r\x1b[K" : "", sentence);
+  const ssize_t written = ::write(STDERR_FILENO, line.data(), line.size());
   (void)written;  // there is nobody else to tell
-  ::_exit(StatusOfSignal(number));
+  ::_exit(status);
+}
+
+[[noreturn]] void End(int number) {
+  TheBegun().mutex.lock();
+  EndWith(fmt::format("stopped by {}", number == SIGINT ? "Ctrl-C (SIGINT)" : "SIGTERM"),
+          StatusOfSignal(number));
+}
+
+/// In a destructor, or in a thread that a library started, where nothing can catch it.
+[[noreturn]] void EndOnUncaught() {
+  std::string what = "an exception of an unknown kind";
+  try {
+    if (const std::exception_ptr thrown = std::current_exception()) std::rethrow_exception(thrown);
+  } catch (const std::exception& error) {
+    what = SentenceOf(error);
+  } catch (...) {
+  }
+  if (!TheBegun().mutex.try_lock()) std::abort();  // held by who threw it
+  EndWith(fmt::format("error: a library failed where nothing can go on: {}{}", what,
+                      TheBegun().explanation),
+          1);
 }
 
 }  // namespace
@@ -75,13 +102,17 @@ int InterruptGuard::Signal() const { return g_signal; }
 int InterruptGuard::Take() { return g_signal.exchange(0); }
 
 void EndOnInterrupt() {
+  std::set_terminate(EndOnUncaught);
   ::sem_init(&g_came, 0, 0);
   // A handler may do next to nothing; the thread may remove files.
-  std::thread([] {
+  std::vector<std::thread> threads;
+  const auto wait = [] {
     while (::sem_wait(&g_came) != 0) {
     }
     End(g_last);
-  }).detach();
+  };
+  if (StartThreads(1, wait, &threads) == 0) return;  // signals end the program without a word
+  threads.front().detach();
   struct sigaction action {};
   action.sa_flags = SA_RESTART;
   action.sa_handler = [](int number) {
@@ -95,6 +126,11 @@ void EndOnInterrupt() {
     sigaction(number, nullptr, &old);
     if (old.sa_handler != SIG_IGN) sigaction(number, &action, nullptr);
   }
+}
+
+void ExplainUncaught(const std::string& sentence) {
+  const std::unique_lock<std::mutex> lock = HoldInterrupts();
+  TheBegun().explanation = "; " + sentence;
 }
 
 std::unique_lock<std::mutex> HoldInterrupts() {

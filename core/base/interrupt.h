@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <mutex>
+#include <string>
 
 namespace volalign {
 
@@ -32,8 +33,14 @@ constexpr int StatusOfSignal(int number) { return 128 + number; }
 
 /// From now on SIGINT and SIGTERM end the program wherever no InterruptGuard lives: with a sentence
 /// on stderr, without its Unfinished files and folders, with StatusOfSignal. One that is ignored
-/// stays so. For main, before it begins.
+/// stays so. Where the system gives no thread for it, signals do what they do by themselves. An
+/// exception that nothing can catch ends the program likewise, with status 1. For main, before it
+/// begins.
 void EndOnInterrupt();
+
+/// What EndOnInterrupt says behind an exception that nothing can catch: what a library's threads are
+/// at, and what may be wrong there. Stays from now on.
+void ExplainUncaught(const std::string& sentence);
 
 /// EndOnInterrupt waits while the lock is held: for steps that belong together and take no time.
 std::unique_lock<std::mutex> HoldInterrupts();

@@ -7,6 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
+#include <vector>
+
+#include "core/base/start_threads.h"
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -37,7 +42,9 @@ std::string RoundDuration(double seconds) {
 }
 
 ProgressLine::ProgressLine(bool shown) : shown_(shown && ::isatty(STDERR_FILENO) == 1) {
-  if (shown_) thread_ = std::thread([this] { Run(); });
+  std::vector<std::thread> started;
+  const auto run = [this] { Run(); };
+  if (shown_ && StartThreads(1, run, &started) == 1) thread_ = std::move(started.front());
 }
 
 ProgressLine::~ProgressLine() { Stop(); }
@@ -68,8 +75,8 @@ void ProgressLine::Show(const std::string& what, std::int64_t done, std::int64_t
   if (!shown_) return;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (what != what_ || total != total_) {
-      what_ = what;
+    if (Printable(what) != what_ || total != total_) {
+      what_ = Printable(what);
       total_ = total;
       share_done_ = share_done;
       first_ = done;

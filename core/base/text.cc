@@ -2,13 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <cstdlib>
+#include <iterator>
 #include <sstream>
+#include <utility>
 
 #include "core/base/error.h"
 
 namespace volalign {
+
+Error::Error(const std::string& message) : std::runtime_error(MessageLine(message)) {}
+
 namespace {
 
 /// With apostrophes before it, too, which CsvQuoted and CsvText would else mix up with their own.
@@ -21,6 +28,50 @@ bool IsFormula(const std::string& text) {
   char* end = nullptr;
   std::strtod(cell.c_str(), &end);
   return begin > 0 || end != cell.c_str() + cell.size();
+}
+
+/// A letter of UTF-8; 0 bytes where there is none.
+struct Letter {
+  std::uint32_t code = 0;
+  std::size_t bytes = 0;
+};
+
+/// What stands at `at`, by RFC 3629: in the fewest bytes, no half of a pair of UTF-16.
+Letter LetterAt(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
+  if (byte(0) < 0x80) return {byte(0), 1};
+  const std::size_t bytes = byte(0) < 0xc2   ? 0
+                            : byte(0) < 0xe0 ? 2
+                            : byte(0) < 0xf0 ? 3
+                            : byte(0) < 0xf5 ? 4
+                                             : 0;
+  if (bytes == 0 || at + bytes > text.size()) return {};
+  std::uint32_t code = byte(0) & (0xffU >> (bytes + 1));
+  for (std::size_t i = 1; i < bytes; ++i) {
+    if ((byte(i) & 0xc0) != 0x80) return {};
+    code = code << 6 | (byte(i) & 0x3fU);
+  }
+  constexpr std::uint32_t kLeast[] = {0x80, 0x800, 0x10000};
+  if (code < kLeast[bytes - 2] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return {};
+  return {code, bytes};
+}
+
+/// Where the letter of UTF-8 begins that has the byte `at`.
+std::size_t LetterBegin(const std::string& text, std::size_t at) {
+  while (at > 0 && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80) --at;
+  return at;
+}
+
+/// Control characters, those that turn the direction of what follows, those that end a line, and
+/// those of no width that belong to no script.
+bool IsHidden(std::uint32_t code) {
+  constexpr std::pair<std::uint32_t, std::uint32_t> kHidden[] = {
+      {0, 0x1f},        {0x7f, 0x9f},     {0xad, 0xad},      {0x61c, 0x61c},
+      {0x200b, 0x200b}, {0x200e, 0x200f}, {0x2028, 0x202e},  {0x2060, 0x206f},
+      {0xfeff, 0xfeff}, {0xfff9, 0xfffb}, {0xe0000, 0xe007f}};
+  return std::any_of(std::begin(kHidden), std::end(kHidden), [&](const auto& range) {
+    return code >= range.first && code <= range.second;
+  });
 }
 
 }  // namespace
@@ -42,6 +93,26 @@ std::vector<std::string> Split(const std::string& text, char separator) {
   return parts;
 }
 
+std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+std::string Wrapped(const std::string& text, std::size_t width) {
+  std::string wrapped;
+  for (std::string line : Split(text, '\n')) {
+    std::string indent;
+    while (line.size() > width) {
+      std::size_t at = line.rfind(' ', width);
+      if (at == std::string::npos || at < indent.size()) at = line.find(' ', width);
+      if (at == std::string::npos) break;
+      wrapped += line.substr(0, at) + "\n";
+      indent = "  ";
+      line = indent + line.substr(at + 1);
+    }
+    wrapped += line + "\n";
+  }
+  wrapped.pop_back();
+  return wrapped;
+}
+
 std::string Indented(const std::string& text, const std::string& indent) {
   std::string indented;
   std::istringstream lines(text);
@@ -54,33 +125,70 @@ bool HasControlCharacters(const std::string& text) { return Printable(text) != t
 
 std::string Printable(const std::string& text) {
   std::string printable;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : '\0');
-    if (byte < 0x20 || byte == 0x7f) {
-      printable += fmt::format("\\x{:02x}", byte);
-    } else if (byte == 0xc2 && next >= 0x80 && next < 0xa0) {  // U+0080 to U+009F in UTF-8
-      printable += fmt::format("\\x{:02x}", next);
-      ++i;
-    } else {
-      printable += text[i];
+  for (std::size_t i = 0; i < text.size();) {
+    const Letter letter = LetterAt(text, i);
+    if (letter.bytes == 0) {
+      printable += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[i++]));
+      continue;
     }
+    if (!IsHidden(letter.code)) {
+      printable.append(text, i, letter.bytes);
+    } else {
+      printable += fmt::format(letter.code < 0x100 ? "\\x{:02x}" : "\\u{:04x}", letter.code);
+    }
+    i += letter.bytes;
   }
   return printable;
 }
 
+bool IsUtf8(const std::string& text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const std::size_t bytes = LetterAt(text, i).bytes;
+    if (bytes == 0) return false;
+    i += bytes;
+  }
+  return true;
+}
+
+void RequireUtf8(const std::string& text, const std::string& what) {
+  if (IsUtf8(text)) return;
+  throw DataError(fmt::format(
+      "{} \"{}\" is not UTF-8, which the files of a result have to be; rename the file or the "
+      "folder, or write the text in UTF-8",
+      what, Shortened(text)));
+}
+
 std::string Shortened(const std::string& text, std::size_t most) {
   if (text.size() <= most) return Printable(text);
-  // Not within a character of UTF-8.
-  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xc0) == 0x80) --most;
-  return Printable(text.substr(0, most)) + "...";
+  return Printable(text.substr(0, LetterBegin(text, most))) + "...";
+}
+
+std::string MessageLine(const std::string& text) {
+  constexpr std::size_t kMost = 1500, kEnd = 500;  // bytes, and of them those of the end
+  const std::string line = Printable(text.substr(0, text.find_last_not_of('\n') + 1));
+  if (line.size() <= kMost) return line;
+  return line.substr(0, LetterBegin(line, kMost - kEnd)) + " ... " +
+         line.substr(LetterBegin(line, line.size() - kEnd));
+}
+
+bool IsPlainName(const std::string& name) {
+  return name.size() <= kMostNameBytes && !HasControlCharacters(name);
 }
 
 void RequirePlainName(const std::string& name, const std::string& place) {
-  if (name.size() <= kMostNameBytes && !HasControlCharacters(name)) return;
+  if (IsPlainName(name)) return;
   throw DataError(fmt::format(
-      "{}: the name \"{}\" has control characters or more than {} bytes; use a plain word", place,
-      Shortened(name, kMostNameBytes), kMostNameBytes));
+      "{}: the name \"{}\" has control characters, characters that are not seen or not UTF-8, or "
+      "more than {} bytes; use a plain word",
+      place, Shortened(name, kMostNameBytes), kMostNameBytes));
+}
+
+void RequirePlainText(const std::string& text, const std::string& place) {
+  if (Shortened(text) == text) return;
+  throw DataError(fmt::format(
+      "{} = \"{}\" has control characters, characters that are not seen or not UTF-8, or more than "
+      "200 bytes; write plain text",
+      place, Shortened(text)));
 }
 
 std::string CsvQuoted(const std::string& text) {

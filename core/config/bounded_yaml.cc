@@ -4,6 +4,8 @@
 #include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/yaml.h>
 
+#include <vector>
+
 #include "core/base/file_limits.h"
 
 namespace volalign {
@@ -34,21 +36,37 @@ void Count(const YAML::Node& node, int depth, std::size_t* nodes) {
 
 }  // namespace
 
-YAML::Node LoadYaml(const std::string& text) {
+YAML::Node LoadYaml(const std::string& text, YamlDocuments documents) {
   if (text.size() > kMaxTextBytes) {
     throw YAML::ParserException(
         YAML::Mark::null_mark(),
         fmt::format("more than the {} bytes that are read of YAML", kMaxTextBytes));
   }
-  YAML::Node root;
+  std::vector<YAML::Node> read;
   try {
-    root = YAML::Load(text);
+    if (documents == YamlDocuments::kFirst) {
+      read.push_back(YAML::Load(text));
+    } else {
+      read = YAML::LoadAll(text);
+    }
   } catch (const YAML::DeepRecursion& deeper) {  // than yaml-cpp itself goes
     throw TooDeep(deeper.mark);
   }
+  if (read.size() > 1) {
+    throw YAML::ParserException(
+        read[1].Mark(), "a second document begins here (---), and one is read; remove the others");
+  }
+  const YAML::Node root = read.empty() ? YAML::Node() : read.front();
   std::size_t nodes = 0;
   Count(root, 0, &nodes);
   return root;
+}
+
+std::string YamlProblem(const YAML::Exception& error) {
+  if (dynamic_cast<const YAML::BadConversion*>(&error) == nullptr) return error.msg;
+  return "a value is of another kind than is expected: a number, a text, or a list in [], with "
+         "commas "
+         "between its items";
 }
 
 }  // namespace volalign

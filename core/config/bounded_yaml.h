@@ -4,6 +4,7 @@
 #include <string>
 
 namespace YAML {
+class Exception;
 class Node;
 }
 
@@ -15,8 +16,16 @@ namespace volalign {
 inline constexpr std::size_t kMaxYamlNodes = 1'000'000;
 inline constexpr int kMaxYamlDepth = 64;
 
+/// Of a text with several documents (---): an error, since nothing would be said of the others; or
+/// the first one, of streams that other programs write.
+enum class YamlDocuments { kOne, kFirst };
+
 /// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException, as that does,
 /// with the line and, beyond a limit, the limit. The one way to YAML in volalign.
-YAML::Node LoadYaml(const std::string& text);
+YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocuments::kOne);
+
+/// What is wrong, in words, without the line: yaml-cpp says of a value of another kind "bad
+/// conversion".
+std::string YamlProblem(const YAML::Exception& error);
 
 }  // namespace volalign

@@ -193,7 +193,7 @@ ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string
     if (!root.IsMap()) throw ConfigError(name + ": a config is a map of `key: value`");
     Flatten(root, "", name, &source.leaves_);
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, e.msg));
+    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, YamlProblem(e)));
   }
   return source;
 }
@@ -248,7 +248,7 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
           fmt::format("{} {}: the value is neither a scalar nor a list", where, assignment));
     }
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{} {}: {}", where, assignment, e.msg));
+    throw ConfigError(fmt::format("{} {}: {}", where, assignment, YamlProblem(e)));
   }
   // A list takes the place of the maps that stood there; an item of the list ends its being empty.
   if (leaf.is_sequence) {

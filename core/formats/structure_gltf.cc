@@ -17,6 +17,7 @@
 #include "core/base/input_file.h"
 #include "core/base/text.h"
 #include "core/formats/gltf_parts.h"
+#include "core/geometry/stack_faults.h"
 #include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 
@@ -58,6 +59,7 @@ class Reader {
     Structure structure;
     try {
       structure = Structure::FromBoxes(Text(scene.extras, "name", "the scene"), boxes_, order);
+      RequireStack(structure);
     } catch (const DataError& e) {
       Fail(e.what());
     }
@@ -278,8 +280,8 @@ class Reader {
 };
 
 /// Of an untrusted file: tinygltf parses JSON by recursion, and opens the files that it names.
-/// Throws DataError for JSON beyond ParseBoundedJson's limits and for names of files; what is no
-/// binary glTF at all is left to tinygltf.
+/// Throws DataError for JSON beyond ParseBoundedJson's limits, for names of files, and for what the
+/// reader would pass over; what is no binary glTF at all is left to tinygltf.
 void RequireSelfContained(const std::string& bytes, const std::string& name) {
   constexpr std::size_t kLengthAt = 12, kJsonAt = 20;
   if (bytes.size() < kJsonAt) return;
@@ -288,8 +290,17 @@ void RequireSelfContained(const std::string& bytes, const std::string& name) {
     length |= static_cast<std::size_t>(static_cast<unsigned char>(bytes[kLengthAt + i])) << (8 * i);
   if (length > bytes.size() - kJsonAt) return;
   const nlohmann::json document = ParseBoundedJson(bytes.substr(kJsonAt, length), name);
+  if (!document.is_object()) return;
+  const auto refuse = [&](const char* what) {
+    throw DataError(
+        fmt::format("{}: it has {}, of which volalign knows none; write it without", name, what));
+  };
+  if (!document.value("extensionsRequired", nlohmann::json::array()).empty())
+    refuse("required extensions");
+  for (const nlohmann::json& accessor : document.value("accessors", nlohmann::json::array()))
+    if (accessor.is_object() && accessor.contains("sparse")) refuse("sparse accessors");
   for (const char* list : {"buffers", "images"}) {
-    if (!document.is_object() || !document.contains(list)) continue;
+    if (!document.contains(list)) continue;
     for (const nlohmann::json& item : document[list]) {
       if (!item.is_object() || !item.contains("uri")) continue;
       if (!item["uri"].is_string() || item["uri"].get<std::string>().rfind("data:", 0) != 0) {

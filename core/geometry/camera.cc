@@ -142,7 +142,7 @@ std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
     throw ConfigError(
         fmt::format("{}:{}: {}; a list of {{sensor, resolution: [w, h], intrinsics: [[fx, fy, cx, "
                     "cy], ...]}}, and perhaps distortion: [k1, k2, p1, p2, ...], is expected",
-                    path, e.mark.line + 1, e.msg));
+                    path, e.mark.line + 1, YamlProblem(e)));
   }
   if (pool.empty()) throw ConfigError(path + ": no sensors in the intrinsics pool");
   return pool;

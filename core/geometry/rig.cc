@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/geometry/image_size.h"
 
 namespace volalign {
@@ -48,9 +49,10 @@ Rig ReadRig(const ConfigSource& source) {
     const bool plain = std::all_of(sensor.name.begin(), sensor.name.end(), [](unsigned char c) {
       return std::isalnum(c) || c == '_' || c == '-';
     });
-    if (sensor.name.empty() || !plain) {
+    if (sensor.name.empty() || sensor.name[0] == '-' || !plain) {
       throw ConfigError(fmt::format(
-          "sensors[{}].name = \"{}\" is not made of letters, digits, _ and -", i, sensor.name));
+          "sensors[{}].name = \"{}\" is not made of letters, digits, _ and -, or begins with -", i,
+          Shortened(sensor.name)));
     }
     if (!names.insert(sensor.name).second) {
       throw ConfigError(

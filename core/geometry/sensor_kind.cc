@@ -110,7 +110,7 @@ std::vector<SensorKind> ParseSensorKinds(const std::string& yaml, const std::str
       if (node.IsMap() && node["kind"]) entries.push_back(ReadEntry(node, path, entries));
     }
   } catch (const YAML::Exception& error) {
-    throw ConfigError(fmt::format("{}:{}: {}", path, error.mark.line + 1, error.msg));
+    throw ConfigError(fmt::format("{}:{}: {}", path, error.mark.line + 1, YamlProblem(error)));
   }
   std::vector<SensorKind> kinds;
   kinds.reserve(entries.size());

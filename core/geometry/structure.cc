@@ -18,6 +18,7 @@
 #include "core/base/input_file.h"
 #include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
+#include "core/geometry/stack_faults.h"
 
 namespace volalign {
 
@@ -366,27 +367,48 @@ void RejectOtherKeys(const YAML::Node& node, const std::set<std::string>& known,
   }
 }
 
+/// What is at `where`, "FILE:LINE"; `what` says which value it is, `expected` what it has to be.
+template <class T>
+T ReadValue(const YAML::Node& node, const std::string& where, const std::string& what,
+            const char* expected) {
+  try {
+    return node.as<T>();
+  } catch (const YAML::BadConversion&) {
+    throw ConfigError(fmt::format("{}: {} has to be {}; it is {}", where, what, expected,
+                                  Shortened(YAML::Dump(node))));
+  }
+}
+
 Box ReadBox(const YAML::Node& node, const std::string& path) {
   const std::string where = fmt::format("{}:{}", path, node.Mark().line + 1);
   if (!node.IsMap())
     throw ConfigError(where + ": a box wants {name, x: [min, max], y: ..., z: ...}");
   RejectOtherKeys(node, {"name", "x", "y", "z", "yaw_deg"}, path);
+  if (!node["name"]) throw ConfigError(where + ": a box has no 'name'");
+  const auto name = ReadValue<std::string>(node["name"], where, "'name' of a box", "a word");
+  const auto value = [&](const std::string& key) {
+    return fmt::format("'{}' of box '{}'", key, Shortened(name));
+  };
   Eigen::Vector3d min, max;
   const char* axes[] = {"x", "y", "z"};
   for (int i = 0; i < 3; ++i) {
-    if (!node[axes[i]]) throw ConfigError(fmt::format("{}: a box has no '{}'", where, axes[i]));
-    const auto range = node[axes[i]].as<std::vector<double>>();
+    const YAML::Node axis = node[axes[i]];
+    if (!axis)
+      throw ConfigError(fmt::format("{}: box '{}' has no '{}'", where, Shortened(name), axes[i]));
+    const std::string at = fmt::format("{}:{}", path, axis.Mark().line + 1);
+    constexpr char kExpected[] = "two numbers, [min, max], in millimetres, with a comma between";
+    const auto range = ReadValue<std::vector<double>>(axis, at, value(axes[i]), kExpected);
     if (range.size() != 2 || !(range[0] < range[1])) {
-      throw ConfigError(
-          fmt::format("{}: '{}' wants [min, max] in millimetres with min < max", where, axes[i]));
+      throw ConfigError(fmt::format("{}: {} has to be {}, and min < max; it is {}", at,
+                                    value(axes[i]), kExpected, Shortened(YAML::Dump(axis))));
     }
     min[i] = range[0] * kMillimetre;
     max[i] = range[1] * kMillimetre;
   }
-  if (!node["name"]) throw ConfigError(where + ": a box has no 'name'");
-  Box box = Box::FromMinMax(node["name"].as<std::string>(), min, max);
-  if (node["yaw_deg"]) {
-    const double yaw = node["yaw_deg"].as<double>() * (3.14159265358979323846 / 180);
+  Box box = Box::FromMinMax(name, min, max);
+  if (const YAML::Node given = node["yaw_deg"]) {
+    const double yaw = ReadValue<double>(given, where, value("yaw_deg"), "a number of degrees") *
+                       (3.14159265358979323846 / 180);
     box.structure_from_box.linear() = RotationExp(yaw * Eigen::Vector3d::UnitY());
   }
   return box;
@@ -421,19 +443,22 @@ Structure ReadStructureYaml(const std::string& path) {
     std::vector<std::string> order;
     for (const YAML::Node& node : root["labels"]) {
       RejectOtherKeys(node, {"id", "side"}, path);
-      const int id = node["id"].as<int>();
+      const std::string where = fmt::format("{}:{}", path, node.Mark().line + 1);
+      const int id = ReadValue<int>(node["id"], where, "'id' of a label", "a whole number");
       if (id != static_cast<int>(order.size()) + 1) {
         throw ConfigError(
-            fmt::format("{}:{}: label id {} where {} is expected; ids run from 1 without gaps",
-                        path, node.Mark().line + 1, id, order.size() + 1));
+            fmt::format("{}: label id {} where {} is expected; ids run from 1 without gaps", where,
+                        id, order.size() + 1));
       }
-      order.push_back(node["side"].as<std::string>());
+      order.push_back(ReadValue<std::string>(node["side"], where, "'side' of a label", "BOX/SIDE"));
     }
     const std::string name =
         root["name"] ? root["name"].as<std::string>() : std::filesystem::path(path).stem().string();
-    return Structure::FromBoxes(name, std::move(boxes), order);
+    Structure structure = Structure::FromBoxes(name, std::move(boxes), order);
+    RequireStack(structure);
+    return structure;
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{}:{}: {}", path, e.mark.line + 1, e.msg));
+    throw ConfigError(fmt::format("{}:{}: {}", path, e.mark.line + 1, YamlProblem(e)));
   } catch (const DataError& e) {
     throw ConfigError(fmt::format("{}: {}", path, e.what()));
   }

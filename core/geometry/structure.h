@@ -110,7 +110,7 @@ class Structure {
 
 /// Reads a YAML of boxes (configs/structure.yaml: millimetres, `boxes`, optional `labels`, `name`;
 /// a box has x, y, z as [min, max] and optionally `yaw_deg` about the vertical through its centre).
-/// Throws IoError or ConfigError.
+/// Throws IoError or ConfigError, also for a stack with an impossible StackFault (stack_faults.h).
 Structure ReadStructureYaml(const std::string& path);
 
 }  // namespace volalign

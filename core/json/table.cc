@@ -24,7 +24,7 @@ std::string ShownNumber(double number, const Table::Column& column) {
 
 /// In the text, where `column` is given, else as a program reads it.
 std::string TextOf(const Cell& cell, const Table::Column* column) {
-  if (const auto* text = std::get_if<std::string>(&cell)) return *text;
+  if (const auto* text = std::get_if<std::string>(&cell)) return Printable(*text);
   if (const auto* holds = std::get_if<bool>(&cell)) return *holds ? "yes" : "no";
   if (const auto* count = std::get_if<std::int64_t>(&cell)) return std::to_string(*count);
   const auto* number = std::get_if<double>(&cell);
@@ -58,11 +58,19 @@ bool IsOfNumbers(const Table& table, std::size_t column) {
   });
 }
 
+/// In rows that there are.
+bool HasNoValue(const Table& table, std::size_t column) {
+  return !table.rows.empty() &&
+         std::all_of(table.rows.begin(), table.rows.end(), [&](const std::vector<Cell>& row) {
+           return std::holds_alternative<std::monostate>(row[column]);
+         });
+}
+
 std::string AsText(const Table& table) {
   std::vector<std::string> lines(table.rows.size() + 1);
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const Table::Column& column = table.columns[i];
-    if (column.title.empty()) continue;
+    if (column.title.empty() || HasNoValue(table, i)) continue;
     std::vector<std::string> cells = {column.title};
     for (const auto& row : table.rows) cells.push_back(TextOf(row[i], &column));
     std::size_t width = 0;
@@ -83,7 +91,7 @@ std::string AsJson(const Table& table) {
     nlohmann::ordered_json object = nlohmann::ordered_json::object();
     for (std::size_t i = 0; i < row.size(); ++i) {
       const std::string& key = table.columns[i].key;
-      if (const auto* text = std::get_if<std::string>(&row[i])) object[key] = *text;
+      if (const auto* text = std::get_if<std::string>(&row[i])) object[key] = Printable(*text);
       if (const auto* holds = std::get_if<bool>(&row[i])) object[key] = *holds;
       if (const auto* count = std::get_if<std::int64_t>(&row[i])) object[key] = *count;
       if (const auto* number = std::get_if<double>(&row[i]); number && std::isfinite(*number))

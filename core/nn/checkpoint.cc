@@ -32,8 +32,6 @@ std::string Digest(const TensorFile& file) {
   return Sha256(hashes);
 }
 
-std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
-
 /// Throws DataError unless the tensors whose names begin with `prefix` are those of `shapes`.
 void RequireShapes(const std::map<std::string, at::Tensor>& tensors, const std::string& prefix,
                    const TensorShapes& shapes, const std::string& what) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/geometry/stack_faults.h"
 
 namespace volalign {
 
@@ -67,6 +68,7 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
         "initial.method asks for the labels of a network, and there is no model; give one "
         "(--model), or choose geometry");
   }
+  RequireStack(structure);
   if (stills.empty()) throw DataError("there is no capture to calibrate");
   std::map<std::string, std::vector<std::pair<const SensorFrame*, const Still*>>> frames_of;
   std::set<std::string> still_names;

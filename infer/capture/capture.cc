@@ -46,24 +46,19 @@ std::string ParseName(const JsonObject& object) {
   std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
-        fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes, beside "
-                    "overview and merged: use another plain word",
+        fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes that does "
+                    "not begin with \"-\", beside overview and merged: use another plain word",
                     object.where(), Shortened(name, kMostNameBytes), kMostNameBytes));
   }
   return name;
 }
 
-/// Any text serves as a kind of device; a control character in it is an accident, and would spoil
-/// the printed report.
-std::string ParseKind(const JsonObject& object) {
-  if (!object.Has("sensor")) return "";
-  std::string kind = object.Text("sensor");
-  if (HasControlCharacters(kind)) {
-    throw DataError(fmt::format(
-        "{}: sensor = {} has a control character; name the kind of device in plain text",
-        object.where(), ShownJson(kind)));
-  }
-  return kind;
+/// Any text serves as a kind, a number or a renderer, as long as it can be printed.
+std::string ParsePlainText(const JsonObject& object, const std::string& key) {
+  if (!object.Has(key)) return "";
+  std::string text = object.Text(key);
+  RequirePlainText(text, object.Place(key));
+  return text;
 }
 
 std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
@@ -224,9 +219,9 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   const DepthSource source = ReadDepth(object, frame.depth_files, folder);
   frame.intrinsics = ParseSensorIntrinsics(object, folder, source);
   frame.quarter_turns = ParseTurns(object);
-  frame.sensor = object.Has("sensor") ? ParseKind(object) : source.kind;
-  frame.serial = object.Has("serial") ? object.Text("serial") : source.serial;
-  if (object.Has("renderer")) frame.renderer = object.Text("renderer");
+  frame.sensor = object.Has("sensor") ? ParsePlainText(object, "sensor") : source.kind;
+  frame.serial = object.Has("serial") ? ParsePlainText(object, "serial") : source.serial;
+  frame.renderer = ParsePlainText(object, "renderer");
   frame.colour = ParseColour(object);
   if (!frame.colour) frame.colour = source.colour;
   frame.depth_scale = ParseDepthScale(object, source.depth_scale, common_scale);
@@ -286,9 +281,8 @@ std::vector<Still> StillsOf(std::vector<Capture> captures) {
 }
 
 bool IsFileName(const std::string& name) {
-  return !name.empty() && name != "." && name != ".." && name != "overview" && name != "merged" &&
-         name.find_first_of("/\\") == std::string::npos && name.size() <= kMostNameBytes &&
-         !HasControlCharacters(name);
+  return IsPlainName(name) && !name.empty() && name[0] != '-' && name != "." && name != ".." &&
+         name != "overview" && name != "merged" && name.find_first_of("/\\") == std::string::npos;
 }
 
 Capture ReadCapture(const std::filesystem::path& path) {

@@ -93,6 +93,8 @@ FolderContent LookInto(const std::filesystem::path& folder) {
       content.intrinsics.push_back(path);
     }
   }
+  for (const auto* list : {&content.images, &content.recordings, &content.intrinsics})
+    for (const fs::path& path : *list) RequireUtf8(path.string(), "the file");
   return content;
 }
 

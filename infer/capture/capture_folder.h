@@ -14,6 +14,7 @@ struct FolderContent {
 };
 
 /// Looks at the files of a folder; numbers in names count as numbers, frame_9 before frame_10.
+/// Throws DataError for a path that is not UTF-8, which a capture.json cannot name.
 FolderContent LookInto(const std::filesystem::path& folder);
 
 /// Whether a file's name comes before another's, by the same order.

@@ -210,7 +210,7 @@ Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const Fr
 YAML::Node Load(const std::string& text) {
   std::size_t begin = 0;
   if (text.compare(0, 5, "%YAML") == 0) begin = std::min(text.find('\n'), text.size());
-  return LoadYaml(text.substr(begin));
+  return LoadYaml(text.substr(begin), YamlDocuments::kFirst);
 }
 
 Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
@@ -244,7 +244,8 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
     try {
       intrinsics = FromDocument(text, name, frame);
     } catch (const YAML::Exception& error) {
-      throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, error.msg));
+      throw DataError(
+          fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error)));
     }
   }
   intrinsics->Validate(name);

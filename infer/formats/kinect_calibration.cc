@@ -96,7 +96,7 @@ formats_internal::KinectMode ColourMode(const FrameSize& picture, const std::str
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
                                const std::optional<FrameSize>& picture) {
   try {
-    const YAML::Node root = LoadYaml(text);
+    const YAML::Node root = LoadYaml(text, YamlDocuments::kFirst);
     if (!root.IsMap() || !root["CalibrationInformation"]) {
       throw DataError(name +
                       ": no raw calibration of an Azure Kinect (a JSON file that begins with "
@@ -114,7 +114,7 @@ ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
     }
     return camera;
   } catch (const YAML::Exception& error) {
-    throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, error.msg));
+    throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error)));
   }
 }
 

@@ -220,6 +220,7 @@ bool LeavesFloor(const Pose& from, const Pose& to) {
 std::string DescribeMotion(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
   if (motion.linear()(1, 1) < kUpsideDown) return "upside down";
+  if (motion.linear()(1, 1) < -kUpsideDown) return "laid on another side";
   const double turn = std::atan2(motion.linear()(0, 2), motion.linear()(0, 0)) / kDegree;
   const double rise = motion.translation().y();
   if (std::abs(rise) < kSamePlace) {

@@ -18,11 +18,12 @@ namespace volalign {
 
 namespace {
 
-constexpr int kPatch = 10;                    // px
-constexpr double kPatchSigma = 0.005;         // m
-constexpr double kEdgeStep = 2 * kRoughPose;  // m
-constexpr double kFocal = 252;                // px
-constexpr double kLookAlike = 1 - kNotable;   // of the pixels
+constexpr int kPatch = 10;                                      // px
+constexpr double kPatchSigma = 0.005;                           // m
+constexpr double kEdgeStep = 2 * kRoughPose;                    // m
+constexpr double kFocal = 252;                                  // px
+constexpr double kLookAlike = 1 - kNotable;                     // of the pixels
+constexpr int kCoarse = kPatch / 2, kEnough = kPatch * kPatch;  // px: see LookAlike
 constexpr double kOpen = 1.0;  // m: standard deviation beyond which a direction is open
 
 Intrinsics PlainIntrinsics() {
@@ -109,19 +110,55 @@ double WeakestSigma(const Matrix6d& information) {
                        .eigenvalues()[2]);
 }
 
-bool LookAlike(const DepthImage& a, const DepthImage& b) {
+/// Share of the pixels on the stack in either picture that have the same depth in both.
+struct Alike {
   int same = 0, either = 0;
+  double share() const { return either > 0 ? static_cast<double>(same) / either : 0; }
+};
+
+Alike Compare(const DepthImage& a, const DepthImage& b) {
+  Alike alike;
   for (std::size_t i = 0; i < a.size(); ++i) {
     if (a[i] == 0 && b[i] == 0) continue;
-    ++either;
-    same += a[i] > 0 && b[i] > 0 && std::abs(a[i] - b[i]) < kSamePlace;
+    ++alike.either;
+    alike.same += a[i] > 0 && b[i] > 0 && std::abs(a[i] - b[i]) < kSamePlace;
   }
-  return either > 0 && same >= kLookAlike * either;
+  return alike;
+}
+
+/// The rays of every kCoarse-th pixel of every kCoarse-th row.
+RayTable Coarse(const RayTable& rays) {
+  RayTable coarse;
+  coarse.width = rays.width / kCoarse;
+  coarse.height = rays.height / kCoarse;
+  for (int v = 0; v < coarse.height; ++v) {
+    for (int u = 0; u < coarse.width; ++u)
+      coarse.rays.push_back(rays.at(kCoarse * u + kCoarse / 2, kCoarse * v + kCoarse / 2));
+  }
+  return coarse;
+}
+
+/// What a sensor sees, with all of its rays and with a few, which tell most aliases apart.
+struct Rays {
+  RayTable all, coarse;
+};
+
+/// A few rays decide where enough of them meet the stack and far more, or far fewer, differ than
+/// may: a tower of many boxes has hundreds of aliases.
+bool LookAlike(const Structure& structure, const Rays& rays, const Pose& pose,
+               const DepthImage& depth, const DepthImage& coarse) {
+  const Alike few = Compare(coarse, CastView(structure, rays.coarse, pose).depth);
+  const double differ = 1 - few.share();
+  if (few.either >= kEnough && (differ > 3 * kNotable || differ < kNotable / 4))
+    return differ < kNotable;
+  const Alike all = Compare(depth, CastView(structure, rays.all, pose).depth);
+  return all.either > 0 && all.share() >= kLookAlike;
 }
 
 TargetView MeasureView(const Structure& structure, const std::vector<StructureAlias>& aliases,
-                       const Pose& pose, const RayTable& rays) {
+                       const Pose& pose, const Rays& all_rays) {
   TargetView out;
+  const RayTable& rays = all_rays.all;
   const ExpectedView view = CastView(structure, rays, pose);
   std::vector<int> pixels(static_cast<std::size_t>(structure.num_classes()), 0);
   for (const std::uint8_t label : view.labels) ++pixels[label];
@@ -134,8 +171,9 @@ TargetView MeasureView(const Structure& structure, const std::vector<StructureAl
   out.sides_fix_pose = SidesFixPose(structure, usable, KeypointKind::kExposed);
   out.weakest_m = WeakestSigma(PatchInformation(view, rays, structure, pose) +
                                EdgeInformation(view, rays, pose));
+  const DepthImage coarse = CastView(structure, all_rays.coarse, pose).depth;
   for (std::size_t k = 0; k < aliases.size(); ++k) {
-    if (LookAlike(view.depth, CastView(structure, rays, aliases[k].motion * pose).depth))
+    if (LookAlike(structure, all_rays, aliases[k].motion * pose, view.depth, coarse))
       out.look_alike.push_back(static_cast<int>(k));
   }
   return out;
@@ -143,7 +181,8 @@ TargetView MeasureView(const Structure& structure, const std::vector<StructureAl
 
 }  // namespace
 
-TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions& options) {
+TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions& options,
+                            const CountDone& count) {
   TargetQuality quality;
   quality.options = options;
   const std::vector<StructureAlias> aliases = FindAliases(structure);
@@ -153,14 +192,18 @@ TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions&
                                alias.boxes == boxes, LeavesFloor(Pose::Identity(), alias.motion)});
   }
   const RayTable rays = ComputeRays(PlainIntrinsics());
+  const Rays all_rays{rays, Coarse(rays)};
   const Eigen::Vector3d middle = Middle(structure);
+  const std::int64_t views =
+      options.directions * static_cast<std::int64_t>(options.heights_m.size());
   for (const double height : options.heights_m) {
     for (int i = 0; i < options.directions; ++i) {
+      if (count) count(static_cast<std::int64_t>(quality.views.size()), views);
       const double phi = 2 * M_PI * i / options.directions;
       const Eigen::Vector3d eye(middle.x() + options.distance_m * std::cos(phi),
                                 structure.FloorHeight() + height,
                                 middle.z() + options.distance_m * std::sin(phi));
-      TargetView view = MeasureView(structure, aliases, LookAt(eye, middle, 0), rays);
+      TargetView view = MeasureView(structure, aliases, LookAt(eye, middle, 0), all_rays);
       view.phi_deg = phi / kDegree;
       view.height_m = height;
       quality.views.push_back(std::move(view));

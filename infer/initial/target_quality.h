@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/progress_line.h"
 #include "core/geometry/structure.h"
 
 namespace volalign {
@@ -43,6 +44,8 @@ struct TargetQuality {
   TargetViewOptions options;
 };
 
-TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions& options = {});
+/// `count` is told how many of the views are done.
+TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions& options = {},
+                            const CountDone& count = {});
 
 }  // namespace volalign

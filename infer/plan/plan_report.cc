@@ -31,7 +31,7 @@ std::string Warnings(const PlannedSensor& sensor) {
     text += fmt::format("{}: {}\n", sensor.name, sentence);
   };
   if (sensor.sides.empty()) {
-    add("it sees no side of the stack; look at it, or come nearer");
+    add("it sees no side of the stack: turn it towards the stack, or move it closer");
     return text;
   }
   if (!sensor.sides_fix_pose) {

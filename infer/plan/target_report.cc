@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/base/statistics.h"
+#include "core/geometry/stack_faults.h"
 #include "infer/plan/target_report.h"
 
 namespace volalign {
@@ -55,15 +56,19 @@ bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) 
 std::string HeightTable(const TargetQuality& quality) {
   return FormatTable(TargetTable(quality), TableFormat::kText) +
          fmt::format(
-             "views from {} directions, {} m from the middle; fix pose: their sides do; "
-             "unique: no other pose looks the same where the floor is seen, and without it; "
-             "weakest: standard deviation of the position in its worst direction, for "
-             "errors of 5 mm of patches of 10 x 10 px and of a pixel of every 10 px of "
-             "silhouettes, in the median and in the worst view\n",
+             "views: from {} directions, {} m from the middle\n"
+             "fix pose: share of the views whose visible sides determine the pose\n"
+             "unique: share of the views that cannot be taken for another pose, with the floor in "
+             "view\n"
+             "no floor: the same without the floor\n"
+             "sides from, to: the fewest and the most sides that a view shows\n"
+             "weakest, worst: standard deviation of the position in its worst direction, of the "
+             "median view and of the worst one; patches of 10 x 10 px err by 5 mm, silhouettes by "
+             "a pixel of every 10 px\n",
              quality.options.directions, quality.options.distance_m);
 }
 
-std::string Conclusion(const TargetQuality& quality) {
+std::string Conclusion(const Structure& structure, const TargetQuality& quality) {
   int open = 0, alike = 0, alike_without_floor = 0;
   for (const TargetView& view : quality.views) {
     open += !view.sides_fix_pose;
@@ -72,6 +77,8 @@ std::string Conclusion(const TargetQuality& quality) {
   }
   const std::size_t all = quality.views.size();
   std::string text;
+  for (const StackFault& fault : FindStackFaults(structure))
+    text += fmt::format("{}: {}\n", fault.impossible ? "impossible" : "doubtful", fault.text);
   if (alike > 0) {
     text += fmt::format(
         "poor: from {:.0f} % of the places another pose looks the same, floor or not; such sensors "
@@ -133,7 +140,7 @@ std::string FormatTarget(const Structure& structure, const TargetQuality& qualit
              "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
              structure.name(), boxes, boxes == 1 ? "" : "es", 1000 * structure.Height(),
              -1000 * above.y()) +
-         Aliases(quality, boxes) + HeightTable(quality) + Conclusion(quality);
+         Aliases(quality, boxes) + HeightTable(quality) + Conclusion(structure, quality);
 }
 
 }  // namespace volalign

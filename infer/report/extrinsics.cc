@@ -230,14 +230,23 @@ nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::s
   return DescribedJson(extrinsics, where);
 }
 
+namespace {
+
+void RequirePlainNames(const Extrinsics& extrinsics, const std::filesystem::path& path) {
+  for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
+    RequirePlainName(sensor.name, path.string());
+}
+
+}  // namespace
+
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics) {
+  RequirePlainNames(extrinsics, path);
   WriteFileAtomically(path, WriteDescribed(extrinsics, path.string(), 2));
 }
 
 Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
   auto extrinsics = ReadDescribed<Extrinsics>(ReadFile(path, kMaxResultBytes), path.string());
-  for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
-    RequirePlainName(sensor.name, path.string());
+  RequirePlainNames(extrinsics, path);
   return extrinsics;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <set>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
@@ -273,6 +274,12 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     throw ConfigError(
         fmt::format("--camera colour: {} says by itself which camera its poses are of",
                     WordOf(kPoseFormatWords, format)));
+  }
+  std::set<std::string> names;
+  for (const SensorPose& pose : poses) {
+    RequirePlainName(pose.name, path.string());
+    if (!names.insert(pose.name).second)
+      throw DataError(fmt::format("{}: two poses are named \"{}\"", path.string(), pose.name));
   }
   std::vector<SensorPose> cameras = choice.colour ? ColourPoses(poses) : poses;
   const auto [world_from_structure, frame] = WorldOf(format, cameras, choice);

@@ -304,20 +304,18 @@ std::string FormatNotes(const CalibrationResult& result) {
 }
 
 std::string FormatReport(const CalibrationResult& result) {
-  std::string text = SensorTable(result.sensors) + Reasons(result.sensors) + Placements(result) +
-                     Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
+  std::string text = fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
+                                 result.sensors.size(), ToString(result.verdict()));
+  if (result.assembly && result.assembly->altered())
+    text += fmt::format(": {}", result.assembly->arrangement.sentence);
+  text += "\n" + Reasons(result.sensors) + SensorTable(result.sensors) + Placements(result) +
+          Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
     text += fmt::format(
         "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
         1000 * result.metrics->d1, 1000 * result.metrics->d2);
   }
-  text += Solution(result.solve) + Seconds(result.timings_s);
-  text += fmt::format("{} of {} sensors placed; verdict: {}", result.placed(),
-                      result.sensors.size(), ToString(result.verdict()));
-  if (result.assembly && result.assembly->altered()) {
-    text += fmt::format(": {}", result.assembly->arrangement.sentence);
-  }
-  return text + "\n";
+  return text + Solution(result.solve) + Seconds(result.timings_s);
 }
 
 }  // namespace volalign

@@ -6,9 +6,9 @@
 
 namespace volalign {
 
-/// Table of sensors (status, sides, RMS, standard deviations, errors where there is a ground
-/// truth) with a line that says what its columns are, reasons and hints of those that are not ok,
-/// the boxes as they were found, the overlap of each two sensors, d1 and d2, and a verdict; for a
+/// The verdict, reasons and hints of sensors that are not ok, a table of sensors (status, sides,
+/// RMS, standard deviations, errors where there is a ground truth) with a line that says what its
+/// columns are, the boxes as they were found, the overlap of each two sensors, and d1 and d2; for a
 /// terminal.
 std::string FormatReport(const CalibrationResult& result);
 

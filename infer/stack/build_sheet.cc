@@ -284,13 +284,13 @@ class Cell {
   static constexpr double kHead = 62, kSide = 46, kBelow = 26;  // px at the full size: texts
 
   void Head(const std::string& title, const std::vector<std::string>& lines) {
-    constexpr double kFrontMark = 62;  // px
+    constexpr double kFrontMark = 108;  // px
     const double room = width_ - 14 * size_;
     svg_->Rectangle({left_ + 2, top_ + 2}, width_ - 4, height_ - 4, "class=\"cell\"");
     svg_->Text({left_ + 8 * size_, top_ + 18 * size_},
                Fitted(title, room - kFrontMark * size_, kBold * 13 * size_),
                Font(13 * size_, "font-weight=\"bold\""));
-    svg_->Text({left_ + width_ - 8 * size_, top_ + 18 * size_}, "front →",
+    svg_->Text({left_ + width_ - 8 * size_, top_ + 18 * size_}, "front →  right ↓",
                Font(kText * size_, "text-anchor=\"end\""));
     for (std::size_t i = 0; i < lines.size(); ++i) {
       svg_->Text({left_ + 8 * size_, top_ + (34 + 14 * static_cast<double>(i)) * size_},
@@ -454,8 +454,9 @@ std::string BuildSheet(const Structure& structure) {
   DrawView(structure, steps, &svg);
   DrawSteps(structure, steps, &svg);
   const std::array<std::string, 4> notes = {
-      "Plans are seen from above. Dashed: what the box stands on; for another box on the floor, "
-      "box 1.",
+      "Plans are seen from above. Dashed: the box below. (A second box on the floor is measured "
+      "from "
+      "box 1.)",
       "“120 out”: this edge stands 120 mm beyond the dashed one; “120 in”: it is set back by 120 "
       "mm; "
       "“flush”: neither.",

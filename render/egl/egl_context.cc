@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 
 namespace volalign {
 namespace {
@@ -99,14 +100,51 @@ void KeepMesaFromForeignLlvm() {
   ::dlopen(driver.c_str(), kOwnFirst);
 }
 
+constexpr char kWithout[] = "or render without OpenGL: --renderer cpu, renderer=cpu in a recipe";
+
+/// Variables that change which driver EGL finds and what it can do.
+std::string Environment() {
+  std::string set;
+  for (const char* name :
+       {"MESA_GL_VERSION_OVERRIDE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE",
+        "LIBGL_ALWAYS_SOFTWARE", "LIBGL_DRIVERS_PATH", "EGL_PLATFORM", "__EGL_VENDOR_LIBRARY_DIRS",
+        "__EGL_VENDOR_LIBRARY_FILENAMES"}) {
+    if (const char* value = std::getenv(name))
+      set += fmt::format("{}{}={}", set.empty() ? "" : ", ", name, Shortened(value));
+  }
+  return set.empty() ? "" : fmt::format("; the environment has {}: try without", set);
+}
+
+/// Why the surfaceless display, the last one that was tried, gives no OpenGL 4.5.
+std::string Cause(const Display& display) {
+  constexpr char kPackages[] =
+      "EGL finds no driver: install the Debian packages libegl-mesa0 and libgl1-mesa-dri, whose "
+      "file /usr/share/glvnd/egl_vendor.d/50_mesa.json names it";
+  if (display.handle == EGL_NO_DISPLAY) return kPackages;
+  const EGLContext plain =
+      eglCreateContext(display.handle, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, nullptr);
+  const EGLint error = eglGetError();
+  if (plain == EGL_NO_CONTEXT)
+    return fmt::format("the driver makes no context at all (EGL error {:#x})", error);
+  std::string cause = "the driver makes no OpenGL 4.5 context";
+  if (eglMakeCurrent(display.handle, EGL_NO_SURFACE, EGL_NO_SURFACE, plain)) {
+    cause = fmt::format("the driver, {}, gives OpenGL {}",
+                        reinterpret_cast<const char*>(glGetString(GL_RENDERER)),
+                        reinterpret_cast<const char*>(glGetString(GL_VERSION)));
+    eglMakeCurrent(display.handle, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  }
+  eglDestroyContext(display.handle, plain);
+  return cause;
+}
+
 /// libepoxy ends the process where it cannot open one of these.
 void RequireLibraries() {
   for (const auto& [name, other, package] : {std::tuple("libEGL.so.1", "libEGL.so.1", "libegl1"),
                                              {"libOpenGL.so.0", "libGL.so.1", "libopengl0"}}) {
     if (::dlopen(name, RTLD_LAZY | RTLD_LOCAL) || ::dlopen(other, RTLD_LAZY | RTLD_LOCAL)) continue;
     const char* why = ::dlerror();
-    throw IoError(fmt::format("EGL: {} cannot be opened ({}); install the Debian package {}", name,
-                              why ? why : "no reason", package));
+    throw IoError(fmt::format("EGL: {} cannot be opened ({}); install the Debian package {}, {}",
+                              name, why ? why : "no reason", package, kWithout));
   }
 }
 
@@ -169,16 +207,17 @@ EglContext::EglContext(const EglContextOptions& options) {
     open(DisplayOf(table, devices[i]));
   }
   if (context_ == EGL_NO_CONTEXT && options.device >= 0) {
-    throw IoError(fmt::format(
-        "EGL: no OpenGL 4.5 context on device {}; use the default device, or check its driver",
-        options.device));
-  }
-  if (context_ == EGL_NO_CONTEXT) open(DisplayOf(table, nullptr));
-  if (context_ == EGL_NO_CONTEXT) {
     throw IoError(
-        fmt::format("EGL: no device and no surfaceless display gives an OpenGL 4.5 context (EGL "
-                    "error {:#x}); install the Debian packages libegl1 and libgl1-mesa-dri",
-                    eglGetError()));
+        fmt::format("EGL: no OpenGL 4.5 context on device {}; use the default device, or check its "
+                    "driver{}, {}",
+                    options.device, Environment(), kWithout));
+  }
+  if (context_ != EGL_NO_CONTEXT) return;
+  const Display surfaceless = DisplayOf(table, nullptr);
+  open(surfaceless);
+  if (context_ == EGL_NO_CONTEXT) {
+    throw IoError(fmt::format("EGL: OpenGL 4.5 is needed, and {}{}; {}", Cause(surfaceless),
+                              Environment(), kWithout));
   }
 }
 

@@ -423,6 +423,39 @@ class CommandLine(unittest.TestCase):
             file.write("boxes:\n  - {name: b, x: [0, 0.5], y: [0, 0.5], z: [0, 0.5]}\n")
         self.expect("structure show metres.yaml", 1, "box 'b' is 0.5 x 0.5 x 0.5 mm", "sizes are written in millimetres")
 
+    def test_what_no_stack_can_be(self):
+        def write(*boxes):
+            with open(os.path.join(self.folder, "s.yaml"), "w", encoding="utf-8") as file:
+                file.write("boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n" + "".join(f"  - {{name: {box}}}\n" for box in boxes))
+
+        write("b, x: [0, 500], y: [420, 700], z: [0, 300]")
+        for command in ("show s.yaml", "check s.yaml", "build s.yaml -o s.glb", "sheet s.yaml -o s.svg"):
+            self.expect("structure " + command, 1, "error: s.yaml: box 'b' stands on nothing: its lower side is 20 mm above box 'a'")
+        write("b, x: [520, 900], y: [0, 400], z: [0, 300]")
+        self.expect("structure show s.yaml", 0, "warning: s: there is a gap of 20 mm between boxes 'a' and 'b'")
+        self.expect("structure check s.yaml", 0, "doubtful: there is a gap of 20 mm")
+        write("b, x: [0, 500], y: [400 700], z: [0, 300]")
+        self.expect("structure show s.yaml", 1, "s.yaml:3: 'y' of box 'b' has to be two numbers", "it is [400 700]")
+
+    def test_bytes_that_are_not_utf8(self):
+        for command in (r"train -o $'n\xff'", r"calibrate --capture $'\xff.json' -o x", r"calibrate --capture c.json -o x --note $'\xff'"):
+            output = self.expect(command, 1, r"\xff", "is not UTF-8", "rename")
+            self.assertEqual(output.count("\n"), 1, output)
+        os.mkdir(os.path.join(self.folder, "f"))
+        with open(os.path.join(os.fsencode(self.folder), b"f", b"K\xfcche_depth.png"), "wb") as file:
+            file.write(b"")
+        self.expect("init f", 1, r'the file "f/K\xfcche_depth.png" is not UTF-8', "rename")
+
+    def test_a_full_standard_output(self):
+        for command in ("structure show configs/structure.yaml", "--help", "--version", "config show configs/m05-lite.yaml"):
+            output = self.expect(command + " > /dev/full", 1, "error: cannot write ", "No space left on device")
+            self.assertEqual(output.count("\n"), 1, output)
+
+    def test_where_an_argument_belongs(self):
+        self.expect("calibrate real", 1, 'takes no argument "real" by itself: did you mean --capture real?')
+        os.mkdir(os.path.join(self.folder, "real"))
+        self.expect("calibrate real -o x", 1, "did you mean --capture real/capture.json? `volalign init real` writes that file")
+
     def test_texts_of_any_length(self):
         with open(os.path.join(self.folder, "big.json"), "w", encoding="utf-8") as file:
             intrinsics = {"width": 4, "height": 4, "fx": 1, "fy": 1, "cx": 1, "cy": 1}
@@ -452,6 +485,16 @@ class CommandLine(unittest.TestCase):
             found, output = run(f"{shlex.join(hide + [PROGRAM])} {command}", self.folder)
             self.assertEqual(found, status, output)
             self.assertIn(part, output)
+
+    def test_egl_errors_name_their_cause(self):
+        render = "render --rig configs/rig_ring4.yaml --renderer egl -o x"
+        for variable, part in (
+            ("__EGL_VENDOR_LIBRARY_FILENAMES=/no/such/file", "EGL finds no driver"),
+            ("MESA_GL_VERSION_OVERRIDE=3.3", "gives OpenGL 3.3"),
+            ("GALLIUM_DRIVER=softpipe", "softpipe, gives OpenGL "),
+        ):
+            name, value = variable.split("=")
+            self.expect(render, 1, part, f"the environment has {variable}: try without", "--renderer cpu", **{name: value})
 
     def test_a_copied_program_says_where_its_data_may_be(self):
         copy = os.path.join(self.folder, "volalign")
@@ -491,7 +534,11 @@ class CommandLine(unittest.TestCase):
             capture = json.load(file)
         self.expect("init capture", 1, "capture.json is there already", "--force")
         self.expect("init capture -o draft.json", 2, "S1: depth_scale", "m at 0.001")
-        self.expect("init capture -o draft.json --force --depth-scale 0.001", 0, "S1: intrinsics of S1_intrinsics.json", "(4 sensors)")
+        self.expect("init capture -o draft.json --depth-scale 0.001", 0, "S1: intrinsics of S1_intrinsics.json", "(4 sensors)")
+        with open(os.path.join(self.folder, "draft.json"), "a", encoding="utf-8") as file:
+            file.write(" ")
+        self.expect("init capture -o draft.json --depth-scale 0.001", 1, "draft.json is there already, and is not as", "--force")
+        self.expect("init capture -o draft.json --force --depth-scale 0.001", 0)
         with open(os.path.join(self.folder, "draft.json"), encoding="utf-8") as file:
             draft = json.load(file)
         self.assertEqual(len(draft["sensors"]), len(capture["sensors"]))

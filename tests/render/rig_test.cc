@@ -681,6 +681,7 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
 TEST_F(RigTest, ErrorsNameTheSensor) {
   EXPECT_NE(ErrorOf("room: true\n").find("sensors"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: A}, {name: A}]\n").find("A stands twice"), std::string::npos);
+  EXPECT_NE(ErrorOf("sensors: [{name: -rf}]\n").find("begins with -"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: ../A}]\n").find("../A"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: A, rho: 3}]\n").find("rho"), std::string::npos);
   // A rig is one still: its room and structure are there or not.

@@ -16,6 +16,8 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/interrupt.h"
+#include "core/base/text.h"
 #include "train/distributed/rendezvous.h"
 #ifdef VOLALIGN_HAS_GLOO
 #include <torch/csrc/distributed/c10d/FileStore.hpp>
@@ -67,6 +69,10 @@ Store OpenStore(const World& world, milliseconds timeout) {
 #if TORCH_VERSION_MAJOR * 100 + TORCH_VERSION_MINOR >= 204
   options.useLibUV = false;  // Debian's LibTorch is built without it
 #endif
+  // Threads of the store read what comes from there, and take it for their own.
+  ExplainUncaught(
+      fmt::format("rank {} talks to {}:{}: is rank 0 of this run there, and no other program?",
+                  world.rank, world.address, world.port));
   try {
     return c10::make_intrusive<c10d::TCPStore>(world.address, options);
   } catch (const std::exception& e) {
@@ -76,7 +82,7 @@ Store OpenStore(const World& world, milliseconds timeout) {
                               world.rank == 0
                                   ? "is another program there? VOLALIGN_PORT names another port"
                                   : "has it started, and is the port open?",
-                              e.what()));
+                              Shortened(FirstLine(e.what()))));
   }
 }
 
@@ -98,7 +104,7 @@ c10::intrusive_ptr<Backend> OpenGloo(const World& world, const Store& store, mil
     throw IoError(fmt::format(
         "rank {} of {} has not met all others within {} s: have they started, with this build and "
         "the same WORLD_SIZE, and do they reach each other? ({})",
-        world.rank, world.size, timeout.count() / 1000, e.what()));
+        world.rank, world.size, timeout.count() / 1000, Shortened(FirstLine(e.what()))));
   }
 }
 
@@ -144,9 +150,7 @@ struct ProcessGroup::Connection {
     try {
       return function();
     } catch (const std::exception& e) {
-      const std::string what = e.what();
-      throw LostProcess(fmt::format("{} ({})", Missing(),
-                                    what.substr(0, std::min<std::size_t>(what.find('\n'), 200))));
+      throw LostProcess(fmt::format("{} ({})", Missing(), Shortened(FirstLine(e.what()))));
     }
   }
 

@@ -6,10 +6,12 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
+#include <system_error>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/shown_path.h"
 #include "core/base/statistics.h"
 #include "core/base/text.h"
 
@@ -25,8 +27,24 @@ const std::set<std::string>& KeysWithin() {
   return keys;
 }
 
-bool IsRun(const fs::path& dir) {
-  return fs::exists(dir / "config.yaml") && fs::exists(dir / "metrics.jsonl");
+/// The runs in and below a folder. What cannot be looked at stands in `passed_over`, with the
+/// reason: it does not keep the others from being found.
+void FindRuns(const fs::path& dir, bool below, std::vector<fs::path>* found,
+              std::vector<std::string>* passed_over) {
+  std::error_code error;
+  const bool is_run = fs::exists(dir / "config.yaml", error) && !error &&
+                      fs::exists(dir / "metrics.jsonl", error) && !error;
+  if (is_run) found->push_back(dir);
+  fs::directory_iterator entry;
+  if (!error && below) entry = fs::directory_iterator(dir, error);
+  while (!error && entry != fs::directory_iterator()) {
+    std::error_code unseen;
+    if (entry->is_directory(unseen))
+      FindRuns(entry->path(), !entry->is_symlink(unseen), found, passed_over);
+    entry.increment(error);
+  }
+  if (error && error != std::errc::no_such_file_or_directory)
+    passed_over->push_back(fmt::format("{}: {}", ShownPath(dir), error.message()));
 }
 
 void AddRow(const json& row, LoggedRun* run) {
@@ -84,22 +102,22 @@ LoggedRun ReadRun(const fs::path& dir) {
   return run;
 }
 
-std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders) {
+std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders,
+                                std::vector<std::string>* passed_over) {
   std::vector<LoggedRun> runs;
+  std::vector<std::string> unseen;
   for (const std::string& folder : folders) {
     std::vector<fs::path> found;
-    if (IsRun(folder)) found.emplace_back(folder);
-    std::error_code missing;
-    for (const auto& entry : fs::recursive_directory_iterator(folder, missing)) {
-      if (entry.is_directory() && IsRun(entry.path())) found.push_back(entry.path());
-    }
+    FindRuns(folder, true, &found, &unseen);
     if (found.empty()) {
-      throw IoError(fmt::format(
-          "{}: no run here or below: a run folder has config.yaml and metrics.jsonl", folder));
+      throw IoError(
+          fmt::format("{}: no run here or below: a run folder has config.yaml and metrics.jsonl{}",
+                      folder, unseen.empty() ? "" : fmt::format(" ({})", unseen.back())));
     }
     std::sort(found.begin(), found.end());
     for (const fs::path& dir : found) runs.push_back(ReadRun(dir));
   }
+  if (passed_over) *passed_over = std::move(unseen);
   return runs;
 }
 

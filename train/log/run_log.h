@@ -34,8 +34,10 @@ struct LoggedRun {
 LoggedRun ReadRun(const std::filesystem::path& dir);
 
 /// The runs in these folders and below them, in the order of the arguments, below by name. Throws
-/// IoError for a folder that holds none.
-std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders);
+/// IoError for a folder that holds none. `passed_over` gets the folders that cannot be looked into,
+/// with the reason.
+std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders,
+                                std::vector<std::string>* passed_over = nullptr);
 
 /// Runs whose configurations differ in run.seed alone.
 struct RunGroup {

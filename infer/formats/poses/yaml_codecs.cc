@@ -50,7 +50,7 @@ Poses Reading(const std::string& name, Read read) {
   try {
     return read();
   } catch (const YAML::Exception& e) {
-    throw DataError(fmt::format("{}: line {}: {}", name, e.mark.line + 1, e.msg));
+    throw DataError(fmt::format("{}: line {}: {}", name, e.mark.line + 1, YamlProblem(e)));
   }
 }
 
@@ -160,7 +160,8 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
     throw DataError(name + ": no file of OpenCV's FileStorage");
   return Reading(name, [&] {
     Poses poses;
-    for (const YAML::Node& sensor : LoadYaml(text.substr(begin))["sensors"]) {
+    for (const YAML::Node& sensor :
+         LoadYaml(text.substr(begin), YamlDocuments::kFirst)["sensors"]) {
       SensorPose pose;
       pose.name = sensor["name"].as<std::string>();
       const std::string place = fmt::format("{}: {}", name, pose.name);
@@ -194,7 +195,7 @@ Poses ReadRos(const std::string& text, const std::string& name) {
   return Reading(name, [&] {
     Poses poses;
     std::string world;
-    for (const YAML::Node& node : LoadYaml(text)) {
+    for (const YAML::Node& node : LoadYaml(text, YamlDocuments::kFirst)) {
       std::string child = node["child_frame_id"].as<std::string>();
       const std::string parent = node["header"]["frame_id"].as<std::string>();
       const std::string place = fmt::format("{}: {}", name, child);

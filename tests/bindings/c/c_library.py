@@ -225,11 +225,14 @@ class CLibrary(Calls):
         self.call("capture_create", STRUCTURE.encode(), None, code=INVALID_ARGUMENT)
         self.call("model_load", STRUCTURE.encode(), ctypes.byref(nothing), code=DATA_ERROR)
         self.call("capture_add", None, None, code=INVALID_ARGUMENT)
+        self.call("capture_create", b"\xff.yaml", ctypes.byref(nothing), code=DATA_ERROR)
+        self.assertIn('"\\xff.yaml" is not UTF-8', self.error())
         self.calibrate(None, code=INVALID_ARGUMENT)
         self.assertEqual(self.library.volalign_result_count(None), 0)
         capture = self.handle("capture", "capture_create", STRUCTURE.encode())
         self.calibrate(capture, code=DATA_ERROR)
-        for change, code in (({"struct_size": 8}, INVALID_ARGUMENT), ({"name": None}, INVALID_ARGUMENT), ({"name": b"a/b"}, DATA_ERROR),
+        for change, code in (({"struct_size": 8}, INVALID_ARGUMENT), ({"name": None}, INVALID_ARGUMENT), ({"name": b"a/b"}, DATA_ERROR), ({"name": b"\xff\xfe"}, DATA_ERROR),
+                             ({"width": 2**31 - 1, "height": 2**31 - 1}, DATA_ERROR), ({"sensor": b"\x1b[31m"}, DATA_ERROR),
                              ({"raw": None}, INVALID_ARGUMENT), ({"raw_scale": 0}, INVALID_ARGUMENT), ({"fx": -1}, DATA_ERROR), ({"width": 0}, DATA_ERROR),
                              ({"distortion_count": 9}, INVALID_ARGUMENT), ({"orientation_known": 1, "quarter_turns": 4}, INVALID_ARGUMENT)):  # fmt: skip
             frame, pixels = self.frame()

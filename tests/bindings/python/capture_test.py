@@ -81,3 +81,46 @@ def test_from_files(capture_file, depth, stack):
     np.testing.assert_array_equal(capture.frames[0].depth, depth)
     assert capture.structure == stack
     assert capture.name == str(capture_file)
+
+
+def test_masks_and_channels(depth):
+    mask = np.zeros(depth.shape, bool)
+    mask[3, 5:9] = True
+    for values in (depth, np.round(depth * 1000).astype(np.uint16)):
+        masked = frame_of("A", np.ma.array(values, mask=mask)).depth
+        np.testing.assert_array_equal(masked[3, 5:9], 0)
+        np.testing.assert_array_equal(masked[~mask], frame_of("A", values).depth[~mask])
+    np.testing.assert_array_equal(frame_of("A", depth[..., None]).depth, depth)
+    assert frame_of("A", np.stack([depth, depth])[..., None]).depth_sigma.shape == depth.shape
+    with pytest.raises(volalign.DataError, match="last axis of depth has 3 values"):
+        frame_of("A", np.dstack([depth] * 3))
+
+
+def test_a_transposed_image_is_named():
+    camera = volalign.Intrinsics(640, 480, 600, 600, 320, 240)
+    depth = depth_of(true_pose(0.5), camera)
+    assert frame_of("A", depth, camera).depth.shape == (480, 640)
+    with pytest.raises(volalign.DataError, match=r"rows and columns exchanged; transpose the array"):
+        frame_of("A", depth.T, camera)
+    # A principal point that is off, as sensors' own and cropped images have it.
+    frame_of("A", depth, volalign.Intrinsics(640, 480, 600, 600, 300, 262))
+    frame_of("A", depth, volalign.Intrinsics(640, 480, 600, 600, 200, 240))
+
+
+def test_texts_are_plain(depth):
+    for name in ("-rf", "A\u202egnp", "A\n"):
+        with pytest.raises(volalign.DataError, match="file name"):
+            frame_of(name, depth)
+    for more in ({"serial": "a" * 1000}, {"sensor": "\x1b[31m"}):
+        with pytest.raises(volalign.DataError, match="plain text"):
+            frame_of("A", depth, **more)
+
+
+def test_a_stack_that_cannot_be(capture):
+    floats = volalign.Structure("s", [volalign.Box("low", (0, 0, 0), (0.5, 0.4, 0.3)), volalign.Box("high", (0, 1, 0), (0.5, 1.4, 0.3))])
+    with pytest.raises(volalign.DataError, match="'high' stands on nothing"):
+        volalign.calibrate(volalign.Capture(capture.frames, structure=floats))
+    assert "impossible: box 'high' stands on nothing" in str(floats.check())
+    small = volalign.Structure("s", [volalign.Box("cm", (0, 0, 0), (0.04, 0.03, 0.05))])
+    with pytest.warns(UserWarning, match="check the unit"):
+        volalign.calibrate(volalign.Capture(capture.frames, structure=small), model=None)

@@ -60,3 +60,11 @@ def test_the_world_and_the_camera_that_poses_are_of(result, tmp_path):
     for bad, words in (({"origin": "S9"}, "S9"), ({"up": "x"}, "up = 'x'"), ({"camera": "left"}, "camera = 'left'"), ({"camera": "colour"}, "colour")):
         with pytest.raises(volalign.ConfigError, match=words):
             positions(**bad)
+
+
+def test_no_name_forges_a_line(tmp_path):
+    for name in ("a\n0 1 1 1 0 0 0 1", "a\x1b[31m"):
+        for word in ("tum", "csv", "colmap", "unity"):
+            with pytest.raises(volalign.DataError, match="the name"):
+                volalign.write_poses(tmp_path / "x", word, {name: np.eye(4)})
+    assert not (tmp_path / "x").is_file()

@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 import volalign
@@ -25,6 +27,30 @@ def test_messages_are_the_programs(capture, tmp_path):
         volalign.calibrate(capture, model="models/m05-lite.pt")
     with pytest.raises(volalign.ConfigError, match="nonsense"):
         volalign.convert("out/extrinsics.json", "nonsense", tmp_path / "x")
+
+
+def test_what_contains_itself_is_an_error(capture):
+    loop = {}
+    loop["a"] = loop
+    deep = {}
+    for _ in range(100_000):
+        deep = {"a": deep}
+    for options in (loop, deep):
+        with pytest.raises(volalign.ConfigError, match="nested deeper than"):
+            volalign.calibrate(capture, options=options)
+    captures = [capture]
+    captures.append(captures)
+    with pytest.raises(TypeError, match="a capture is"):
+        volalign.calibrate(captures)
+
+
+def test_messages_are_text_whatever_they_quote(tmp_path):
+    (tmp_path / "x.bag").write_bytes(b"#ROSBAG V2.0\n" + b"\x1b\x00\x00\x00\x17\x00\x00\x00compression=\xafone\n")
+    (tmp_path / "c.json").write_text('{"format": "volalign.capture/1", "sensors": [{"name": "A", "depth": "x.bag"}]}')
+    with pytest.raises(volalign.Error):
+        volalign.Capture.load(tmp_path / "c.json")
+    with pytest.raises(volalign.DataError, match="not UTF-8"):
+        volalign.Capture.load(os.fsencode(tmp_path) + b"/\xff.json")
 
 
 def test_wrong_types_are_type_errors(capture):

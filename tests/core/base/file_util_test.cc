@@ -143,6 +143,18 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
 }
 
 // The names of the file and of the folders that were made for it outlive a power failure, too.
+TEST(FileUtil, NoDeviceOrPipeIsReplaced) {
+  const TempFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0666), 0);
+  std::filesystem::create_symlink("/dev/null", folder / "null");
+  for (const char* name : {"pipe", "null"}) {
+    ExpectError<IoError>([&] { WriteFileAtomically(folder / name, "x"); },
+                         {name, "a device or a pipe is there"});
+  }
+  EXPECT_TRUE(std::filesystem::is_fifo(folder / "pipe"));
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "null"));
+}
+
 TEST(FileUtil, SyncsTheFileAndWhatNamesIt) {
   const TempFolder folder;
   const std::filesystem::path base = std::filesystem::canonical(folder.path());

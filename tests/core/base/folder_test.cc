@@ -127,6 +127,23 @@ int NumberIn(const fs::path& out) {
   }
 }
 
+TEST(ResultFolder, WritesNothingBehindALink) {
+  const TempFolder folder;
+  const fs::path out = folder / "out";
+  folder.Write("victim/S1.png", "mine");
+  fs::create_directory(out);
+  fs::create_directory_symlink(folder / "victim", out / "labels");
+  const ResultFolder result(out);
+  WriteFileAtomically(result.draft() / "labels/S1.png", "new");
+  ExpectError<IoError>([&] { result.Publish("done"); },
+                       {(out / "labels").string() + " is a link to another folder"});
+  const ResultFolder* const again = &result;
+  fs::remove_all(result.draft() / "labels");
+  WriteFileAtomically(again->draft() / "done", "");
+  ExpectError<IoError>([&] { again->Publish("done", {"labels/S1.png"}); }, {"link"});
+  EXPECT_EQ(ReadFile(folder / "victim/S1.png"), "mine");
+}
+
 TEST(ResultFolder, NamesNoMixtureAsCompleteWhenKilledAtAnyMoment) {
   const TempFolder folder;
   const fs::path out = folder / "out";

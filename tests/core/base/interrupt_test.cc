@@ -9,11 +9,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 
 #include "core/base/file_util.h"
+#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/base/thread_limit.h"
 
 namespace volalign::interrupt_test {
 namespace {
@@ -84,6 +87,35 @@ TEST(EndOnInterrupt, LeavesNothingUnfinished) {
     EXPECT_EQ(said, number == SIGINT ? "stopped by Ctrl-C (SIGINT)\n" : "stopped by SIGTERM\n");
     EXPECT_FALSE(std::filesystem::exists(folder / "draft"));
   }
+}
+
+TEST(EndOnInterrupt, DoesWithoutAThread) {
+  std::string said;
+  const auto work = [] {
+    const ThreadLimit limit(0);
+    EndOnInterrupt();
+    ::_exit(3);
+  };
+  EXPECT_EQ(StatusOf(work, &said), 3);
+  EXPECT_EQ(said, "");
+}
+
+TEST(EndOnInterrupt, SaysInALineWhatNothingCanCatch) {
+  const TempFolder folder;
+  std::string said;
+  const auto work = [&] {
+    EndOnInterrupt();
+    const Unfinished draft([&] {
+      folder.Write("draft", "half");
+      return folder / "draft";
+    });
+    ExplainUncaught("is the port right?");
+    std::thread([] { throw std::runtime_error("the store is\nframe 1\nframe 2"); }).join();
+  };
+  EXPECT_EQ(StatusOf(work, &said), 1);
+  EXPECT_EQ(said,
+            "error: a library failed where nothing can go on: the store is; is the port right?\n");
+  EXPECT_FALSE(std::filesystem::exists(folder / "draft"));
 }
 
 TEST(EndOnInterrupt, WaitsWhileStepsBelongTogether) {

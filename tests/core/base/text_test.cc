@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include "core/base/error.h"
+#include "core/base/sentence.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::text_test {
@@ -62,6 +66,55 @@ TEST(Text, TellsControlCharacters) {
                            "che"));
 }
 
+TEST(Printable, IsUtf8WhateverTheBytesAre) {
+  EXPECT_EQ(Printable("K\xfc"
+                      "che"),
+            "K\\xfc"
+            "che");
+  // A letter in more bytes than it needs, half a pair of UTF-16, beyond Unicode, one that is cut.
+  for (const char* bytes : {"\xc0\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xe2\x82", "\xff"}) {
+    EXPECT_FALSE(IsUtf8(bytes));
+    EXPECT_EQ(Printable(bytes).find_first_not_of("\\x0123456789abcdef"), std::string::npos);
+  }
+  EXPECT_TRUE(IsUtf8("\xf0\x9f\x93\xa6 \xe2\x82\xac"));
+  EXPECT_EQ(Printable("\xf0\x9f\x93\xa6"), "\xf0\x9f\x93\xa6");
+  EXPECT_EQ(Printable("A\xe2\x80\xaegnp"), "A\\u202egnp");  // right to left
+  EXPECT_EQ(Printable("a\xe2\x80\xa8"
+                      "b\xe2\x80\x8b"),
+            "a\\u2028b\\u200b");
+  ExpectError<DataError>([] { RequireUtf8("\xff", "argument 3,"); },
+                         {"argument 3, \"\\xff\" is not UTF-8", "rename"});
+}
+
+TEST(Error, IsOneShortLineWhateverItQuotes) {
+  EXPECT_STREQ(Error("a\nb\xff\n").what(), "a\\x0ab\\xff");
+  const std::string said = DataError("x.json: " + std::string(1000000, 'a') + "; rename it").what();
+  EXPECT_LT(said.size(), 1600u);
+  EXPECT_EQ(said.rfind("x.json: a", 0), 0u);
+  EXPECT_NE(said.find("a ... a"), std::string::npos);
+  EXPECT_EQ(said.substr(said.size() - 11), "; rename it");
+  std::string euros;
+  for (int i = 0; i < 1000; ++i) euros += "\xe2\x82\xac";
+  EXPECT_TRUE(IsUtf8(Error(euros).what()));
+  EXPECT_TRUE(IsUtf8(Error("a" + euros).what()));
+}
+
+TEST(SentenceOf, SaysWhatTheSystemMeans) {
+  std::error_code loop = std::make_error_code(std::errc::too_many_symbolic_link_levels);
+  EXPECT_EQ(SentenceOf(std::filesystem::filesystem_error("status", "a/b", loop)),
+            "a/b: " + loop.message());
+  EXPECT_NE(
+      SentenceOf(std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again)))
+          .find("no more threads"),
+      std::string::npos);
+  EXPECT_EQ(SentenceOf(std::runtime_error("a\nframe 1")), "a");
+}
+
+TEST(Wrapped, BreaksLongLinesAtBlanks) {
+  EXPECT_EQ(Wrapped("one two three\nfour\n", 8), "one two\n  three\nfour\n");
+  EXPECT_EQ(Wrapped("abcdefghijkl mn op", 8), "abcdefghijkl\n  mn op");
+}
+
 TEST(Shortened, KeepsMessagesShortAndPlain) {
   EXPECT_EQ(Shortened("a\nb"), "a\\x0ab");
   EXPECT_EQ(Shortened(std::string(200, 'a')), std::string(200, 'a'));
@@ -78,6 +131,10 @@ TEST(RequirePlainName, RefusesWhatATerminalOrATableWouldMisread) {
   ExpectError<DataError>([] { RequirePlainName(std::string(kMostNameBytes + 1, 'a'), "x.json"); },
                          {"x.json", "100 bytes"});
   ExpectError<DataError>([] { RequirePlainName("A\n0 9 9 9", "x.json"); }, {"A\\x0a0 9"});
+  for (const char* name : {"A\xe2\x80\xaegnp", "\xff\xfe"}) EXPECT_FALSE(IsPlainName(name));
+  EXPECT_NO_THROW(RequirePlainText("CL8 -3 <script>", "serial"));
+  ExpectError<DataError>([] { RequirePlainText("\x1b[31m", "serial"); }, {"serial = \"\\x1b[31m"});
+  EXPECT_THROW(RequirePlainText(std::string(201, 'a'), "serial"), DataError);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
@@ -46,6 +47,23 @@ TEST(LoadYaml, LimitsDepthAndSize) {
   ExpectError<YAML::ParserException>([] { LoadYaml("a: &a [*a]"); }, {"64 levels"});
   ExpectError<YAML::ParserException>([] { LoadYaml(std::string(kMaxTextBytes + 1, ' ')); },
                                      {"bytes"});
+}
+
+TEST(LoadYaml, ReadsOneDocumentAndSaysSo) {
+  EXPECT_EQ(LoadYaml("---\na: 1\n...\n")["a"].as<int>(), 1);
+  EXPECT_TRUE(LoadYaml("").IsNull());
+  ExpectError<YAML::ParserException>([] { LoadYaml("a: 1\n---\na: 2\n"); },
+                                     {"line 3", "second document"});
+  EXPECT_EQ(LoadYaml("a: 1\n---\na: 2\n", YamlDocuments::kFirst)["a"].as<int>(), 1);
+}
+
+TEST(YamlProblem, SaysWhatABadConversionIs) {
+  try {
+    LoadYaml("a: [0 500]")["a"].as<std::vector<double>>();
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const YAML::Exception& error) {
+    EXPECT_NE(YamlProblem(error).find("commas between its items"), std::string::npos);
+  }
 }
 
 // A recipe, a rig or options: 10^10 keys of a few hundred bytes.

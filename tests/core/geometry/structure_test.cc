@@ -520,7 +520,13 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("boxes:\n  - {name: a, x: [0, .inf], y: [0, 1], z: [0, 30]}\n", {path_});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10, 20], y: [0, 1], z: [0, 30]}\n",
             {path_ + ":2", "'x'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, ten], y: [0, 1], z: [0, 30]}\n", {path_ + ":2"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, ten], y: [0, 1], z: [0, 30]}\n",
+            {path_ + ":2: 'x' of box 'a' has to be two numbers, [min, max]", "it is [0, ten]"});
+  ExpectBad("boxes:\n  - name: a\n    x: [0, 10]\n    y: [0, 10]\n    z: [0 500]\n",
+            {path_ + ":5: 'z' of box 'a'", "a comma", "it is [0 500]"});
+  ExpectBad("boxes:\n  - {name: [a], x: [0, 1], y: [0, 1], z: [0, 30]}\n", {path_ + ":2: 'name'"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: 20deg}\n",
+            {path_ + ":2: 'yaw_deg' of box 'a'", "it is 20deg"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw: 3}\n",
             {path_ + ":2", "'yaw'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: .nan}\n",
@@ -538,7 +544,8 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 2, side: a/up}\n", {path_ + ":4", "label id 2"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/down}\n", {path_, "'a/down'"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up}\n", {path_, "has no label"});
-  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: one, side: a/up}\n", {path_ + ":4"});
+  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: one, side: a/up}\n",
+            {path_ + ":4: 'id' of a label"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up, colour: 3}\n",
             {path_ + ":4", "colour"});
   std::string many = "boxes:\n";

@@ -24,6 +24,18 @@ TEST(FormatTable, AlignsTextInItsUnits) {
             "c                  10  no\n");
 }
 
+TEST(FormatTable, LeavesOutWhatNoRowHas) {
+  Table table = TwoSensors();
+  for (auto& row : table.rows) row[1] = Table::Cell();
+  EXPECT_EQ(FormatTable(table, TableFormat::kText).rfind("sensor  sides  refined\n", 0), 0u);
+  table.rows[0][0] = "a\n\xff";
+  EXPECT_NE(FormatTable(table, TableFormat::kText).find("a\\x0a\\xff"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(FormatTable(table, TableFormat::kJson))[0].at("sensor"),
+            "a\\x0a\\xff");
+  table.rows.clear();
+  EXPECT_NE(FormatTable(table, TableFormat::kText).find("rms mm"), std::string::npos);
+}
+
 TEST(FormatTable, QuotesCsv) {
   EXPECT_EQ(FormatTable(TwoSensors(), TableFormat::kCsv),
             "sensor,rms_m,sides,refined,reason\r\n"

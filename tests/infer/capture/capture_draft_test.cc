@@ -147,6 +147,17 @@ TEST_F(CaptureDraftTest, RecordingsStateAll) {
   EXPECT_EQ(capture.sensors[1].depth_scale, 0.001);
 }
 
+TEST_F(CaptureDraftTest, NamesThatNoCaptureCanHaveAreSaid) {
+  WriteDepth("-rf_depth.png");
+  EXPECT_EQ(Draft()[0]["name"], "sensor");
+  WriteDepth(
+      "K\xfc"
+      "che_depth.png");
+  ExpectError<DataError>([&] { Draft(); }, {"K\\xfc"
+                                            "che_depth.png",
+                                            "not UTF-8", "rename"});
+}
+
 TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
   ExpectError<IoError>([&] { DraftCapture(folder_ / "none", folder_.path(), {}); }, {"none"});
   ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read"});

@@ -141,11 +141,22 @@ TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
   for (const std::string& name :
        {std::string(), std::string("a/b"), std::string(".."), std::string("overview"),
         std::string("merged"), std::string("A\\u001b[31mRED"), std::string("A\\n0 9 9 9 0 0 0 1"),
-        std::string("A\\u009b"), std::string(101, 'a')}) {
+        std::string("A\\u009b"), std::string("-rf"), std::string("A\\u202egnp"),
+        std::string(101, 'a')}) {
     ExpectBad(Write(R"({"depth_scale": 0.001, "sensors": [{"name": ")" + name +
                     R"(", "depth": "a.pgm", )" + kIntrinsics + "}]}"),
               {"file name"});
   }
+}
+
+TEST_F(CaptureTest, TextsThatAreCarriedOnArePlain) {
+  for (const std::string& key :
+       {std::string("serial"), std::string("renderer"), std::string("sensor")})
+    for (const std::string& text : {std::string("a\\u001b[31m\\n"), std::string(100000, 'a')}) {
+      ExpectBad(Write(R"({"depth_scale": 0.001, "sensors": [{"name": "A", "depth": "a.pgm", ")" +
+                      key + "\": \"" + text + "\", " + kIntrinsics + "}]}"),
+                {key + " = \"a", "plain text"});
+    }
 }
 
 TEST_F(CaptureTest, SaysWhatIsWrongWithTheImages) {

@@ -269,17 +269,33 @@ TEST_F(PosesTest, CwipcsCameraConfig) {
 // A name of several lines would be read as a pose, and one with an escape sequence changes a
 // terminal.
 TEST_F(PosesTest, RefuseNamesThatForge) {
-  for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED"}) {
-    poses_[0].name = name;
-    for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
-      EXPECT_THROW(ReadPoses(Written(format), format, colour_), DataError) << name;
+  const std::string plain = poses_[0].name;
+  for (const auto& [word, format] : kPoseFormatWords) {
+    if (format == PoseFormat::kVolalign) continue;
+    for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED", "\xff\xfe"}) {
+      poses_[0].name = name;
+      ExpectError<DataError>([&, f = format] { WritePoses(Path("forged"), f, poses_); },
+                             {"the name"});
+    }
+    poses_[0].name = poses_[1].name;
+    ExpectError<DataError>([&, f = format] { WritePoses(Path("twice"), f, poses_); },
+                           {"two poses are named"});
+    poses_[0].name = plain;
   }
-  poses_[0].name = "A\x1b[31mRED";
-  for (const PoseFormat format :
-       {PoseFormat::kTum, PoseFormat::kOpen3dLog, PoseFormat::kCsv, PoseFormat::kColmap,
-        PoseFormat::kVolumetricCapture, PoseFormat::kOpencv, PoseFormat::kRos})
-    EXPECT_THROW(ReadPoses(Written(format), format, colour_), DataError)
-        << WordOf(kPoseFormatWords, format);
+  poses_[0].name = "FORGED";
+  const auto expect_refused = [&](PoseFormat format, const std::string& name) {
+    const std::filesystem::path file = Written(format);
+    std::string text = ReadFile(file);
+    for (std::size_t at; (at = text.find("FORGED")) != std::string::npos;)
+      text.replace(at, 6, name);
+    WriteFileAtomically(file, text);
+    EXPECT_THROW(ReadPoses(file, format, colour_), DataError) << WordOf(kPoseFormatWords, format);
+  };
+  for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
+    expect_refused(format, "A\\n0 9 9 9 0 0 0 1\\n#");
+  for (const PoseFormat format : {PoseFormat::kTum, PoseFormat::kOpen3dLog, PoseFormat::kCsv,
+                                  PoseFormat::kOpencv, PoseFormat::kRos})
+    expect_refused(format, "A\x1b[31mRED");
 }
 
 // A spreadsheet shows such a name, and does not calculate with it.

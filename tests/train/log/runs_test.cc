@@ -55,6 +55,17 @@ TEST(Runs, RowsOfOtherValuesNameTheLine) {
   }
 }
 
+TEST(Runs, AFolderThatCannotBeLookedIntoIsSaid) {
+  const TempFolder folder;
+  WriteRun(folder / "a", 1, 0.001, 0.5);
+  std::filesystem::create_directory(folder / "loop");
+  std::filesystem::create_symlink("config.yaml", folder / "loop/config.yaml");  // to itself
+  std::vector<std::string> passed_over;
+  EXPECT_EQ(ReadRuns({folder.path().string()}, &passed_over).size(), 1u);
+  ASSERT_EQ(passed_over.size(), 1u);
+  EXPECT_EQ(passed_over[0].rfind((folder / "loop").string() + ": ", 0), 0u) << passed_over[0];
+}
+
 TEST(Runs, AreListedComparedAndPlotted) {
   const TempFolder folder;
   WriteRun(folder / "a1", 1, 0.001, 0.5);

@@ -1,0 +1,195 @@
+#include "core/geometry/stack_faults.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/base/error.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kShortestBox = 0.1, kLongestBox = 5;  // m, of the longest edge
+constexpr double kWidestSlip = 0.05;                   // m: a wider gap is meant
+constexpr double kUpright = 1 - 1e-6;
+
+/// How far two boxes are apart along a direction; negative where they overlap in it.
+double GapAlong(const Box& a, const Box& b, const Eigen::Vector3d& direction) {
+  const auto reach = [&](const Box& box) {
+    return (box.structure_from_box.linear().transpose() * direction).cwiseAbs().dot(box.size) / 2;
+  };
+  const Eigen::Vector3d between =
+      b.structure_from_box.translation() - a.structure_from_box.translation();
+  return std::abs(between.dot(direction)) - reach(a) - reach(b);
+}
+
+/// Directions of which one separates two boxes that share no space.
+std::vector<Eigen::Vector3d> SeparatingDirections(const Box& a, const Box& b) {
+  const Eigen::Matrix3d ra = a.structure_from_box.linear(), rb = b.structure_from_box.linear();
+  std::vector<Eigen::Vector3d> directions;
+  for (int i = 0; i < 3; ++i) {
+    directions.emplace_back(ra.col(i));
+    directions.emplace_back(rb.col(i));
+    for (int j = 0; j < 3; ++j) {
+      const Eigen::Vector3d across = ra.col(i).cross(rb.col(j));
+      if (across.norm() > 1e-3) directions.push_back(across.normalized());
+    }
+  }
+  return directions;
+}
+
+/// The widest gap along any of them that `of` takes: how far the boxes are apart.
+template <class Of>
+double Gap(const Box& a, const Box& b, const Of& of) {
+  double widest = -1e9;
+  for (const Eigen::Vector3d& direction : SeparatingDirections(a, b))
+    if (of(direction)) widest = std::max(widest, GapAlong(a, b, direction));
+  return widest;
+}
+
+double Gap(const Box& a, const Box& b) {
+  return Gap(a, b, [](const Eigen::Vector3d&) { return true; });
+}
+
+/// As seen from above.
+double LevelGap(const Box& a, const Box& b) {
+  return Gap(a, b, [](const Eigen::Vector3d& d) { return std::abs(d.y()) < 1e-3; });
+}
+
+Eigen::AlignedBox3d Around(const Box& box) {
+  Eigen::AlignedBox3d around;
+  for (const Eigen::Vector3d& corner : box.Corners()) around.extend(corner);
+  return around;
+}
+
+bool IsUpright(const Box& box) {
+  return box.structure_from_box.linear().row(1).cwiseAbs().maxCoeff() > kUpright;
+}
+
+double Millimetres(double metres) { return std::round(1000 * metres); }
+
+class Stack {
+ public:
+  explicit Stack(const Structure& structure)
+      : boxes_(structure.boxes()), floor_(structure.FloorHeight()) {}
+
+  std::vector<StackFault> Faults() {
+    for (const Box& box : boxes_) FindUnits(box);
+    for (std::size_t b = 0; b < boxes_.size(); ++b) {
+      const bool shares = FindShared(b);
+      if (!shares) FindStanding(boxes_[b]);
+      FindGaps(b);
+    }
+    return std::move(faults_);
+  }
+
+ private:
+  void Add(bool impossible, std::string text) { faults_.push_back({impossible, std::move(text)}); }
+
+  void FindUnits(const Box& box) {
+    const double longest = box.size.maxCoeff();
+    if (longest >= kShortestBox && longest <= kLongestBox) return;
+    Add(false,
+        fmt::format("box '{}' is {:g} x {:g} x {:g} mm; a file of boxes is written in millimetres, "
+                    "and Python and C take metres: check the unit",
+                    box.name, Millimetres(box.size.x()), Millimetres(box.size.y()),
+                    Millimetres(box.size.z())));
+  }
+
+  /// With any other box.
+  bool FindShared(std::size_t b) {
+    bool shares = false;
+    for (std::size_t a = 0; a < boxes_.size(); ++a) {
+      const double depth = a == b ? 0 : -Gap(boxes_[a], boxes_[b]);
+      if (depth <= kStackTolerance) continue;
+      shares = true;
+      if (a > b) continue;
+      Add(true,
+          fmt::format("boxes '{}' and '{}' share space, {:g} mm deep: correct the position or "
+                      "the size of one of them",
+                      boxes_[a].name, boxes_[b].name, Millimetres(depth)));
+    }
+    return shares;
+  }
+
+  bool Carries(const Box& below, const Box& box) const {
+    if (&below == &box) return false;
+    if (IsUpright(below) && IsUpright(box)) {
+      return std::abs(Around(below).max().y() - Around(box).min().y()) <= kStackTolerance &&
+             LevelGap(below, box) < -kStackTolerance;
+    }
+    return Gap(below, box) <= kStackTolerance &&
+           below.structure_from_box.translation().y() < box.structure_from_box.translation().y();
+  }
+
+  void FindStanding(const Box& box) {
+    const Eigen::AlignedBox3d around = Around(box);
+    const double bottom = around.min().y();
+    if (bottom - floor_ <= kStackTolerance) return;
+    Eigen::AlignedBox3d support;
+    bool carries = false;
+    for (const Box& other : boxes_) {
+      if (Carries(other, box)) support.extend(Around(other).intersection(around));
+      carries = carries || Carries(box, other);
+    }
+    if (support.isEmpty()) return AddFloating(box, bottom);
+    const Eigen::Vector3d middle = around.center();
+    const Eigen::Vector3d beyond = (support.min() - middle).cwiseMax(middle - support.max());
+    const double out = std::max(beyond.x(), beyond.z());
+    if (carries || out <= kStackTolerance) return;  // what it carries may hold it
+    Add(false, fmt::format("box '{}' would fall: its middle is {:g} mm beyond what it stands on; "
+                           "check its position",
+                           box.name, Millimetres(out)));
+  }
+
+  void AddFloating(const Box& box, double bottom) {
+    const Box* below = nullptr;
+    double top = floor_;
+    for (const Box& other : boxes_) {
+      const double height = Around(other).max().y();
+      if (&other == &box || height > bottom || height < top ||
+          LevelGap(other, box) >= -kStackTolerance)
+        continue;
+      below = &other;
+      top = height;
+    }
+    Add(true, fmt::format("box '{}' stands on nothing: its lower side is {:g} mm above {}; correct "
+                          "its height, or add what it stands on as a box",
+                          box.name, Millimetres(bottom - top),
+                          below ? fmt::format("box '{}'", below->name) : "the floor"));
+  }
+
+  /// Beside earlier boxes.
+  void FindGaps(std::size_t b) {
+    for (std::size_t a = 0; a < b; ++a) {
+      const double gap = LevelGap(boxes_[a], boxes_[b]);
+      if (gap <= kStackTolerance || gap > kWidestSlip ||
+          GapAlong(boxes_[a], boxes_[b], Eigen::Vector3d::UnitY()) > -kStackTolerance)
+        continue;
+      Add(false, fmt::format("there is a gap of {:g} mm between boxes '{}' and '{}': check that it "
+                             "is there",
+                             Millimetres(gap), boxes_[a].name, boxes_[b].name));
+    }
+  }
+
+  const std::vector<Box>& boxes_;
+  double floor_;
+  std::vector<StackFault> faults_;
+};
+
+}  // namespace
+
+std::vector<StackFault> FindStackFaults(const Structure& structure) {
+  return Stack(structure).Faults();
+}
+
+void RequireStack(const Structure& structure) {
+  for (const StackFault& fault : FindStackFaults(structure))
+    if (fault.impossible) throw DataError(fault.text);
+}
+
+}  // namespace volalign
