@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# From a fresh Debian 12 to calibrated sensors: installs packages, builds the program and the Python package, renders an eight-sensor capture with sensor noise
-# in a furnished room, and calibrates it with the shipped checkpoint.
+# From a fresh Debian 12 to calibrated sensors: installs packages, builds what `cmake --install` installs (program, Python package, C and C++ libraries),
+# renders an eight-sensor capture with sensor noise in a furnished room, and calibrates it with the shipped checkpoint.
 set -euo pipefail
 cd "$(dirname "$0")"
 source cmake/packages.sh
 
 out=${1:-out/quickstart}
 install_packages "${VOLALIGN_BUILD_PACKAGES[@]}"
-build_preset release volalign volalign_python
+build_preset release volalign volalign_python volalign_c
 volalign=build/release/cli/volalign
 
 "$volalign" render --rig configs/rig_ring8.yaml -o "$out/capture" --force

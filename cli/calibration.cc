@@ -111,6 +111,26 @@ std::optional<Structure> GivenStructure(const CalibrationRequest& request,
   return structure;
 }
 
+/// For the report, with this run's files; NEW.json stands for a capture that is still to be taken.
+std::vector<std::string> NextCommands(const CalibrationRequest& request) {
+  const auto in_output = [&](const char* name) {
+    return ShellWord((std::filesystem::path(request.output) / name).string());
+  };
+  std::string captures, options;
+  for (const std::string& capture : request.captures) captures += " " + ShellWord(capture);
+  if (!request.structure.empty()) options += " --structure " + ShellWord(request.structure);
+  if (request.model != "shipped") options += " --model " + ShellWord(request.model);
+  const std::string poses = in_output("extrinsics.json");
+  return {fmt::format("# for another program, here Open3D\nvolalign convert {} --to open3d -o {}",
+                      poses, in_output("open3d.json")),
+          fmt::format(
+              "# has a sensor moved since?\nvolalign check --extrinsics {} --capture NEW.json{}",
+              poses, options),
+          fmt::format("# with a second capture, before which only the stack was moved\n"
+                      "volalign calibrate --capture{} NEW.json{} -o {}",
+                      captures, options, in_output("both"))};
+}
+
 }  // namespace
 
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
@@ -146,7 +166,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   request->table.AddOptions(app);
 }
 
-Calibration RunCalibration(const CalibrationRequest& request) {
+Calibration RunCalibration(const CalibrationRequest& request, const CompleteReport& complete) {
   const CalibrateOptions config = Resolve(request);
 
   ProgressLine line;
@@ -184,13 +204,14 @@ Calibration RunCalibration(const CalibrationRequest& request) {
     out.source.model_runtime = segmenter->runtime();
   }
   out.options = WriteConfig(config);
+  ReportRun report{CommandLine(), out.options, NextCommands(request)};
+  if (complete) complete(out, &report);
   if (folder) {
     line.Begin(kWriting, ShareDone(kWriting, segmenter != nullptr));
     WriteFileAtomically(folder->draft() / "options.yaml", out.options);
     SaveCommand(folder->draft());
-    std::optional<ReportRun> report;
-    if (!request.no_report) report = ReportRun{CommandLine(), out.options, PageFile("report.md")};
-    WriteCalibration(*folder, out.result, out.stills, out.structure, out.source, report);
+    WriteCalibration(*folder, out.result, out.stills, out.structure, out.source,
+                     request.no_report ? std::nullopt : std::optional(report));
   }
   line.Stop();
   request.table.Say(labeller.choice);

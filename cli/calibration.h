@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "core/geometry/structure.h"
 #include "infer/calib/result.h"
 #include "infer/report/extrinsics.h"
+#include "infer/report/html_report/payload.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -33,9 +35,13 @@ struct Calibration {
   bool replaced = false;  ///< the folder had a result already
 };
 
+/// What the report says of how it was made, and what else the caller finds in the result.
+using CompleteReport = std::function<void(const Calibration& calibration, ReportRun* report)>;
+
 /// Reads, calibrates, says which model it takes and why, and writes the folder `request.output`
-/// where that is not empty. Throws what these throw.
-Calibration RunCalibration(const CalibrationRequest& request);
+/// where that is not empty. `complete` is called before anything is written, with what the report
+/// will have. Throws what these throw.
+Calibration RunCalibration(const CalibrationRequest& request, const CompleteReport& complete = {});
 
 /// A line on what RunCalibration wrote.
 std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration);

@@ -55,10 +55,16 @@ void AddCheckOptions(CLI::App* app, CheckOptions* options) {
 
 int RunCheck(const CheckOptions& options) {
   const Extrinsics last = ReadExtrinsics(options.last);
-  const Calibration now = RunCalibration(options.request);
-  const Extrinsics now_extrinsics =
-      MakeExtrinsics(now.result, now.stills, now.structure, now.source);
-  const RigCheck check = CheckRig(options.last, last, now_extrinsics, options.movement);
+  Extrinsics now_extrinsics;
+  RigCheck check;
+  const Calibration now =
+      RunCalibration(options.request, [&](const Calibration& calibration, ReportRun* report) {
+        now_extrinsics = MakeExtrinsics(calibration.result, calibration.stills,
+                                        calibration.structure, calibration.source);
+        check = CheckRig(options.last, last, now_extrinsics, options.movement);
+        report->check = RigCheckText(check, "check.json");
+        report->checked = RigCheckSentences(check);
+      });
   const TableOutput& table = options.request.table;
   table.Print(FormatRigCheck(check), MovementTable(check.movements));
   if (!options.request.output.empty()) {

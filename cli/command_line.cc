@@ -26,15 +26,6 @@ Kept& TheKept() {
   return kept;
 }
 
-std::string Quoted(const std::string& argument) {
-  constexpr const char* kPlain =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
-  if (!argument.empty() && argument.find_first_not_of(kPlain) == std::string::npos) return argument;
-  std::string quoted = "'";
-  for (const char c : argument) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-  return quoted + "'";
-}
-
 /// A text in double quotes, as YAML has it.
 std::string Text(const std::string& text) { return nlohmann::json(text).dump(); }
 
@@ -71,9 +62,18 @@ std::string HashLine(const std::filesystem::path& file) {
 
 }  // namespace
 
+std::string ShellWord(const std::string& word) {
+  constexpr const char* kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
+  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+  return quoted + "'";
+}
+
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
   std::string line;
-  for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + Quoted(argv[i]);
+  for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + ShellWord(argv[i]);
   TheKept() = {line, program};
 }
 

@@ -10,6 +10,9 @@
 
 namespace volalign {
 
+/// A word of a command, in quotes where a shell needs them.
+std::string ShellWord(const std::string& word);
+
 /// How the program was called, as a shell reads it.
 std::string CommandLine();
 

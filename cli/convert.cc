@@ -74,7 +74,7 @@ Command AddConvertCommand(CLI::App& program) {
       "convert",
       "Write poses as other programs read them (docs/conversion.md has the conventions of each)");
   app->add_option("input", options->input,
-                  "extrinsics.json of `volalign calibrate`, or what --from names")
+                  "extrinsics.json of `volalign calibrate`, or its folder, or what --from names")
       ->required();
   const std::string words = OtherFormats();
   app->add_option("--to", options->to, "format to write: " + words)->required();

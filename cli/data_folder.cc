@@ -63,12 +63,6 @@ std::string WithPages(const std::string& message) {
   return text + message.substr(rest);
 }
 
-std::string PageFile(const std::string& name) {
-  const fs::path page = fs::path("docs") / name;
-  const std::optional<fs::path> folder = FolderOf(page);
-  return folder ? fs::absolute(*folder / page).lexically_normal().string() : "";
-}
-
 std::string DataFolderHint(const std::string& message) {
   const bool of_data =
       message.find("configs/") != std::string::npos || message.find("models/") != std::string::npos;

@@ -13,9 +13,6 @@ std::string FindDataFolder(const std::string& given);
 /// beside the data folder's configs, or in share/doc/volalign of an installed program.
 std::string WithPages(const std::string& message);
 
-/// The absolute path of a page of docs, as "report.md"; "" where it is not found.
-std::string PageFile(const std::string& name);
-
 /// What to add to a message about a file that is not there: how to name the data folder, where none
 /// was found and the message is about something in it; else "".
 std::string DataFolderHint(const std::string& message);

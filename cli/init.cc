@@ -9,7 +9,9 @@
 #include "cli/data_folder.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
+#include "core/formats/structure_gltf.h"
 #include "infer/capture/capture_draft.h"
 
 namespace volalign {
@@ -17,7 +19,7 @@ namespace volalign {
 namespace {
 
 struct InitOptions {
-  std::string folder, output, intrinsics, sensor;
+  std::string folder, output, intrinsics, sensor, structure;
   double depth_scale = 0;
   bool force = false;
 };
@@ -34,6 +36,10 @@ int RunInit(const InitOptions& options) {
   CaptureDraftOptions draft_options;
   if (options.depth_scale > 0) draft_options.depth_scale = options.depth_scale;
   if (!options.intrinsics.empty()) draft_options.intrinsics = options.intrinsics;
+  if (!options.structure.empty()) {
+    ReadStructure(options.structure);
+    draft_options.structure = FindInputFile(options.structure);
+  }
   draft_options.sensor = options.sensor;
   const fs::path parent = output.has_parent_path() ? output.parent_path() : fs::path(".");
   ProgressLine line;
@@ -68,6 +74,8 @@ Command AddInitCommand(CLI::App& program) {
       ->check(CLI::PositiveNumber);
   app->add_option("--intrinsics", options->intrinsics,
                   "file of intrinsics for the sensors that have none of their own");
+  app->add_option("--structure", options->structure,
+                  "the structure that the sensors see (.glb or .yaml), for `calibrate`");
   app->add_option("--sensor", options->sensor,
                   "kind of the devices, a name of configs/intrinsics.yaml, e.g. "
                   "azure_kinect_nfov_binned: what lens their frames have");

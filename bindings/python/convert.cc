@@ -39,7 +39,13 @@ std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
   std::vector<SensorPose> list;
   for (const FrameResult& sensor : calibrated.result.sensors) {
     if (sensor.structure_from_sensor)
-      list.push_back({sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, {}});
+      list.push_back({sensor.name,
+                      *sensor.structure_from_sensor,
+                      sensor.intrinsics,
+                      {},
+                      {},
+                      sensor.depth_gain,
+                      sensor.depth_offset_m});
   }
   for (const Still& still : calibrated.stills) {
     for (const SensorFrame& frame : still.frames) {
@@ -132,7 +138,10 @@ void AddConvert(py::module_& module) {
           "structure_from_sensor",
           [](const SensorPose& pose) { return ArrayOf(pose.structure_from_sensor); },
           "(4, 4) float64, m; sensor x right, y down, z forward.")
-      .def_readonly("intrinsics", &SensorPose::intrinsics);
+      .def_readonly("intrinsics", &SensorPose::intrinsics)
+      .def_readonly("depth_gain", &SensorPose::depth_gain,
+                    "True depth = depth_gain * measured depth + depth_offset_m.")
+      .def_readonly("depth_offset_m", &SensorPose::depth_offset_m, "m; see depth_gain.");
 
   py::list formats;
   for (const auto& [word, format] : kPoseFormatWords) formats.append(word);

@@ -14,7 +14,7 @@ namespace volalign {
 namespace {
 
 constexpr double kPixelsAMetre = 120;
-constexpr double kMargin = 1.3;        // m around all ellipses: room for their names
+constexpr double kBeside = 1.3, kAbove = 0.6;  // m around all ellipses: room for their names
 constexpr double kMagnification = 20;  // of the errors' ellipses
 constexpr double kSigmas = 2;          // their half axes
 constexpr double kBeyondStack = 0.5;   // m
@@ -26,14 +26,16 @@ class Paper {
   explicit Paper(const std::vector<SensorFromAbove>& sensors) {
     for (const SensorFromAbove& sensor : sensors) {
       const Eigen::Vector3d& at = sensor.structure_from_sensor.translation();
-      const double margin =
-          kMargin + kSigmas * kMagnification * std::sqrt(sensor.covariance.trace());
-      reach_ = std::max({reach_, std::abs(at.x()) + margin, std::abs(at.z()) + margin});
+      const double error = kSigmas * kMagnification * std::sqrt(sensor.covariance.trace());
+      const Eigen::Vector2d place(at.x(), at.z()), margin(kBeside + error, kAbove + error);
+      low_ = low_.cwiseMin(place - margin);
+      high_ = high_.cwiseMax(place + margin);
     }
   }
-  double size() const { return 2 * reach_ * kPixelsAMetre; }
+  double width() const { return (high_ - low_).x() * kPixelsAMetre; }
+  double height() const { return (high_ - low_).y() * kPixelsAMetre; }
   Svg::Point At(const Eigen::Vector3d& p) const {
-    return {(p.x() + reach_) * kPixelsAMetre, (p.z() + reach_) * kPixelsAMetre};
+    return {(p.x() - low_.x()) * kPixelsAMetre, (p.z() - low_.y()) * kPixelsAMetre};
   }
   std::vector<Svg::Point> At(const std::vector<Eigen::Vector3d>& points) const {
     std::vector<Svg::Point> all;
@@ -42,7 +44,7 @@ class Paper {
   }
 
  private:
-  double reach_ = 1;
+  Eigen::Vector2d low_{-1, -1}, high_{1, 1};  // m, x and z of the corners
 };
 
 /// What the sensor sees on the horizontal plane through itself, up to behind the stack.
@@ -120,7 +122,7 @@ void DrawSensor(const SensorFromAbove& sensor, const Paper& paper, Svg* svg) {
 }
 
 void DrawLegend(const Paper& paper, const LegendFromAbove& legend, bool has_ellipses, Svg* svg) {
-  const double top = paper.size() + 24;
+  const double top = paper.height() + 24;
   svg->Polyline(
       {{20, top}, {20, top - 6}, {20 + kPixelsAMetre, top - 6}, {20 + kPixelsAMetre, top}},
       "class=\"rig-axis\"");
@@ -152,19 +154,19 @@ std::vector<Eigen::Vector3d> TopOf(const Box& box) {
 void DrawAxes(const Svg::Point& origin, double length, Svg* svg) {
   const auto [x, y] = origin;
   svg->Polyline({{x + length, y}, {x, y}, {x, y + length}}, "class=\"rig-axis\"");
-  svg->Text({x + length + 4, y + 4}, "x");
-  svg->Text({x - 4, y + length + 16}, "z");
+  svg->Text({x + length + 4, y + 4}, "x, front");
+  svg->Text({x - 4, y + length + 16}, "z, right");
 }
 
 std::string RigFromAbove(const Structure& structure, const std::vector<SensorFromAbove>& sensors,
                          const LegendFromAbove& legend) {
   const Paper paper(sensors);
-  const double width = std::max(paper.size(), 640.0);
-  Svg svg(width, paper.size() + kLegendHeight,
+  const double width = std::max(paper.width(), 640.0);
+  Svg svg(width, paper.height() + kLegendHeight,
           ".rig-view{fill-opacity:.08}.rig-box{fill:#999;fill-opacity:.35;stroke:#444}"
           ".rig-error{fill:none;stroke:#222;stroke-dasharray:3 2}"
           ".rig-axis{fill:none;stroke:#222;stroke-width:1.5}",
-          (paper.size() - width) / 2);
+          (paper.width() - width) / 2);
   for (const SensorFromAbove& sensor : sensors) DrawView(sensor, paper, &svg);
   for (const Box& box : structure.boxes())
     svg.Polygon(paper.At(TopOf(box)), "class=\"rig-box\"", box.name);

@@ -160,6 +160,7 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   sensor.quarter_turns = labelled.quarter_turns;
   if (const auto* failure = std::get_if<Finding>(&joint->located[id])) {
     SetFinding(SensorStatus::kFailed, *failure, &sensor);
+    if (labelled.initial.found) sensor.best_guess = labelled.initial.structure_from_sensor;
     return sensor;
   }
   const auto& located = std::get<LocatedFrame>(joint->located[id]);

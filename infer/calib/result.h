@@ -75,6 +75,7 @@ struct SensorOutcome : Finding, PoseQuality {
 struct FrameResult : SensorOutcome {
   SegmentationResult segmentation;  ///< full size
   SensorView view;                  ///< the frame as it was used: depths as measured, and rays
+  std::optional<Pose> best_guess;   ///< of a failed sensor, the pose that was tried and rejected
 };
 
 /// For a sensor with numbers that are not finite, which no solver should leave: failed, without a

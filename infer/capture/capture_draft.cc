@@ -297,6 +297,8 @@ class Drafter {
   std::string Write(const fs::path& output_folder) {
     nlohmann::ordered_json json;
     json["format"] = kCaptureFormat;
+    if (options_.structure)
+      json["structure"] = fs::relative(*options_.structure, output_folder).generic_string();
     json["sensors"] = nlohmann::ordered_json::array();
     for (const DraftSensor& sensor : sensors_)
       json["sensors"].push_back(SensorJson(sensor, output_folder));

@@ -8,6 +8,7 @@
 namespace volalign {
 
 struct CaptureDraftOptions {
+  std::optional<std::filesystem::path> structure;  ///< what the sensors see
   std::optional<double> depth_scale;  ///< of all sensors whose recording states none
   std::optional<std::filesystem::path>
       intrinsics;      ///< of all sensors that have no file of their own

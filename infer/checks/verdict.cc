@@ -103,7 +103,8 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
         SensorCode::kDisagrees,
         fmt::format(
             "what it saw contradicts the other sensors, as its pairs with {} show: they would move "
-            "it by {:.1f} mm and {:.2f} deg; its own pose stands, and theirs rest on them alone",
+            "it by {:.1f} mm and {:.2f} deg; the pose given is from its own picture, and the other "
+            "sensors' poses do not use it",
             fmt::join(facts.contradiction->names, ", "),
             1000 * facts.contradiction->apart.translation_m,
             facts.contradiction->apart.rotation_deg),

@@ -36,10 +36,9 @@ std::string AdviseSecondStill(const CalibrationResult& result) {
   std::stable_sort(known.begin(), known.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
   return fmt::format(
-      "{} and {} are known least ({:.1f} and {:.1f} mm): a second capture, with the stack moved "
-      "and "
-      "nothing else, would leave at best {:.1f} mm",
-      known[0].second->name, known[1].second->name, 1000 * known[0].first, 1000 * known[1].first,
+      "least certain: {} ({:.1f} mm) and {} ({:.1f} mm). To improve: move only the stack, capture "
+      "again, and calibrate with both captures ({:.1f} mm at best)",
+      known[0].second->name, 1000 * known[0].first, known[1].second->name, 1000 * known[1].first,
       1000 * worst);
 }
 
@@ -58,12 +57,12 @@ std::vector<std::string> Advise(const CalibrationResult& result) {
   std::vector<std::string> advice;
   if (result.verdict() == SensorStatus::kOk) {
     advice.emplace_back(
-        "the poses can be used: volalign convert writes them for other programs, and volalign "
-        "check finds sensors that have moved since, from a later capture and this folder");
+        "the poses can be used: volalign convert writes them for other programs. To see later "
+        "whether a sensor moved, take a new capture and run volalign check");
   } else if (result.placed() > 0) {
     advice.emplace_back(
-        "poses of sensors that are ok can be used as they are; for the others, do what is said "
-        "above and calibrate again");
+        "use the poses of sensors that are ok; for the others, do what is said above and calibrate "
+        "again");
   } else {
     advice.emplace_back("no pose can be used; do what is said above and calibrate again");
   }

@@ -49,7 +49,6 @@ constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "p
 constexpr const char* kCloudFolder = "clouds";
 constexpr const char* kReportFile = "report.html";
 constexpr const char* kRigFile = "rig.glb";
-constexpr const char* kExtrinsicsFile = "extrinsics.json";
 
 /// The sensors of one still, what they are seen against, and where their files go.
 struct StillFiles {

@@ -244,7 +244,11 @@ void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrin
   WriteFileAtomically(path, WriteDescribed(extrinsics, path.string(), 2));
 }
 
-Extrinsics ReadExtrinsics(const std::filesystem::path& path) {
+Extrinsics ReadExtrinsics(const std::filesystem::path& file_or_folder) {
+  std::error_code error;
+  const std::filesystem::path path = std::filesystem::is_directory(file_or_folder, error)
+                                         ? file_or_folder / kExtrinsicsFile
+                                         : file_or_folder;
   auto extrinsics = ReadDescribed<Extrinsics>(ReadFile(path, kMaxResultBytes), path.string());
   RequirePlainNames(extrinsics, path);
   return extrinsics;

@@ -19,6 +19,7 @@
 namespace volalign {
 
 inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
+inline constexpr char kExtrinsicsFile[] = "extrinsics.json";  ///< in a calibration's folder
 
 /// Where a calibration's input came from.
 struct ExtrinsicsSource {
@@ -113,8 +114,8 @@ nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::s
 /// finite.
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics);
 
-/// Reads what WriteExtrinsics wrote, strictly. Sensors and timings come in alphabetical order.
-/// Throws IoError or DataError.
-Extrinsics ReadExtrinsics(const std::filesystem::path& path);
+/// Reads what WriteExtrinsics wrote, strictly; of a folder, its extrinsics.json. Sensors and
+/// timings come in alphabetical order. Throws IoError or DataError.
+Extrinsics ReadExtrinsics(const std::filesystem::path& file_or_folder);
 
 }  // namespace volalign

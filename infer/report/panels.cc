@@ -5,6 +5,7 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -136,8 +137,10 @@ FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, in
   panels.labels = Turn(OverlayLabels(depth, labels), turns);
   std::set<int> shown;
   AddLabels(labels, &shown);
+  if (const std::optional<Pose>& pose =
+          sensor.structure_from_sensor ? sensor.structure_from_sensor : sensor.best_guess)
+    panels.edges = EdgesPanel(sensor, structure, *pose, turns);
   if (sensor.structure_from_sensor) {
-    panels.edges = EdgesPanel(sensor, structure, *sensor.structure_from_sensor, turns);
     const Image<float> residuals = SideResiduals(sensor, structure);
     panels.residual = Turn(ColourResiduals(depth, Thinned(residuals, stride)), turns);
     panels.sides = SideFits(sensor.segmentation.labels, residuals);

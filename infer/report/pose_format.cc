@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "core/base/error.h"
@@ -68,6 +69,10 @@ std::vector<SensorPose> ReadPosesOfExtrinsics(const std::filesystem::path& path)
     if (!sensor.structure_from_sensor) continue;
     poses.push_back(
         {sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, sensor.serial});
+    if (std::isfinite(sensor.depth_gain) && std::isfinite(sensor.depth_offset_m)) {
+      poses.back().depth_gain = sensor.depth_gain;
+      poses.back().depth_offset_m = sensor.depth_offset_m;
+    }
     if (sensor.colour) poses.back().colour = static_cast<const ColourCamera&>(*sensor.colour);
   }
   return poses;
@@ -201,6 +206,29 @@ bool HoldsIntrinsics(PoseFormat format) {
          format != PoseFormat::kCwipc && !IsLivescan(format);
 }
 
+/// What becomes of the depth corrections, each with its size at the structure's distance; "" where
+/// there are none.
+std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, bool colour) {
+  std::vector<std::string> sensors;
+  for (const SensorPose& pose : poses) {
+    const double distance = pose.structure_from_sensor.translation().norm();
+    if (pose.corrects_depth()) {
+      sensors.push_back(
+          fmt::format("{} {:+.1f}", pose.name,
+                      1000 * ((pose.depth_gain - 1) * distance + pose.depth_offset_m)));
+    }
+  }
+  if (sensors.empty()) return "";
+  const bool held = format != PoseFormat::kVolumetricCapture && !IsLivescan(format) && !colour;
+  return fmt::format(
+      "the poses belong to corrected depths, {}; without the correction, points at the structure "
+      "are off by so many mm: {}",
+      held     ? "by each sensor's depth_gain and depth_offset_m in the file"
+      : colour ? "and these corrections of the depth cameras are not in the file"
+               : "and these corrections have no place in it",
+      fmt::join(sensors, ", "));
+}
+
 /// Throws where the format cannot be written; what it leaves out.
 std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorPose>& poses) {
   const bool needs = format == PoseFormat::kOpen3d || format == PoseFormat::kColmap;
@@ -285,10 +313,12 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
   const auto [world_from_structure, frame] = WorldOf(format, cameras, choice);
   for (SensorPose& camera : cameras)
     camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
-  std::vector<std::string> lost = CheckPlace(format, cameras);
+  std::vector<std::string> notes = CheckPlace(format, cameras);
+  if (const std::string note = DepthNote(format, poses, choice.colour); !note.empty())
+    notes.push_back(note);
   if (!IsFolder(format)) {
     WriteFileAtomically(path, CodecOf(format).write(cameras, frame));
-    return lost;
+    return notes;
   }
   const auto camera_of = [&](const std::string& name) {
     return LivescanCamera(format, name, SensorNamed(cameras, name).colour);
@@ -297,7 +327,7 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
                       : format == PoseFormat::kColmap ? WriteColmap(cameras, frame)
                                                       : WriteVolumetricCapture(cameras);
   for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
-  return lost;
+  return notes;
 }
 
 }  // namespace volalign

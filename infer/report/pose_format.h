@@ -70,7 +70,8 @@ PoseFormat ParsePoseFormat(const std::string& word);
 /// Whether poses in that format are a folder of files.
 bool IsFolder(PoseFormat format);
 
-/// Reads a file, or a folder where the format is one. Formats without names name the sensors by
+/// Reads a file, or a folder where the format is one; of `volalign`, also the folder of a
+/// calibration. Formats without names name the sensors by
 /// their number. Poses are as the file has them, y up. Sensors get the colour cameras given for
 /// them, which go before those of the file. Throws IoError, DataError, or ConfigError where a
 /// colour camera is needed and not known.
@@ -81,9 +82,10 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
 /// ReadPoses.
 std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format);
 
-/// Writes atomically, over what is there. Returns what the format has no place for, a sentence
-/// each. Throws IoError, or ConfigError for `volalign`, which only `volalign calibrate` writes, and
-/// where something is not known that the format or the choice needs.
+/// Writes atomically, over what is there. Returns what the format has no place for and what
+/// becomes of the depth corrections, a sentence each. Throws IoError, or ConfigError for
+/// `volalign`, which only `volalign calibrate` writes, and where something is not known that the
+/// format or the choice needs.
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
                                     const std::vector<SensorPose>& poses,
                                     const WorldChoice& choice = {});

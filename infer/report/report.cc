@@ -1,9 +1,11 @@
 #include "infer/report/report.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -80,9 +82,10 @@ std::string SensorTable(const std::vector<FrameResult>& sensors) {
   std::string text = FormatTable(SensorsTable(sensors), TableFormat::kText);
   text +=
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
-      "structure, of those within 10 cm;\nsigma: the largest standard deviation of the sensor's "
-      "position along an axis, and of its rotation about one;\ninliers: labelled points "
-      "on the structure; refined: no where the initial pose was kept";
+      "structure, of those within 10 cm;\nsigma: one standard deviation of the sensor's position "
+      "in the direction in which it is known least, and of its rotation about the axis about which "
+      "it is known least;\ninliers: labelled points on the structure; refined: no where the "
+      "initial pose was kept";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
 }
@@ -207,32 +210,52 @@ std::string Placements(const CalibrationResult& result) {
   return text;
 }
 
-const char* Words(LensSource source) {
+/// What was taken for the lens, and whether the capture gives one.
+std::string Words(LensSource source, bool distortion_given) {
+  const std::string why = distortion_given ? "the lens differs from the one given: it"
+                                           : "no lens distortion is given: it";
   switch (source) {
     case LensSource::kGiven:
-      return "the given lens";
+      return "the lens is the one given";
     case LensSource::kKind:
-      return "the typical lens of its kind";
+      return why + " was taken as typical of the kind of sensor";
     case LensSource::kRecognised:
-      return "the typical lens of a known kind, which floor and walls show";
+      return why + " was recognised by floor and walls as that of a known kind";
     case LensSource::kEstimated:
-      return "a lens estimated from this capture";
+      return why + " was estimated from this capture";
   }
   return "";
 }
 
-/// Of the sensors whose intrinsics are not those given.
+/// Of the sensors whose intrinsics are not those given; those whose lens comes from the same source
+/// in one line.
 std::string Lenses(const std::vector<FrameResult>& sensors) {
-  std::string text;
+  struct Group {
+    std::vector<std::string> names;
+    double moved_px = 0, least_focal = 1, largest_focal = 1;
+  };
+  std::map<std::string, Group> groups;
   for (const FrameResult& sensor : sensors) {
     if (!sensor.structure_from_sensor || sensor.lens.source == LensSource::kGiven) continue;
     const double moved = LargestShift(sensor.intrinsics_given, sensor.intrinsics);
     if (!(moved > 0)) continue;
+    const double focal = sensor.intrinsics.fx / sensor.intrinsics_given.fx;
+    Group& group = groups[Words(sensor.lens.source, !sensor.intrinsics_given.distortion.empty())];
+    const bool first = group.names.empty();
+    group.names.push_back(sensor.name);
+    group.moved_px = std::max(group.moved_px, moved);
+    group.least_focal = first ? focal : std::min(group.least_focal, focal);
+    group.largest_focal = first ? focal : std::max(group.largest_focal, focal);
+  }
+  std::string text;
+  for (const auto& [words, group] : groups) {
+    std::string focal = fmt::format("{:.4f}", group.least_focal);
+    const std::string largest = fmt::format("{:.4f}", group.largest_focal);
+    if (largest != focal) focal += " to " + largest;
     text += fmt::format(
-        "{}: through {}, focal length x {:.4f}; pixels lie up to {:.1f} px from where the given "
-        "intrinsics have them\n",
-        sensor.name, Words(sensor.lens.source), sensor.intrinsics.fx / sensor.intrinsics_given.fx,
-        moved);
+        "{}: {}, with a focal length of {} times the given one; pixels lie up to {:.1f} px from "
+        "where the given intrinsics have them, most at the image's edge\n",
+        fmt::join(group.names, ", "), words, focal, group.moved_px);
   }
   return text;
 }
@@ -240,10 +263,10 @@ std::string Lenses(const std::vector<FrameResult>& sensors) {
 std::string Solution(const SolveReport& solve) {
   if (solve.rounds == 0) return "";
   return fmt::format(
-      "the joint solution has {}settled after {} rounds: the last one moved sensors by up to "
+      "the joint solution has {}settled after {} round{}: the last one moved sensors by up to "
       "{:.1f} "
       "mm{}, the last change of a lens pictures by up to {:.1f} px\n",
-      solve.settled ? "" : "not ", solve.rounds, 1000 * solve.moved_m,
+      solve.settled ? "" : "not ", solve.rounds, solve.rounds == 1 ? "" : "s", 1000 * solve.moved_m,
       solve.converged ? "" : " and did not converge", solve.moved_px);
 }
 
@@ -285,8 +308,8 @@ Table SensorsTable(const std::vector<FrameResult>& sensors) {
       row[5] = ToString(sensor.initial_source);
       row[6] = CellOf(sensor.sides.size());
       row[7] = sensor.rms_to_structure_m;
-      row[8] = sensor.sigma_position_m().maxCoeff();
-      row[9] = sensor.sigma_rotation_deg().maxCoeff();
+      row[8] = LargestSigmaPosition(*sensor.structure_from_sensor, sensor.covariance);
+      row[9] = LargestSigmaRotationDeg(sensor.covariance);
       row[10] = sensor.inlier_share;
       row[11] = sensor.refinement_accepted;
     }
@@ -315,7 +338,8 @@ std::string FormatReport(const CalibrationResult& result) {
         "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
         1000 * result.metrics->d1, 1000 * result.metrics->d2);
   }
-  return text + Solution(result.solve) + Seconds(result.timings_s);
+  if (result.placed() > 0) text += Solution(result.solve);
+  return text + Seconds(result.timings_s);
 }
 
 }  // namespace volalign

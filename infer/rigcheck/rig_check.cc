@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/json/json_archive.h"
 #include "infer/rigcheck/movement_table.h"
 
@@ -72,9 +73,9 @@ bool Contains(const std::vector<std::string>& names, const std::string& name) {
 
 std::string MovementText(const Movements& movements) {
   return FormatTable(MovementTable(movements), TableFormat::kText) +
-         "apart: between its two poses; probability: of so much or more by the errors of both "
-         "calibrations; found: a movement or a turn of it in any direction is found with 95 % "
-         "probability from here on\n";
+         "apart: how far it moved; probability: the chance of this without any movement; found: "
+         "the "
+         "smallest movement or turn that is noticed with 95 % probability\n";
 }
 
 /// "KA04 moved 12.1 mm, 0.62 deg"
@@ -84,6 +85,7 @@ std::string Moved(const SensorMovement& sensor) {
 }
 
 std::string Sentence(const Movements& movements) {
+  if (movements.sensors.empty()) return "nothing can be compared\n";
   if (!movements.last_from_now) {
     return movements.sensors.size() == 1
                ? "whether the one sensor moved or the stack cannot be told; it takes two sensors\n"
@@ -118,6 +120,24 @@ std::string Sentence(const Movements& movements) {
                     "a movement of {:.0f} mm or {:.2f} deg of any of these would have been "
                     "found (95 %)\n",
                     1000 * found_m, found_deg);
+}
+
+/// What to know of the comparison.
+std::string Circumstances(const RigCheck& check) {
+  std::string text;
+  for (const RigCheck::NotCompared& sensor : check.not_compared)
+    text += fmt::format("{} is not compared: {}\n", sensor.name, sensor.reason);
+  if (!check.same_structure) {
+    text +=
+        "the structure is described otherwise than last time; only the sensors are compared, "
+        "with each other\n";
+  }
+  if (const std::optional<Pose>& moved = check.movements.last_from_now) {
+    text += fmt::format("the stack stands {:.0f} mm and {:.1f} deg from where it stood\n",
+                        1000 * moved->translation().norm(),
+                        ComparePoses(Pose::Identity(), *moved).rotation_deg);
+  }
+  return text;
 }
 
 }  // namespace
@@ -221,22 +241,15 @@ Table MovementTable(const Movements& movements) {
   return table;
 }
 
+std::vector<std::string> RigCheckSentences(const RigCheck& check) {
+  std::vector<std::string> sentences =
+      Split(Sentence(check.movements) + Circumstances(check), '\n');
+  sentences.erase(std::remove(sentences.begin(), sentences.end(), ""), sentences.end());
+  return sentences;
+}
+
 std::string FormatRigCheck(const RigCheck& check) {
-  std::string text = MovementText(check.movements);
-  for (const RigCheck::NotCompared& sensor : check.not_compared)
-    text += fmt::format("{} is not compared: {}\n", sensor.name, sensor.reason);
-  if (!check.same_structure) {
-    text +=
-        "the structure is described otherwise than last time; only the sensors are compared, "
-        "with each other\n";
-  }
-  if (check.movements.sensors.empty()) return text + "nothing can be compared\n";
-  if (const std::optional<Pose>& moved = check.movements.last_from_now) {
-    text += fmt::format("the stack stands {:.0f} mm and {:.1f} deg from where it stood\n",
-                        1000 * moved->translation().norm(),
-                        ComparePoses(Pose::Identity(), *moved).rotation_deg);
-  }
-  return text + Sentence(check.movements);
+  return MovementText(check.movements) + Circumstances(check) + Sentence(check.movements);
 }
 
 Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const RigCheck& check) {

@@ -40,6 +40,9 @@ std::string RigCheckText(const RigCheck& check, const std::string& where);
 /// Writes atomically. Throws IoError.
 void WriteRigCheck(const std::filesystem::path& path, const RigCheck& check);
 
+/// What was found, in sentences; the first is the headline.
+std::vector<std::string> RigCheckSentences(const RigCheck& check);
+
 /// A table of the sensors, and sentences on what moved; for a terminal.
 std::string FormatRigCheck(const RigCheck& check);
 

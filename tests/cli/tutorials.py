@@ -3,9 +3,10 @@
 
     tests/cli/tutorials.py VOLALIGN [TEST]     (VOLALIGN: the program)
 
-A page's commands are its indented lines that begin with `volalign` or `sed`; a paragraph "`NAME.yaml`:" names the block that
-follows it. They run in a folder that has the repository's configs and models. CUT is added to runs of training that would take
-hours; nothing else is changed. FAILS names the commands that do not end with status 0 here.
+A page's commands are its indented lines that begin with the name of a program; a paragraph "`NAME.yaml`:" names the block that
+follows it. They run in an empty folder, from the state in which the page has its reader. CUT is added to runs of training that would
+take hours; nothing else is changed. FAILS names the commands that do not end with status 0 here, NOT_RUN those that no test runs, and
+why: a command of any page that is neither run nor named there is an error.
 """
 
 import json
@@ -36,22 +37,52 @@ FAILS = {
 }
 
 
+# Of pages, commands, and why they are not run here. The first that fits counts.
+NOT_RUN = [
+    (r"", r"^alias volalign=", "run_command does the same"),
+    (r"conversion", r"FORMAT|FILE", "has places to fill in: test_own_rig writes every format"),
+    (r"install", r"^(\./quickstart\.sh|cmake --install|~/volalign/bin/volalign)", "cli/install installs what quickstart.sh builds, and runs it"),
+    (r"python", r"", "bindings/python runs the package; a build by pip takes as long as the quick start"),
+    (r"", r"^(\./|tests/|packaging/|\.ci/|cmake |ninja |git |/usr/bin/python3 |python3 |apt|build/(?!release/cli)|taskset |venv/)",
+     "builds, tests, measures or installs packages, for hours or as root"),
+    (r"benchmarks|results|paper|evaluation", r"", "hours; evaluate, suite and sweeps are tested at toy size by infer/evaluate, train and cli"),
+    (r"install", r"build/cuda", "needs a GPU"),
+    (r"training", r"", "the tests of train and cli/command_line run the same options at toy size"),
+    (r"models/", r"", "how the shipped weights were trained, in days"),
+    (r"deployment", r"", "cli/deployment exports to every format"),
+    (r"sensor-models", r"", "needs frames of one's own, or minutes; cli/command_line renders a preview"),
+]
+PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
+# That a test below runs.
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "orbbec", "own-boxes", "own-rig", "placements", "planning", "retrain")]
+
+
+def all_pages():
+    """Names of the pages, which page() reads."""
+    docs = sorted(name for name in os.listdir(os.path.join(ROOT, "docs")) if name.endswith(".md") and name not in ("cli.md", "config.md"))
+    return [os.path.join("docs", name) for name in docs] + ["README.md", "models/README.md", "CONTRIBUTING.md"]
+
+
 def page(name):
-    with open(os.path.join(ROOT, "docs", name), encoding="utf-8") as file:
+    with open(os.path.join(ROOT, name), encoding="utf-8") as file:
         return file.read()
+
+
+def why_not_run(name, command):
+    return next((why for where, what, why in NOT_RUN if re.search(where, name) and re.search(what, command)), None)
 
 
 def steps_of(text):
     """What a page has one do: ("write", file, content) and ("run", command), in its order."""
     steps, name = [], None
     for block in re.split(r"\n\s*\n", text):
-        lines = block.strip("\n").split("\n")
+        lines = block.strip("\n").replace("\\\n", " ").split("\n")
         if all(line.startswith("    ") for line in lines):
-            content = [line[4:] for line in lines]
+            content = [re.sub(r"^   (?=\S)", "", line[4:]) for line in lines]
             if name:
                 steps.append(("write", name, "\n".join(content) + "\n"))
             else:
-                steps += [("run", line) for line in content if re.match(r"volalign |sed ", line)]
+                steps += [("run", re.sub(r"\s+", " ", re.sub(r"\s# .*", "", line)).strip()) for line in content if PROGRAMS.match(line)]
             name = None
         else:
             named = re.fullmatch(r"`([\w.-]+\.yaml)`:", block.strip())
@@ -95,8 +126,6 @@ class Tutorials(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="volalign_tutorial_")
         self.addCleanup(shutil.rmtree, self.folder)
-        for name in ("configs", "models"):
-            os.symlink(os.path.join(ROOT, name), os.path.join(self.folder, name))
 
     def run_command(self, command):
         cut = CUT if command.startswith("volalign train ") and "run.samples=320" not in command else ""
@@ -128,7 +157,9 @@ class Tutorials(unittest.TestCase):
         for step in steps_of(page(name)):
             if step[0] == "write":
                 self.write(*step[1:])
-            else:
+            elif step[1].startswith("build/release/cli/volalign "):
+                printed[step[1]] = self.run_command(step[1].replace("build/release/cli/", "", 1))
+            elif not why_not_run(name, step[1]):
                 printed[step[1]] = self.run_command(step[1])
         self.assertTrue(printed)
         return printed
@@ -151,8 +182,28 @@ class Tutorials(unittest.TestCase):
         for name in names:
             self.assertTrue(os.path.exists(os.path.join(self.folder, name)), name)
 
+    def test_every_command_is_run_or_is_named(self):
+        for name in all_pages():
+            for kind, *command in steps_of(page(name)):
+                if kind == "run" and name not in TESTED:
+                    self.assertTrue(why_not_run(name, command[0]), f"{name}: {command[0]}")
+        for name in TESTED:
+            self.assertTrue(any(kind == "run" for kind, *_ in steps_of(page(name))), name)
+
+    def test_readme(self):
+        """With the boxes that its first step suggests, seen by rendered sensors."""
+        inline = [re.sub(r"\s+", " ", command) for command in re.findall(r"`(?:build/release/cli/)?(volalign [^`]*|build/release/cli/volalign [^`]*)`", page("README.md"))]
+        suggest, init = (next(command for command in inline if command.startswith(f"volalign {word} ")) for word in ("structure suggest", "init"))
+        self.run_command(suggest)
+        self.write("rig.yaml", self.files_of("docs/own-boxes.md")["my_rig.yaml"])
+        self.run_command("volalign render --rig rig.yaml -o frames")
+        self.run_command(init.replace("FOLDER", "frames") + " --sensor azure_kinect_nfov_binned")
+        self.run_page("README.md")
+        self.expect_ok("out", 3)
+        self.expect_files("out/report.html", "my_boxes.svg")
+
     def test_own_boxes(self):
-        self.run_page("own-boxes.md")
+        self.run_page("docs/own-boxes.md")
         for sensor in self.expect_ok("rendered_out", 3).values():
             self.assertEqual(sensor["initial_source"], "geometry")
             self.assertLess(sensor["error"]["translation_m"], 0.03)
@@ -163,13 +214,19 @@ class Tutorials(unittest.TestCase):
         self.expect_files("suggested.yaml", "build.svg", "target.svg", "plan.svg", "scores.json", "evaluated/evaluation.json", "rendered_out/report.html")
 
     def test_own_rig(self):
-        printed = self.run_page("own-rig.md")
+        printed = self.run_page("docs/own-rig.md")
         self.assertIn("nothing moved", printed["volalign check --extrinsics out/extrinsics.json --capture my_rig.json"])
         self.expect_ok("out", 6)
         self.expect_files("trajectory.json", "unity.json", "out/report.html", "out/clouds/merged.ply", "out/rig.glb")
+        formats = re.findall(r"^\| `(\w+)` \|", page("docs/conversion.md"), re.MULTILINE)
+        self.assertIn("tum", formats)
+        for name in formats:
+            if name != "livescan3d_azure":  # it needs what these sensors have not, a colour camera
+                self.run_command(f"volalign convert out --to {name} -o converted_{name}")
+                self.expect_files(f"converted_{name}")
 
     def test_orbbec(self):
-        own = self.files_of("own-boxes.md")
+        own = self.files_of("docs/own-boxes.md")
         self.write("my_boxes.yaml", own["my_boxes.yaml"])
         self.write("my_rig.yaml", own["my_rig.yaml"].replace("azure_kinect", "orbbec_femto_bolt"))
         self.run_command("volalign render --rig my_rig.yaml -o rendered")
@@ -177,7 +234,7 @@ class Tutorials(unittest.TestCase):
         for name in "ABC":
             frame = os.path.join(self.folder, "rendered", name)
             write_orbbec_bag(os.path.join(self.folder, "frames", f"{name}.bag"), f"{frame}_depth.png", f"{frame}_intrinsics.json")
-        self.run_page("orbbec.md")
+        self.run_page("docs/orbbec.md")
         with open(os.path.join(self.folder, "frames/capture.json"), encoding="utf-8") as file:
             capture = json.load(file)["sensors"]
         for sensor in capture:
@@ -189,25 +246,25 @@ class Tutorials(unittest.TestCase):
             self.assertLess(error, 0.03)
 
     def test_check(self):
-        rig = self.files_of("own-boxes.md")["my_rig.yaml"].replace("my_boxes.yaml", "configs/structure.yaml")
+        rig = self.files_of("docs/own-boxes.md")["my_rig.yaml"].replace("my_boxes.yaml", "configs/structure.yaml")
         self.write("then.yaml", rig)
         self.write("now.yaml", rig.replace("seed: 1", "seed: 2").replace("rho_cm: 210", "rho_cm: 215"))
         self.run_command("volalign render --rig then.yaml -o then")
         self.run_command("volalign calibrate --capture then/capture.json -o last")
         self.run_command("volalign render --rig now.yaml -o now")
-        (printed,) = self.run_page("check.md").values()
+        (printed,) = self.run_page("docs/check.md").values()
         self.assertIn("the other 2 agree", printed)
 
     def test_retrain(self):
-        self.run_page("retrain.md")
+        self.run_page("docs/retrain.md")
         self.expect_files("preview/preview.png", "runs.svg", "runs/m03/model.pt", "evaluated/evaluation.json")
 
     def test_placements(self):
-        self.run_page("placements.md")
+        self.run_page("docs/placements.md")
         self.assertGreater(len(self.extrinsics("studio/out")["placements"]), 2)
 
     def test_planning(self):
-        self.run_page("planning.md")
+        self.run_page("docs/planning.md")
         self.expect_files("plan.svg", "target.svg", "boxes.yaml", "build.svg")
 
 

@@ -3,7 +3,7 @@
 
     tests/install/libraries.py CMAKE BUILD_FOLDER SOURCE_FOLDER CXX
 
-Installs what the build folder has to a new prefix, and builds examples/calibrate_in_memory against it where CMake finds no LibTorch. The
+Installs what ./quickstart.sh builds to a new prefix, and builds examples/calibrate_in_memory against it where CMake finds no LibTorch. The
 examples that train, own_loss and own_noise, are built against it and run with their recipes.
 """
 
@@ -15,6 +15,8 @@ import subprocess
 import sys
 import tempfile
 import unittest
+
+import quickstart_build
 
 CMAKE, BUILD, SOURCE, CXX = sys.argv[1:5] if len(sys.argv) > 4 else ("", "", "", "")
 del sys.argv[1:5]
@@ -38,7 +40,7 @@ class Libraries(unittest.TestCase):
         cls.folder = tempfile.mkdtemp(prefix="volalign_libraries_")
         cls.addClassCleanup(shutil.rmtree, cls.folder)
         cls.prefix = os.path.join(cls.folder, "prefix")
-        subprocess.run([CMAKE, "--install", BUILD, "--prefix", cls.prefix], stdout=subprocess.DEVNULL, check=True)
+        quickstart_build.install(CMAKE, BUILD, SOURCE, cls.prefix)
         cls.headers = os.path.join(cls.prefix, "include", "volalign")
 
     def configure(self, source, *options, status=0, without=WITHOUT_TORCH):

@@ -25,6 +25,16 @@ struct FileFrame {
 /// Throws DataError, with the place, for a word that is no finite number.
 double ParseNumber(const std::string& word, const std::string& place);
 
+inline constexpr char kDepthConvention[] =
+    "true depth = depth_gain * measured depth + depth_offset_m, and the poses belong to true "
+    "depths";
+
+/// Comments that say this, with a line for each sensor whose depths are corrected; else "".
+std::string DepthComments(const Poses& poses);
+/// What DepthComments wrote into `text`, by the sensors' names. Throws DataError for a word that is
+/// no number.
+void ReadDepthComments(const std::string& text, const std::string& name, Poses* poses);
+
 /// Of the files of a folder, by name.
 using Files = std::map<std::string, std::string>;
 

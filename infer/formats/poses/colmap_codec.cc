@@ -78,7 +78,7 @@ Files WriteColmap(const Poses& poses, const FileFrame& frame) {
   std::string images =
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world, metres; camera: x right, "
       "y down, z forward; world: " +
-      frame.world + "), then a line of points: none\n";
+      frame.world + "), then a line of points: none\n" + DepthComments(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (poses[i].name.find_first_of(" \t\n") != std::string::npos)
       throw ConfigError(fmt::format("COLMAP's names have no blanks: \"{}\"", poses[i].name));
@@ -120,6 +120,7 @@ Poses ReadColmap(const Files& files) {
          {},
          {}});
   }
+  ReadDepthComments(FileOf(files, "images.txt"), "images.txt", &poses);
   return poses;
 }
 

@@ -37,6 +37,22 @@ ordered_json IntrinsicsJson(const Intrinsics& k) {
   return json;
 }
 
+void AddDepth(const SensorPose& pose, ordered_json* json) {
+  (*json)["depth_gain"] = pose.depth_gain;
+  (*json)["depth_offset_m"] = pose.depth_offset_m;
+}
+
+/// Files of earlier versions and other programs have none.
+void ReadDepth(const JsonObject& object, SensorPose* pose) {
+  if (object.Has("depth_gain")) pose->depth_gain = object.Number("depth_gain");
+  if (object.Has("depth_offset_m")) pose->depth_offset_m = object.Number("depth_offset_m");
+}
+
+/// The convention of a file in which the world is `world`.
+std::string Convention(const char* poses, const std::string& world) {
+  return fmt::format("{}; {}", fmt::format(fmt::runtime(poses), world), kDepthConvention);
+}
+
 ordered_json ColumnMajor(const Eigen::MatrixXd& matrix) {
   return std::vector<double>(matrix.data(), matrix.data() + matrix.size());
 }
@@ -75,11 +91,12 @@ std::string WritePosesJson(const Poses& poses, const FileFrame& frame) {
   for (const SensorPose& pose : poses) {
     ordered_json sensor = {{"name", pose.name},
                            {"structure_from_sensor", ToRows(pose.structure_from_sensor)}};
+    AddDepth(pose, &sensor);
     if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
     sensors.push_back(std::move(sensor));
   }
   return ordered_json{{"format", kPosesFormat},
-                      {"convention", fmt::format(kPosesConvention, frame.world)},
+                      {"convention", Convention(kPosesConvention, frame.world)},
                       {"sensors", std::move(sensors)}}
              .dump(2) +
          "\n";
@@ -99,6 +116,7 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
     pose.structure_from_sensor =
         PoseFromRows(sensor.Matrix("structure_from_sensor"), sensor.Place("structure_from_sensor"));
     if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    ReadDepth(sensor, &pose);
     sensor.RejectOthers();
     poses.push_back(std::move(pose));
   }
@@ -109,11 +127,14 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
 // Open3D looks for the keys that it knows, so that the names and the convention may stand beside.
 std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
   ordered_json parameters = ordered_json::array(), names = ordered_json::array();
+  ordered_json gains = ordered_json::array(), offsets_m = ordered_json::array();
   for (const SensorPose& pose : poses) {
     const Intrinsics& k = *pose.intrinsics;
     Eigen::Matrix3d matrix;
     matrix << k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1;
     names.push_back(pose.name);
+    gains.push_back(pose.depth_gain);
+    offsets_m.push_back(pose.depth_offset_m);
     parameters.push_back(
         {{"class_name", "PinholeCameraParameters"},
          {"extrinsic", ColumnMajor(pose.structure_from_sensor.inverse().matrix())},
@@ -123,8 +144,10 @@ std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
          {"version_minor", 0}});
   }
   return ordered_json{{"class_name", "PinholeCameraTrajectory"},
-                      {"convention", fmt::format(kOpen3dConvention, frame.world)},
+                      {"convention", Convention(kOpen3dConvention, frame.world)},
                       {"names", std::move(names)},
+                      {"depth_gain", std::move(gains)},
+                      {"depth_offset_m", std::move(offsets_m)},
                       {"parameters", std::move(parameters)},
                       {"version_major", 1},
                       {"version_minor", 0}}
@@ -140,6 +163,10 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
                                 root.Text("class_name")));
   const std::vector<std::string> names =
       root.Has("names") ? root.Texts("names") : std::vector<std::string>{};
+  const auto numbers = [&](const char* key) {
+    return root.Has(key) ? root.Numbers(key) : std::vector<double>{};
+  };
+  const std::vector<double> gains = numbers("depth_gain"), offsets_m = numbers("depth_offset_m");
   Poses poses;
   for (const JsonObject& camera : root.Children("parameters")) {
     const Eigen::MatrixXd extrinsic = FromColumnMajor(camera, "extrinsic", 4);
@@ -150,6 +177,8 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
                          camera.Place("extrinsic"))
             .inverse();
     pose.intrinsics = Open3dIntrinsics(camera.Child("intrinsic"));
+    if (poses.size() < gains.size()) pose.depth_gain = gains[poses.size()];
+    if (poses.size() < offsets_m.size()) pose.depth_offset_m = offsets_m[poses.size()];
     poses.push_back(std::move(pose));
   }
   return poses;
@@ -165,10 +194,11 @@ std::string WriteUnity(const Poses& poses, const FileFrame& frame) {
         {"name", pose.name},
         {"position", Components({"x", "y", "z"}, {p.x(), p.y(), p.z()})},
         {"rotation", Components({"x", "y", "z", "w"}, {q.x(), q.y(), q.z(), q.w()})}};
+    AddDepth(pose, &sensor);
     if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
     sensors.push_back(std::move(sensor));
   }
-  return ordered_json{{"convention", fmt::format(kUnityConvention, frame.world)},
+  return ordered_json{{"convention", Convention(kUnityConvention, frame.world)},
                       {"sensors", std::move(sensors)}}
              .dump(2) +
          "\n";
@@ -190,6 +220,7 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
     // Both changes of axes are their own inverse.
     pose.structure_from_sensor.linear() = UnityFromYUp() * unity.linear() * UnityCameraFromSensor();
     if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    ReadDepth(sensor, &pose);
     poses.push_back(std::move(pose));
   }
   return poses;
@@ -204,10 +235,11 @@ std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
                        {"name", pose.name},
                        {"type", ""},
                        {"trafo", ToRows(pose.structure_from_sensor)}});
+    AddDepth(pose, &cameras.back());
   }
   return ordered_json{{"version", kCwipcVersion},
                       {"type", ""},
-                      {"convention", fmt::format(kCwipcConvention, frame.world)},
+                      {"convention", Convention(kCwipcConvention, frame.world)},
                       {"camera", std::move(cameras)}}
              .dump(2) +
          "\n";
@@ -222,6 +254,7 @@ Poses ReadCwipc(const std::string& text, const std::string& name) {
     pose.serial = camera.Text("serial");
     pose.name = camera.Has("name") ? camera.Text("name") : pose.serial;
     pose.structure_from_sensor = PoseFromRows(camera.Matrix("trafo"), camera.Place("trafo"));
+    ReadDepth(camera, &pose);
     poses.push_back(std::move(pose));
   }
   return poses;

@@ -16,6 +16,10 @@ struct SensorPose {
   std::optional<Intrinsics> intrinsics;  ///< that the pose belongs to, where they are known
   std::optional<ColourCamera> colour;
   std::string serial;  ///< of the device; may be empty
+  /// True depth = depth_gain * measured depth + depth_offset_m; the pose belongs to true depths.
+  double depth_gain = 1, depth_offset_m = 0;
+
+  bool corrects_depth() const { return depth_gain != 1 || depth_offset_m != 0; }
 };
 
 // The frames in which other programs have poses: p_other = ... * p_ours.

@@ -117,6 +117,35 @@ double ParseNumber(const std::string& word, const std::string& place) {
   return value;
 }
 
+std::string DepthComments(const Poses& poses) {
+  std::string text;
+  for (const SensorPose& pose : poses) {
+    if (!pose.corrects_depth()) continue;
+    if (text.empty()) text = fmt::format("# {}:\n", kDepthConvention);
+    text += fmt::format("# depth_gain {} depth_offset_m {} {}\n", pose.depth_gain,
+                        pose.depth_offset_m, pose.name);
+  }
+  return text;
+}
+
+void ReadDepthComments(const std::string& text, const std::string& name, Poses* poses) {
+  for (const Line& line : LinesOf(text)) {
+    std::istringstream words(line.text);
+    std::string hash, gain_key, gain, offset_key, offset, sensor;
+    if (!(words >> hash >> gain_key >> gain >> offset_key >> offset) || hash != "#" ||
+        gain_key != "depth_gain" || offset_key != "depth_offset_m")
+      continue;
+    words.get();
+    std::getline(words, sensor);
+    const std::string place = fmt::format("{}: line {}", name, line.number);
+    for (SensorPose& pose : *poses) {
+      if (pose.name != sensor) continue;
+      pose.depth_gain = ParseNumber(gain, place);
+      pose.depth_offset_m = ParseNumber(offset, place);
+    }
+  }
+}
+
 int PixelCount(double value, const std::string& place) {
   if (!(value >= 1 && value <= std::numeric_limits<int>::max() && value == std::floor(value)))
     throw DataError(fmt::format("{}: {} is no number of pixels", place, value));
@@ -129,6 +158,7 @@ std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame) {
       "# camera: x right, y down, z forward; world: " +
       frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
+  text += DepthComments(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     text += fmt::format("{0} {0} {1}\n", i, i + 1);
     const Eigen::Matrix4d m = poses[i].structure_from_sensor.matrix();
@@ -157,6 +187,7 @@ Poses ReadOpen3dLog(const std::string& text, const std::string& name) {
                      {},
                      {}});
   }
+  ReadDepthComments(text, name, &poses);
   return poses;
 }
 
@@ -166,6 +197,7 @@ std::string WriteTum(const Poses& poses, const FileFrame& frame) {
       "# number; camera: x right, y down, z forward; world: " +
       frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
+  text += DepthComments(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Pose& pose = poses[i].structure_from_sensor;
     const Eigen::Quaterniond q = QuaternionOf(pose.linear());
@@ -187,6 +219,7 @@ Poses ReadTum(const std::string& text, const std::string& name) {
                      {},
                      {}});
   }
+  ReadDepthComments(text, name, &poses);
   return poses;
 }
 
@@ -194,7 +227,7 @@ std::string WriteCsv(const Poses& poses, const FileFrame& frame) {
   std::string text =
       "# x_m..qw: structure_from_sensor; sensor: x right, y down, z forward; structure: " +
       frame.world + "; pixel centres at integer coordinates; distortion: OpenCV's order\n" +
-      CsvHeader() + "\n";
+      DepthComments(poses) + CsvHeader() + "\n";
   for (const SensorPose& pose : poses) {
     const Eigen::Vector3d& t = pose.structure_from_sensor.translation();
     const Eigen::Quaterniond q = QuaternionOf(pose.structure_from_sensor.linear());
@@ -239,6 +272,7 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
     }
     poses.push_back(std::move(pose));
   }
+  ReadDepthComments(text, name, &poses);
   return poses;
 }
 

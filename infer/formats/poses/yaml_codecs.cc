@@ -129,7 +129,8 @@ std::string WriteOpencv(const Poses& poses, const FileFrame& frame) {
           "camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres; camera: x "
           "right, y down, z forward; world: " +
           frame.world +
-          "; pixel centres at integer coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6") +
+          "; pixel centres at integer coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6; " +
+          kDepthConvention) +
       "\nsensors:\n";
   for (const SensorPose& pose : poses) {
     const Pose camera_from_world = pose.structure_from_sensor.inverse();
@@ -147,6 +148,8 @@ std::string WriteOpencv(const Poses& poses, const FileFrame& frame) {
                              k.distortion.data(), static_cast<Eigen::Index>(k.distortion.size())));
       }
     }
+    text += fmt::format("     depth_gain: {}\n     depth_offset_m: {}\n", Real(pose.depth_gain),
+                        Real(pose.depth_offset_m));
     text += OpencvMatrix("R", camera_from_world.linear()) +
             OpencvMatrix("t", camera_from_world.translation());
   }
@@ -169,6 +172,8 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
           PoseFromRotation(MatrixOf(sensor["R"], place + ": R", 3, 3),
                            MatrixOf(sensor["t"], place + ": t", 3, 1), place)
               .inverse();
+      if (sensor["depth_gain"]) pose.depth_gain = sensor["depth_gain"].as<double>();
+      if (sensor["depth_offset_m"]) pose.depth_offset_m = sensor["depth_offset_m"].as<double>();
       if (sensor["camera_matrix"]) pose.intrinsics = OpencvIntrinsics(sensor, place);
       poses.push_back(std::move(pose));
     }
@@ -183,6 +188,7 @@ std::string WriteRos(const Poses& poses, const FileFrame& frame) {
       "# {}: {} (REP 103);\n"
       "# *{}: x right, y down, z forward. Rotations are quaternions.\n",
       frame.name, frame.world, optical);
+  text += DepthComments(poses);
   for (const SensorPose& sensor : poses)
     text += RosTransform(frame.name, sensor.name + optical, sensor.structure_from_sensor);
   text += "# Each of these lines, without its #, publishes one of them in ROS 2:\n";
@@ -218,6 +224,7 @@ Poses ReadRos(const std::string& text, const std::string& name) {
       pose.name = child;
       poses.push_back(std::move(pose));
     }
+    ReadDepthComments(text, name, &poses);
     return poses;
   });
 }

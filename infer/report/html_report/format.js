@@ -19,14 +19,19 @@ const known = (x) => typeof x === "number" && Number.isFinite(x);
 const fixed = (x, digits) => (known(x) ? x.toFixed(digits).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−") : NONE);
 const mm = (x, digits = 1) => fixed(known(x) ? 1000 * x : x, digits);
 const percent = (x) => (known(x) ? fixed(100 * x, 0) + " %" : NONE);
-const largest = (list) => (Array.isArray(list) && list.every(known) ? Math.max(...list) : undefined);
 const median = (list) => {
   const sorted = list.filter(known).sort((a, b) => a - b);
   const middle = sorted.length >> 1;
   if (!sorted.length) return undefined;
   return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 };
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
+// A sentence begins with a capital letter, but names of sensors, stills and boxes, files and options stay as they are.
+const NAMES = new Set();
+function sentence(text) {
+  const word = /^[a-z]+(?=[ ,:;]|$)/.exec(text);
+  const isName = [...NAMES].some((name) => text === name || (text.startsWith(name) && /^[^\w-]/.test(text.slice(name.length))));
+  return (word && !isName ? text.charAt(0).toUpperCase() + text.slice(1) : text) + (/[.!?]$/.test(text) ? "" : ".");
+}
 const plural = (count, one, many) => `${count} ${count === 1 ? one : many || one + "s"}`;
 const last = (path) => String(path).split(/[\\/]/).slice(-2).join("/");
 

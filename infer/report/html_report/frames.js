@@ -17,16 +17,29 @@ function enlargeable(attributes) {
   return button;
 }
 
-function pictureNodes(report, frame) {
+function pictureNodes(report, frame, placed) {
   const limit = 1000 * report.residual_scale_m, of = `${frame.sensor}: `;
   const kinds = [
     ["depth", "Measured depth, m", scaleNode(report.depth_colours, [fixed(frame.near_m, 2), fixed((frame.near_m + frame.far_m) / 2, 2), fixed(frame.far_m, 2)])],
-    ["edges", "The stack’s edges at the pose, over the depth"],
+    ["edges", placed ? "The stack’s edges at the pose, over the depth" : "The stack’s edges at the best guess, which was rejected, over the depth"],
     ["labels", "Labels found"],
     ["residual", "Residual, mm, of labelled points to their sides", scaleNode(report.residual_colours, [`−${limit}: too far`, "0", `too near: ${limit}`])]];
   return kinds.filter(([kind]) => frame.pictures[kind]).map(([kind, caption, scale]) =>
     el("figure", {}, enlargeable({ src: frame.pictures[kind], alt: of + caption, width: frame.width, height: frame.height, loading: "lazy" }),
       el("figcaption", {}, caption, scale || "")));
+}
+
+// A small picture of each sensor, the edges at its pose: whether the poses are right, at a glance.
+function fillStrip(report) {
+  $("strip").append(...sensorsOf(report).map((sensor) => {
+    const frames = report.stills.flatMap((still) => still.frames.filter((frame) => frame.sensor === sensor.name));
+    const frame = frames.find((one) => one.pictures.edges) || frames[0];
+    if (!frame) return "";
+    const what = !frame.pictures.edges ? "measured depth" : sensor.structure_from_sensor ? "the stack’s edges at the pose" : "the stack’s edges at the best guess, which was rejected";
+    return el("a", { href: `#frame-${sensor.index}`, class: sensor.status },
+      el("img", { src: frame.pictures.edges || frame.pictures.depth, alt: `${sensor.name}, ${sensor.status}: ${what}`, title: `${sensor.name}: ${what}`, width: frame.width, height: frame.height }),
+      el("b", {}, sensor.name), " ", statusNode(sensor.status), frame.pictures.edges && !sensor.structure_from_sensor ? " (best guess)" : "");
+  }).filter(Boolean));
 }
 
 function factsOf(report, sensor) {
@@ -56,8 +69,8 @@ function frameNode(report, sensor) {
   const summary = sensor.structure_from_sensor
     ? `${mm(sensor.rms_to_structure_m)} mm RMS to the stack, σ ${mm(leastKnown(sensor))} mm and ${fixed(leastKnownTurn(sensor), 2)} deg`
     : "no pose";
-  const body = stills.flatMap(([still, frame]) => [stills.length > 1 ? el("p", { class: "muted" }, `In ${still.name}:`) : "", el("div", { class: "pictures" }, pictureNodes(report, frame))]);
-  return el("article", { class: "frame", "aria-label": sensor.name },
+  const body = stills.flatMap(([still, frame]) => [stills.length > 1 ? el("p", { class: "muted" }, `In ${still.name}:`) : "", el("div", { class: "pictures" }, pictureNodes(report, frame, Boolean(sensor.structure_from_sensor)))]);
+  return el("article", { class: "frame", id: `frame-${sensor.index}`, "aria-label": sensor.name },
     el("div", { class: "frame-head" }, el("h3", {}, sensor.name), statusNode(sensor.status), el("span", { class: "muted", title: "Root mean square distance of labelled points from the stack; one standard deviation of position and rotation where they are known least" }, summary)),
     sensor.reason ? el("p", {}, sentence(sensor.reason)) : "",
     body,

@@ -16,7 +16,10 @@ function hasWebGl() {
 }
 
 const report = JSON.parse($("payload").textContent);
+for (const name of [...Object.keys(report.extrinsics.sensors), ...report.stills.flatMap((still) => [still.name, ...still.boxes.map((box) => box.name)])]) if (name) NAMES.add(name);
 attempt("subject", () => fillHeadline(report));
+attempt("check", () => fillCheck(report));
+attempt("strip", () => fillStrip(report));
 attempt("reasons", () => fillReasons(report));
 attempt("sensor-table", () => fillSensorTable(report));
 attempt("above-picture", () => fillAbove(report));

@@ -111,7 +111,10 @@ Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>&
   Json payload;
   payload["format"] = "volalign.report/1";
   payload["command"] = run.command;
-  payload["page"] = run.page;
+  payload["next"] = run.next;
+  if (!run.check.empty()) {
+    payload["check"] = {{"sentences", run.checked}, {"file", Json::parse(run.check)}};
+  }
   payload["options"] = run.options;
   payload["notes"] = Lines(rig.notes);
   payload["advice"] = rig.advice;

@@ -27,9 +27,13 @@ struct ReportStill {
 
 /// How a calibration was made.
 struct ReportRun {
-  std::string command;    ///< as typed
-  std::string options;    ///< all of them, YAML
-  std::string page = "";  ///< the file docs/report.md; "" where it is not installed
+  std::string command;                 ///< as typed
+  std::string options;                 ///< all of them, YAML
+  std::vector<std::string> next = {};  ///< commands that may follow, each after a comment
+  /// Of a check of an earlier calibration: check.json, and what it says in sentences, the headline
+  /// first.
+  std::string check = "";
+  std::vector<std::string> checked = {};
 };
 
 /// A frame's part of the payload. Encodes pictures: to be called for several frames at a time.

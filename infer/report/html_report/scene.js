@@ -101,7 +101,7 @@ function sensorParts(sensor) {
   group.add(linesOf([o, a, o, b, o, c, o, d, a, b, b, c, c, d, d, a], colour));
   group.add(linesOf([a.clone().add(up), b.clone().add(up)], colour));
   const body = new THREE.Mesh(new THREE.SphereBufferGeometry(0.035, 16, 10), new THREE.MeshBasicMaterial({ color: colour }));
-  body.userData.tip = `${sensor.name}: ${sensor.status}, σ ${mm(largest(positionSigma(sensor)))} mm and ${fixed(largest(sensor.sigma_rotation_deg), 2)} deg`;
+  body.userData.tip = `${sensor.name}: ${sensor.status}, σ ${mm(leastKnown(sensor))} mm and ${fixed(leastKnownTurn(sensor), 2)} deg`;
   group.add(body);
   group.applyMatrix(matrixOf(sensor.structure_from_sensor));
   return { object: group, body, position: new THREE.Vector3().setFromMatrixPosition(matrixOf(sensor.structure_from_sensor)) };
@@ -126,7 +126,7 @@ function ellipsoidOf(sensor, factor) {
   return object;
 }
 function ellipsoidFactor(sensors) {
-  const sigma = Math.max(...sensors.map((sensor) => largest(positionSigma(sensor))).filter(known));
+  const sigma = Math.max(...sensors.map(leastKnown).filter(known));
   return [1, 2, 5, 10, 20, 50, 100, 200].filter((factor) => factor * sigma <= ELLIPSOID_SIZE).pop() || 1;
 }
 

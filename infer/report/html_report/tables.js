@@ -11,33 +11,59 @@ function verdictWords(all) {
   return [count, failed && `${failed} failed`, weak && `${weak} with care (weak)`].filter(Boolean).join("; ");
 }
 
+const FAR_BEYOND = 2;  // times what is expected of a pair
+
 function fillHeadline(report) {
   const all = sensorsOf(report), placed = placedOf(report), { verdict, pairs, date, note } = report.extrinsics, { limits } = report;
-  $("headline").replaceChildren(verdictWords(all));
+  const headline = report.check ? report.check.sentences[0] : verdictWords(all);
+  $("headline").replaceChildren(headline);
+  if (report.check) $("kind").replaceChildren("volalign check of a rig");
   const capture = [report.extrinsics.capture || []].flat();
-  $("subject").append([date && `Calibrated ${date.replace("T", " ").replace("Z", " UTC")}`, capture.length && `capture ${capture.map(last).join(", ")}`,
+  $("subject").append([report.check && `Compared with ${report.check.file.last}; now ${verdictWords(all)}`, date && `Calibrated ${date.replace("T", " ").replace("Z", " UTC")}`, capture.length && `capture ${capture.map(last).join(", ")}`,
     `structure “${report.extrinsics.structure.name}”`].filter(Boolean).join("; "));
   if (note) {
     $("note").hidden = false;
     $("note").append(el("b", {}, "Note: "), note);
   }
-  document.title = `volalign: ${verdictWords(all)}`;
-  const tile = (value, text, meaning) => el("div", { class: "tile", title: meaning }, el("b", {}, value), el("span", {}, text));
+  document.title = `volalign: ${headline}`;
+  // `beyond`: whether the value is larger than its limit; undefined where it has none.
+  const tile = (value, text, meaning, beyond) => el("div", { class: "tile", title: meaning },
+    el("b", { class: beyond ? "weak" : undefined }, value, beyond === undefined ? "" : beyond ? " !" : " ✓"), el("span", {}, text));
   const worst = (values) => Math.max(...values.filter(known));
-  const tiles = [tile(statusNode(verdict), "verdict: the worst of the sensors’ statuses", "ok: nothing speaks against a pose; weak: there is a pose, and something to know about it; failed: no pose")];
+  const rms = median(placed.map((s) => s.rms_to_structure_m)), sigma = worst(placed.map(leastKnown)), turn = worst(placed.map(leastKnownTurn));
+  const tiles = [tile(statusNode(verdict), all.length > 1 ? "worst sensor" : "the sensor", "ok: nothing speaks against a pose; weak: there is a pose, and something to know about it; failed: no pose")];
   if (placed.length) {
     tiles.push(
-      tile(`${mm(median(placed.map((s) => s.rms_to_structure_m)))} mm`, `RMS to the stack, median of the sensors; limit of each ${mm(limits.rms_m, 0)} mm`,
-        "Millimetres: root mean square distance of a sensor’s labelled points from the stack’s surface. It has the sensor’s own noise in it"),
-      tile(`${mm(worst(placed.map(leastKnown)))} mm`, `σ of the position that is known least; limit ${mm(limits.sigma_position_m, 0)} mm`,
-        "Millimetres: one standard deviation of a sensor’s position in the direction in which it is known least; two thirds of errors are smaller"),
-      tile(`${fixed(worst(placed.map(leastKnownTurn)), 2)}°`, `σ of the rotation that is known least; limit ${fixed(limits.sigma_rotation_deg, 1)}°`,
-        "Degrees: one standard deviation of a sensor’s rotation about the axis about which it is known least"));
+      tile(`${mm(rms)} mm`, `RMS to the stack, median of the sensors; limit of each ${mm(limits.rms_m, 0)} mm`,
+        "Millimetres: root mean square distance of a sensor’s labelled points from the stack’s surface. It has the sensor’s own noise in it", rms > limits.rms_m),
+      tile(`${mm(sigma)} mm`, `position uncertainty of the worst sensor (1 σ); limit ${mm(limits.sigma_position_m, 0)} mm`,
+        "Millimetres: one standard deviation of a sensor’s position in the direction in which it is known least; two thirds of errors are smaller", sigma > limits.sigma_position_m),
+      tile(`${fixed(turn, 2)}°`, `rotation uncertainty of the worst sensor (1 σ); limit ${fixed(limits.sigma_rotation_deg, 1)}°`,
+        "Degrees: one standard deviation of a sensor’s rotation about the axis about which it is known least", turn > limits.sigma_rotation_deg));
   }
   const apart = farthestApart(pairs);
-  if (apart) tiles.push(tile(`${mm(apart.rms_m)} mm`, `largest RMS distance between two sensors’ points${known(apart.predicted_rms_m) ? `; ${mm(apart.predicted_rms_m)} mm predicted` : ""}`,
-    `Millimetres, ${apart.a} and ${apart.b}: where two sensors see the same surface, how far their points are apart there. It has both sensors’ own errors in it, as has what is predicted`));
+  const expected = apart && known(apart.predicted_rms_m);
+  if (apart) tiles.push(tile(`${mm(apart.rms_m)} mm`, `between the points of ${apart.a} and ${apart.b}, the pair farthest apart${expected ? `; ${mm(apart.predicted_rms_m)} mm expected` : ""}`,
+    `Millimetres, ${apart.a} and ${apart.b}: where two sensors see the same surface, how far their points are apart there (RMS). It has both sensors’ own errors in it, as has what is expected; marked from ${FAR_BEYOND} times that on`,
+    expected ? apart.rms_m > FAR_BEYOND * apart.predicted_rms_m : undefined));
   $("tiles").append(...tiles);
+}
+
+// Of a check: which sensors have moved.
+function fillCheck(report) {
+  if (!report.check) return;
+  const { sentences, file } = report.check, decided = Boolean(file.last_from_now);
+  const text = (show) => (sensor) => (decided ? show(sensor) : NONE), word = { stayed: "ok", moved: "failed", undecided: "weak" };
+  const columns = [{ head: "Sensor", words: true, meaning: "Name in both captures", of: (s) => s.name },
+    { head: "Now", words: true, meaning: "stayed, moved, or undecided: something moved, and it cannot be told which sensor", of: (s) => el("span", { class: `status ${word[s.movement]}` }, s.movement) },
+    { head: "Moved", unit: "mm", meaning: "distance between the sensor’s place then and now, in the frame of the earlier calibration", of: text((s) => mm(s.translation_m)), over: (s) => s.movement === "moved" },
+    { head: "Turned", unit: "deg", meaning: "angle between its two rotations", of: text((s) => fixed(s.rotation_deg, 2)), over: (s) => s.movement === "moved" },
+    { head: "Probability", meaning: "chance of so large a difference without any movement, no unit", of: text((s) => s.probability.toPrecision(2)) },
+    { head: "Noticed from", unit: "mm", meaning: "smallest movement that is noticed with 95 % probability", of: text((s) => mm(s.found_from_m, 0)) },
+    { head: "or", unit: "deg", meaning: "smallest turn that is noticed with 95 % probability", of: text((s) => fixed(s.found_from_deg, 2)) }];
+  const bad = file.sensors.some((s) => s.movement !== "stayed");
+  $("check").append(file.sensors.length ? columnsTable("Movements", columns, file.sensors, (s) => s.name, "plain") : "",
+    sentences.length > 1 ? el("div", { class: `callout ${bad ? "failed" : "ok"}` }, sentences.slice(1).map((one) => el("p", {}, sentence(one)))) : "");
 }
 
 // What is said of several sensors is said once.
@@ -56,8 +82,9 @@ function fillReasons(report) {
       el("p", {}, el("b", {}, sensors.map((s) => s.name).join(", ")), " ", statusNode(status), code ? ` (${code}): ` : ": ", sentence(reason || "")),
       hint ? el("p", {}, el("b", {}, "What to do: "), sentence(hint)) : ""));
   }
-  if (!groups.size) $("reasons").append(el("p", { class: "muted" }, "No problems found."));
-  $("reasons").append(el("div", { class: "callout" }, el("p", {}, el("b", {}, "What next: ")), el("ul", {}, report.advice.map((text) => el("li", {}, sentence(text))))));
+  if (!groups.size) $("reasons").append(el("p", { class: "muted" }, report.check ? "The new capture: no sensor has a problem of its own." : "No sensor has a problem."));
+  $("reasons").append(el("div", { class: "callout" }, el("p", {}, el("b", {}, "What next: ")), el("ul", {}, report.advice.map((text) => el("li", {}, sentence(text)))),
+    (report.next || []).map((command) => el("pre", { class: "command", tabindex: 0 }, command))));
 }
 
 // Rows of cells, each with the unit and the meaning of its column on hover. A column: {head, unit, meaning, of: row => text}, text of words alone.
@@ -68,7 +95,9 @@ function columnsTable(label, columns, rows, nameOf, className) {
     const value = column.of(row), over = column.over && column.over(row);
     return el("td", { class: [column.words && "text", over && "over"].filter(Boolean).join(" ") || undefined, title: `${nameOf(row)}, ${column.head}${column.unit ? `, ${column.unit.split(";")[0]}` : ""}: ${column.meaning}` }, value);
   })));
-  return table(label, head, body, className);
+  const meanings = columns.filter((column) => column.head && column.meaning);
+  return el("div", {}, table(label, head, body, className),
+    el("details", { class: "meanings" }, el("summary", {}, "What the columns mean"), el("dl", {}, meanings.map((column) => [el("dt", {}, column.head + (column.unit ? ` (${column.unit})` : "")), el("dd", { title: column.head }, sentence(column.meaning))]))));
 }
 
 function fillSensorTable(report) {
@@ -90,7 +119,7 @@ function fillSensorTable(report) {
       { head: "Error", unit: "deg", meaning: "angle between the rotation and the capture’s ground truth", of: (s) => fixed(s.error && s.error.rotation_deg, 3) });
   }
   $("sensor-table").append(columnsTable("Sensors", columns, all, (s) => s.name), el("p", { class: "note" },
-    "Below the heads: units, and the limits beyond which a sensor is weak. Rest on a number to read what it means. σ covers errors that all sensors share only as far as the statistical model knows of them."));
+    "Below the heads: units, and the limits beyond which a sensor is weak. σ covers errors that all sensors share only as far as the statistical model knows of them."));
 }
 
 // Distances and heights, for a tape measure.
@@ -100,7 +129,7 @@ function fillAbove(report) {
   $("above-picture").append(svgNode(report.from_above, "The rig from above"));
   const floor = report.extrinsics.structure.floor_m, at = (s, k) => s.structure_from_sensor[k][3];
   const columns = [
-    { head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => [swatch(sensorColour(s.index)), " ", s.name] },
+    { head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => s.name },
     { head: "Distance", unit: "m", meaning: "horizontal distance of the sensor from the structure’s origin", of: (s) => fixed(Math.hypot(at(s, 0), at(s, 2)), 3) },
     { head: "Height", unit: "m", meaning: "height of the sensor above the floor, which is the structure’s lowest level", of: (s) => fixed(at(s, 1) - floor, 3) },
     { head: "Azimuth", unit: "deg", meaning: "direction of the sensor as seen from the origin, from +x (front) towards +z (right)", of: (s) => fixed((Math.atan2(at(s, 2), at(s, 0)) * 180 / Math.PI + 360) % 360, 1) },
@@ -184,15 +213,15 @@ function fillPairs(report) {
     matrix("Overlap of each two sensors, percent, above the diagonal; RMS distance, mm, below",
       (pair) => ["overlap", pair.overlap, "percent: how much of what they see is the same surface", known(pair.overlap) ? fixed(100 * pair.overlap, 0) : NONE],
       (pair) => ["rms", pair.rms_m / worst, "mm: root mean square distance between their points where they see the same surface", mm(pair.rms_m)]),
-    el("p", { class: "muted" }, "Above the diagonal: σ of the place of one as the other has it, in the direction in which it is known least, mm (blue); errors that move both alike are no part "
-      + "of it. Below it: the RMS distance of their points that the errors of both depths and of the poses let expect, mm (orange). Where much more was measured, these two disagree."),
+    el("p", { class: "muted" }, "Upper right: uncertainty of one sensor relative to the other (1 σ, worst direction), mm (blue). Lower left: distance expected between their points, mm (orange). "
+      + "Compare with the table above: if the measured distance is much larger than the expected one, one of the two sensors is wrong."),
     matrix("σ of the place of one sensor as the other has it, mm, above the diagonal; predicted RMS distance, mm, below",
       (pair) => ["overlap", pair.sigma_m / open, `mm: one standard deviation of the place of one as the other has it; it is turned to ${fixed(pair.sigma_deg, 3)} deg`, mm(pair.sigma_m)],
       (pair) => ["rms", pair.predicted_rms_m / worst, "mm: predicted root mean square distance between their points where they see the same surface", mm(pair.predicted_rms_m)]));
 }
 
 function fillUncertainty(report) {
-  const placed = placedOf(report), top = Math.max(...placed.map((s) => largest(positionSigma(s))).filter(known));
+  const placed = placedOf(report), top = Math.max(...placed.map(leastKnown).filter(known));
   if (!placed.length) {
     $("uncertainty-table").append(el("p", { class: "muted" }, "No sensor is placed."));
     return;
@@ -200,7 +229,7 @@ function fillUncertainty(report) {
   const pm = (value, sigma, digits) => (known(value) ? `${fixed(value, digits)} ± ${fixed(sigma, digits)}` : NONE);
   const columns = [{ head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => s.name },
     ...["x", "y", "z"].map((axis, k) => ({ head: `σ ${axis}`, unit: "mm", meaning: `one standard deviation of the sensor’s position along the structure’s ${axis}`, of: (s) => mm((positionSigma(s) || [])[k]) })),
-    { head: "largest", words: true, meaning: "the largest of the three, as a bar", of: (s) => el("span", { class: "bar", style: `width: ${known(largest(positionSigma(s))) ? (5 * largest(positionSigma(s)) / top).toFixed(2) : 0}rem` }) },
+    { head: "σ position", unit: "mm", meaning: "one standard deviation of the sensor’s position in the direction in which it is known least, also as a bar", of: (s) => [mm(leastKnown(s)), " ", el("span", { class: "bar", style: `width: ${known(leastKnown(s)) ? (5 * leastKnown(s) / top).toFixed(2) : 0}rem` })] },
     ...["x", "y", "z"].map((axis, k) => ({ head: `σ about ${axis}`, unit: "deg", meaning: `one standard deviation of its rotation about the structure’s ${axis}`, of: (s) => fixed((s.sigma_rotation_deg || [])[k], 3) })),
     { head: "Depth offset", unit: "mm", meaning: "added to measured depths, ± standard deviation; 0 where the capture does not tell", of: (s) => pm(1000 * s.depth_offset_m, 1000 * s.sigma_depth_offset_m, 1) },
     { head: "Depth gain", meaning: "factor of measured depths, without unit, ± standard deviation; 1 where the capture does not tell", of: (s) => pm(s.depth_gain, s.sigma_depth_gain, 4) }];
@@ -246,7 +275,7 @@ function fillFound(report) {
 }
 
 function solutionWords({ rounds, settled, converged, moved_m, moved_px }) {
-  return `${settled ? "settled" : "not settled"} after ${rounds} rounds: the last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " and did not converge"}, the last change of a lens pictures by up to ${fixed(moved_px, 1)} px`;
+  return `${settled ? "settled" : "not settled"} after ${plural(rounds, "round")}: the last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " and did not converge"}, the last change of a lens pictures by up to ${fixed(moved_px, 1)} px`;
 }
 
 function fillRun(report) {
@@ -254,10 +283,9 @@ function fillRun(report) {
   if (report.command) target.append(el("p", {}, "The command:"), el("pre", { tabindex: 0 }, report.command));
   const items = [["Capture", [extrinsics.capture || []].flat().join(", ")], ["Structure", `${extrinsics.structure.name}, SHA-256 ${extrinsics.structure.sha256.slice(0, 12)}…`],
     ["Model", extrinsics.model ? `${extrinsics.model.file}, SHA-256 ${extrinsics.model.sha256.slice(0, 12)}…${extrinsics.model.runtime ? `, run by ${extrinsics.model.runtime}` : ""}` : "none: poses from the structure’s geometry"],
-    ["Joint solution", solutionWords(extrinsics.solution)], ["Poses", extrinsics.convention], ["Program", extrinsics.tool], ["Date", extrinsics.date ?? "–"], ["Libraries", extrinsics.libraries ?? "–"],
+    ["Joint solution", placedOf(report).length ? solutionWords(extrinsics.solution) : "none: no sensor is placed"], ["Poses", extrinsics.convention], ["Program", extrinsics.tool], ["Date", extrinsics.date ?? "–"], ["Libraries", extrinsics.libraries ?? "–"],
     ["Seconds", Object.entries(extrinsics.timings_s).map(([stage, seconds]) => `${stage.replace("_", " ")} ${fixed(seconds, 2)}`).join(", ")]];
   target.append(el("dl", {}, items.map(([key, value]) => [el("dt", {}, key), el("dd", {}, value || NONE)])));
   if (report.options) target.append(el("details", {}, el("summary", {}, "All options, as options.yaml has them"), el("pre", { tabindex: 0 }, report.options)));
-  $("tool").append(`${extrinsics.tool}${extrinsics.date ? `, ${extrinsics.date}` : ""}. The numbers are those of extrinsics.json; `,
-    report.page ? el("a", { href: `file://${encodeURI(report.page)}` }, "docs/report.md") : "docs/report.md of the program", " explains the page.");
+  $("tool").append(`${extrinsics.tool}${extrinsics.date ? `, ${extrinsics.date}` : ""}. The numbers are those of extrinsics.json; docs/report.md of volalign explains the page.`);
 }

@@ -63,8 +63,8 @@ TEST(Advise, NamesTheLeastKnownAlsoWhereAllIsOk) {
   ASSERT_EQ(advice.size(), 2u);
   EXPECT_NE(advice[0].find("volalign convert"), std::string::npos);
   // 16 / 2 + 1 / (1 / 16 + 1 / 4 + 1 / 9) / 2 = 3.03^2
-  EXPECT_EQ(advice[1].find("S1 and S3 are known least (4.0 and 3.0 mm)"), 0u) << advice[1];
-  EXPECT_NE(advice[1].find("at best 3.0 mm"), std::string::npos) << advice[1];
+  EXPECT_EQ(advice[1].find("least certain: S1 (4.0 mm) and S3 (3.0 mm)"), 0u) << advice[1];
+  EXPECT_NE(advice[1].find("3.0 mm at best"), std::string::npos) << advice[1];
   result.sensors[1].status = SensorStatus::kWeak;
   EXPECT_EQ(Advise(result)[0].find("volalign convert"), std::string::npos);
   result.stills.resize(2);

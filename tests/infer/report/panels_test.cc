@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "core/plot/picture.h"
@@ -24,6 +26,19 @@ FrameResult Seen(const Structure& structure, const Pose& pose) {
   sensor.segmentation.labels = view.labels;
   sensor.structure_from_sensor = pose;
   return sensor;
+}
+
+// Of a failed sensor, the pose that was rejected, and no residuals.
+TEST(MakePanels, ShowsTheBestGuessOfAFailedSensor) {
+  const Structure structure = PaperStructure();
+  FrameResult sensor = Seen(structure, RingPose(40));
+  const FramePanels placed = MakePanels(sensor, structure, 0);
+  sensor.best_guess = *std::exchange(sensor.structure_from_sensor, std::nullopt);
+  const FramePanels failed = MakePanels(sensor, structure, 0);
+  EXPECT_EQ(failed.edges.data(), placed.edges.data());
+  EXPECT_TRUE(failed.residual.empty());
+  sensor.best_guess.reset();
+  EXPECT_TRUE(MakePanels(sensor, structure, 0).edges.empty());
 }
 
 TEST(SideResiduals, AreSignedAndZeroWhereThePoseIsRight) {

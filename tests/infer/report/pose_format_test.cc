@@ -47,6 +47,8 @@ class PosesTest : public ::testing::Test {
                                   random.Uniform(-0.5, 1), random.Uniform(-180, 180));
       pose.intrinsics = Intrinsics{320, 288, 252.5, 251.25, 163.1, 170.2, lenses[i]};
       pose.colour = ColourCamera{ColourFromDepth(), Intrinsics{1280, 720, 605, 604, 637, 366, {}}};
+      pose.depth_gain = 1 + 0.001 * static_cast<double>(i);  // none of S1
+      pose.depth_offset_m = -0.004 * static_cast<double>(i);
       poses_.push_back(pose);
       colour_[pose.name] = {ColourFromDepth(), std::nullopt};
     }
@@ -92,6 +94,38 @@ void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
   EXPECT_LT((a.matrix() - b.matrix()).cwiseAbs().maxCoeff(), 1e-9) << what;
 }
 
+bool HasNoRoomForDepth(PoseFormat format) {
+  return format == PoseFormat::kVolumetricCapture || format == PoseFormat::kLivescanKinectV2 ||
+         format == PoseFormat::kLivescanAzure;
+}
+
+// By how much points are off without them, at the structure's distance.
+TEST_F(PosesTest, SaysWhatBecomesOfDepthCorrections) {
+  const double distance = poses_[2].structure_from_sensor.translation().norm();
+  const std::string s3 = fmt::format("S3 {:+.1f}", 2 * distance - 8);
+  const auto note_of = [&](PoseFormat format, const WorldChoice& world = {}) {
+    const std::vector<std::string> notes = WritePoses(Path("noted"), format, poses_, world);
+    std::filesystem::remove_all(Path("noted"));
+    for (const std::string& note : notes) {
+      if (note.find("corrected depths") != std::string::npos) return note;
+    }
+    return std::string();
+  };
+  for (const auto& [word, format] : kPoseFormatWords) {
+    if (format == PoseFormat::kVolalign) continue;
+    const std::string note = note_of(format);
+    EXPECT_NE(note.find(s3), std::string::npos) << word << ": " << note;
+    EXPECT_EQ(note.find("S1"), std::string::npos) << word << ": " << note;
+    EXPECT_EQ(note.find("have no place in it") != std::string::npos, HasNoRoomForDepth(format))
+        << word << ": " << note;
+  }
+  WorldChoice world;
+  world.colour = true;
+  EXPECT_NE(note_of(PoseFormat::kPoses, world).find("not in the file"), std::string::npos);
+  for (SensorPose& pose : poses_) pose.depth_gain = 1, pose.depth_offset_m = 0;
+  EXPECT_EQ(note_of(PoseFormat::kTum), "");
+}
+
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
   for (const auto& [word, format] : kPoseFormatWords) {
     if (format == PoseFormat::kVolalign) continue;
@@ -105,6 +139,10 @@ TEST_F(PosesTest, ComeBackFromEveryFormat) {
     for (std::size_t i = 0; i < back.size(); ++i) {
       EXPECT_EQ(back[i].name, poses_[i].name) << word;
       ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, word);
+      if (!HasNoRoomForDepth(format)) {
+        EXPECT_EQ(back[i].depth_gain, poses_[i].depth_gain) << word;
+        EXPECT_EQ(back[i].depth_offset_m, poses_[i].depth_offset_m) << word;
+      }
       ASSERT_EQ(back[i].intrinsics.has_value(), with_intrinsics) << word;
       if (!with_intrinsics) continue;
       Intrinsics expected = *poses_[i].intrinsics;

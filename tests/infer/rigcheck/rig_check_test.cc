@@ -79,6 +79,7 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   EXPECT_NE(text.find("the stack stands 539 mm and 40.1 deg from where it stood"),
             std::string::npos)
       << text;
+  EXPECT_EQ(RigCheckSentences(check)[0].find("S1 moved 50.0 mm, 0.00 deg"), 0u);
   EXPECT_TRUE(check.MovedBeyond(0.049, 10));
   EXPECT_FALSE(check.MovedBeyond(0.051, 10));
   EXPECT_TRUE(check.MovedBeyond(0, 0));
