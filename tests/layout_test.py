@@ -445,6 +445,12 @@ def check_regex(root):
     return [f"{path} includes <regex>; scan the text instead" for path in files_of(root, CODE, CODE_FOLDERS) if "#include <regex>" in text_of(root, path)]
 
 
+def check_locale(root):
+    """None of the functions that read a number with the decimal point of the process's locale, which a library does not choose."""
+    wrong = re.compile(r"\b(strto[df]|sto[df]|atof)\(")
+    return [f"{path} reads numbers by the locale; NumberOf (core/base/number.h) does not" for path in files_of(root, CODE, CODE_FOLDERS) if wrong.search(text_of(root, path))]
+
+
 def check_lines(root):
     """No line of a page is longer than an editor shows and a diff can compare."""
     violations = []
@@ -529,6 +535,9 @@ class Repository(unittest.TestCase):
 
     def test_regex(self):
         self.expect_none(check_regex(ROOT))
+
+    def test_locale(self):
+        self.expect_none(check_locale(ROOT))
 
     def test_lines(self):
         self.expect_none(check_lines(ROOT))
@@ -773,6 +782,10 @@ class Rules(unittest.TestCase):
     def test_regex(self):
         self.expect(check_regex, {"core/a.cc": "// a regex\n", "tests/core/a_test.cc": "#include <regex>\n"}, [])
         self.expect(check_regex, {"core/a.h": "", "cli/a.cc": "#include <map>\n#include <regex>\n"}, ["cli/a.cc"])
+
+    def test_locale(self):
+        self.expect(check_locale, {"core/a.cc": "astrtod(x); std::stoi(x);\n", "tests/core/a_test.cc": "std::stod(x);\n"}, [])
+        self.expect(check_locale, {"core/a.cc": "std::strtod(x, y);\n", "infer/b.cc": "double x = std::stod(y);\n"}, ["core/a.cc", "infer/b.cc"])
 
     def test_lines(self):
         self.expect(check_lines, {"docs/a.md": "é" * LINE + "\n", "core/a.h": "x" * (LINE + 1)}, [])

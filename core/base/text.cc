@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 
 namespace volalign {
 
@@ -25,9 +26,7 @@ bool IsFormula(const std::string& text) {
     return false;
   }
   const std::string cell = text.substr(begin);
-  char* end = nullptr;
-  std::strtod(cell.c_str(), &end);
-  return begin > 0 || end != cell.c_str() + cell.size();
+  return begin > 0 || !NumberOf(cell);
 }
 
 /// A letter of UTF-8; 0 bytes where there is none.

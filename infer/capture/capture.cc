@@ -19,6 +19,7 @@
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
 #include "infer/formats/intrinsics_file.h"
+#include "infer/formats/read_budget.h"
 #include "infer/formats/recording.h"
 
 namespace volalign {
@@ -27,8 +28,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kDefaultFrames = 10;  // of a recording
-constexpr int kMostFrames = 1000;
+constexpr int kMostFrames = 1000;  // of a recording
+constexpr std::size_t kMostSensors = 1000;
 
 int ParseTurns(const JsonObject& object) {
   if (!object.Has("quarter_turns")) return kAutoTurns;
@@ -71,15 +72,6 @@ std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   return files;
 }
 
-/// Where depth comes from: files, or a stream of a recording with what that says of it.
-struct DepthSource {
-  std::vector<StoredDepth> images;
-  std::optional<Intrinsics> intrinsics;
-  std::optional<double> depth_scale;
-  std::string kind, serial;
-  std::optional<ColourCamera> colour;
-};
-
 /// Runs `read`; what it throws names the sensor first.
 template <class Read>
 auto ReadingFor(const std::string& where, const Read& read) {
@@ -93,16 +85,19 @@ auto ReadingFor(const std::string& where, const Read& read) {
   }
 }
 
-DepthSource ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path) {
+/// The chosen stream of a recording.
+RecordedDepth ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path,
+                                ReadBudget* budget) {
   const int frames = object.Has("frames") ? object.Int("frames") : kDefaultFrames;
   if (frames < 1 || frames > kMostFrames) {
     throw DataError(fmt::format("{}: frames = {} violates 1 <= frames <= {}", object.where(),
                                 frames, kMostFrames));
   }
   std::vector<RecordedDepth> streams =
-      ReadingFor(object.where(), [&] { return ReadRecording(path, frames); });
+      ReadingFor(object.where(), [&] { return ReadRecording(path, frames, budget); });
   std::vector<std::string> names;
   for (const RecordedDepth& stream : streams) names.push_back(stream.stream);
+  const std::string all = Shortened(fmt::format("{}", fmt::join(names, ", ")));
   std::size_t chosen = 0;
   if (object.Has("stream")) {
     const std::string wanted = object.Text("stream");
@@ -110,44 +105,48 @@ DepthSource ReadRecordedDepth(const JsonObject& object, const std::filesystem::p
         static_cast<std::size_t>(std::find(names.begin(), names.end(), wanted) - names.begin());
     if (chosen == names.size()) {
       throw DataError(fmt::format("{}: {} has no depth stream \"{}\", but {}", object.where(),
-                                  path.string(), wanted, fmt::join(names, ", ")));
+                                  path.string(), Shortened(wanted), all));
     }
   } else if (streams.size() > 1) {
     throw DataError(fmt::format("{}: {} has several depth streams; choose one by \"stream\": {}",
-                                object.where(), path.string(), fmt::join(names, ", ")));
+                                object.where(), path.string(), all));
   }
   RecordedDepth& stream = streams[chosen];
-  return {std::move(stream.frames),
-          stream.intrinsics,
-          stream.depth_scale,
-          stream.kind,
-          stream.serial,
-          stream.colour};
+  if (!stream.problem.empty()) {
+    throw DataError(fmt::format("{}: {}: {}: {}", object.where(), path.string(), stream.stream,
+                                stream.problem));
+  }
+  return std::move(stream);
 }
 
-DepthSource ReadDepth(const JsonObject& object, const std::vector<std::string>& files,
-                      const std::filesystem::path& folder) {
+/// What is recorded, where depth is a recording; the frame's depth_files otherwise.
+std::optional<RecordedDepth> ReadRecorded(const JsonObject& object,
+                                          const std::vector<std::string>& files,
+                                          const std::filesystem::path& folder, ReadBudget* budget) {
   const auto is_recording = [&](const std::string& file) { return IsRecording(folder / file); };
   const auto recording = std::find_if(files.begin(), files.end(), is_recording);
-  if (recording != files.end()) {
-    if (files.size() > 1) {
-      throw DataError(fmt::format("{}: {} is a recording; it cannot stand in a list of depth files",
-                                  object.where(), *recording));
+  if (recording == files.end()) {
+    for (const char* key : {"stream", "frames"}) {
+      if (object.Has(key)) {
+        throw DataError(fmt::format("{}: {} is of a recording, and depth names files; leave it out",
+                                    object.where(), key));
+      }
     }
-    return ReadRecordedDepth(object, folder / *recording);
+    return std::nullopt;
   }
-  DepthSource source;
-  for (const std::string& file : files) {
-    source.images.push_back(
-        ReadingFor(object.where(), [&] { return ReadStoredDepth(folder / file); }));
+  if (files.size() > 1) {
+    throw DataError(fmt::format("{}: {} is a recording; it cannot stand in a list of depth files",
+                                object.where(), Shortened(*recording)));
   }
-  return source;
+  return ReadRecordedDepth(object, folder / *recording, budget);
 }
 
-/// Stated by the sensor itself, else by its recording, else for the whole capture.
-double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
+/// Stated by the sensor itself, else by its recording, else for the whole capture, else by what is
+/// usual in such recordings.
+double ParseDepthScale(const JsonObject& object, const RecordedDepth& recorded,
                        std::optional<double> common) {
-  std::optional<double> scale = recorded ? recorded : common;
+  std::optional<double> scale = recorded.depth_scale;
+  if (common && !(scale && recorded.depth_scale_stated)) scale = common;
   if (object.Has("depth_scale")) scale = object.Number("depth_scale");
   if (!scale) {
     throw DataError(fmt::format(
@@ -163,11 +162,13 @@ double ParseDepthScale(const JsonObject& object, std::optional<double> recorded,
 
 /// A file's name, volalign's own keys, or one of the other forms of infer/formats.
 Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem::path& folder,
-                                 const DepthSource& source) {
-  const Image<float>& first = source.images.front().values;
-  const FrameSize size{first.width(), first.height()};
+                                 const RecordedDepth& recorded, const FrameSize& size) {
   if (!object.Has("intrinsics")) {
-    if (source.intrinsics) return *source.intrinsics;
+    if (recorded.intrinsics) return *recorded.intrinsics;
+    if (!recorded.intrinsics_problem.empty()) {
+      throw DataError(
+          fmt::format("{}: {}; give \"intrinsics\"", object.where(), recorded.intrinsics_problem));
+    }
     throw DataError(
         fmt::format("{}: the key \"intrinsics\" is missing; give an object, or the name of a file",
                     object.where()));
@@ -195,20 +196,18 @@ std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   return colour;
 }
 
-void RequireSizes(const DepthSource& source, const Intrinsics& intrinsics,
-                  const std::vector<std::string>& files, const std::string& where) {
-  for (std::size_t i = 0; i < source.images.size(); ++i) {
-    const Image<float>& image = source.images[i].values;
-    if (image.width() == intrinsics.width && image.height() == intrinsics.height) continue;
-    throw DataError(fmt::format(
-        "{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution", where,
-        files[std::min(i, files.size() - 1)], image.width(), image.height(), intrinsics.width,
-        intrinsics.height));
-  }
+void RequireSize(const StoredDepth& image, const Intrinsics& intrinsics, const std::string& file,
+                 const std::string& where) {
+  if (image.values.width() == intrinsics.width && image.values.height() == intrinsics.height)
+    return;
+  throw DataError(
+      fmt::format("{}: {} is {}x{} but the intrinsics are for {}x{}; give those of this resolution",
+                  where, Shortened(file), image.values.width(), image.values.height(),
+                  intrinsics.width, intrinsics.height));
 }
 
 SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& folder,
-                        std::optional<double> common_scale) {
+                        std::optional<double> common_scale, ReadBudget* budget) {
   SensorFrame frame;
   frame.name = ParseName(object);
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
@@ -216,18 +215,41 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   object.RejectOthers({"depth", "stream", "frames", "intrinsics", "quarter_turns", "sensor",
                        "serial", "renderer", "colour", "depth_scale"});
   frame.depth_files = ParseDepthFiles(object);
-  const DepthSource source = ReadDepth(object, frame.depth_files, folder);
-  frame.intrinsics = ParseSensorIntrinsics(object, folder, source);
+  const std::uint64_t kept = budget->kept();
+  RecordedDepth source;
+  std::size_t images = frame.depth_files.size();
+  const auto read = [&](std::size_t i) {
+    return ReadingFor(where,
+                      [&] { return ReadStoredDepth(folder / frame.depth_files[i], budget); });
+  };
+  if (auto recorded = ReadRecorded(object, frame.depth_files, folder, budget)) {
+    source = std::move(*recorded);
+    images = source.frames.size();
+  } else {
+    source.frames.push_back(read(0));
+  }
+  const Image<float>& first = source.frames.front().values;
+  frame.intrinsics = ParseSensorIntrinsics(object, folder, source, {first.width(), first.height()});
   frame.quarter_turns = ParseTurns(object);
   frame.sensor = object.Has("sensor") ? ParsePlainText(object, "sensor") : source.kind;
   frame.serial = object.Has("serial") ? ParsePlainText(object, "serial") : source.serial;
   frame.renderer = ParsePlainText(object, "renderer");
   frame.colour = ParseColour(object);
   if (!frame.colour) frame.colour = source.colour;
-  frame.depth_scale = ParseDepthScale(object, source.depth_scale, common_scale);
+  frame.depth_scale = ParseDepthScale(object, source, common_scale);
   RequireRays(frame.intrinsics, where);
-  RequireSizes(source, frame.intrinsics, frame.depth_files, where);
-  SetMeanDepth(source.images, &frame);
+  MeanDepth mean(frame.depth_scale);
+  for (std::size_t i = 0; i < images; ++i) {
+    // Of files, one after the other is in memory.
+    StoredDepth image = i < source.frames.size() ? std::move(source.frames[i]) : read(i);
+    RequireSize(image, frame.intrinsics,
+                frame.depth_files[std::min(i, frame.depth_files.size() - 1)], where);
+    if (i < MeanDepth::kMostKept) budget->Keep(BytesOf(image), where);
+    mean.Add(std::move(image));
+  }
+  mean.Set(&frame);
+  budget->Drop(budget->kept() - kept);
+  budget->Keep(sizeof(float) * (frame.depth.size() + frame.depth_sigma.size()), where);
   return frame;
 }
 
@@ -244,7 +266,10 @@ void ParseGroundTruth(const JsonObject& truth, const std::string& name,
 
 std::string ReadCaptureText(const std::filesystem::path& path) {
   try {
-    return ReadFile(path, kMaxTextBytes);
+    std::string text = ReadFile(path, kMaxTextBytes);
+    if (const std::string why = WhyNoText(text); !why.empty())
+      throw DataError(fmt::format("{}: {}", path.string(), why));
+    return text;
   } catch (const IoError& error) {
     throw IoError(
         fmt::format("{}; give a capture.json, which docs/formats.md describes", error.what()));
@@ -303,8 +328,14 @@ Capture ReadCapture(const std::filesystem::path& path) {
   if (root.Has("structure")) capture.structure = folder / root.Text("structure");
 
   std::set<std::string> names;
-  for (const JsonObject& object : root.Children("sensors")) {
-    capture.sensors.push_back(ParseSensor(object, folder, scale));
+  ReadBudget budget;
+  const std::vector<JsonObject> sensors = root.Children("sensors");
+  if (sensors.size() > kMostSensors) {
+    throw DataError(fmt::format("{}: {} sensors; at most {} are calibrated together", name,
+                                sensors.size(), kMostSensors));
+  }
+  for (const JsonObject& object : sensors) {
+    capture.sensors.push_back(ParseSensor(object, folder, scale, &budget));
     const std::string& sensor = capture.sensors.back().name;
     if (!names.insert(sensor).second) {
       throw DataError(

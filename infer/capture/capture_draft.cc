@@ -4,6 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -16,6 +18,7 @@
 #include "infer/capture/capture_folder.h"
 #include "infer/formats/depth_file.h"
 #include "infer/formats/intrinsics_file.h"
+#include "infer/formats/read_budget.h"
 #include "infer/formats/recording.h"
 
 namespace volalign {
@@ -24,6 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kSameScale = 1e-6;     // share of it, of single precision
 constexpr std::size_t kMostListed = 5;  // files of one kind that a sentence names
 
 /// One sensor as far as the folder tells.
@@ -32,11 +36,25 @@ struct DraftSensor {
   std::vector<fs::path> files;  // frames, or one recording
   std::string stream;           // of a recording with several
   int width = 0, height = 0;
-  double median = 0;  // of the first frame's measured values, in the file's units
-  std::optional<double> depth_scale;
-  std::string kind, serial;
+  double median = 0;       // of the first frame's measured values, in the file's units
+  RecordedDepth recorded;  // what a recording says of it, without its frames
   std::optional<Intrinsics> intrinsics;
 };
+
+/// Whether two frames show the same scene from the same place: hardly any depth differs, nor where
+/// it was measured.
+bool SeeTheSame(const Image<float>& a, const Image<float>& b) {
+  constexpr float kAlike = 0.05f;      // share of the depth: noise is below, other views are not
+  constexpr double kMostOther = 0.15;  // share of the pixels
+  if (a.width() != b.width() || a.height() != b.height()) return false;
+  std::size_t measured = 0, other = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const float far = std::max(a[i], b[i]);
+    measured += far > 0;
+    other += std::abs(a[i] - b[i]) > kAlike * far;
+  }
+  return static_cast<double>(other) <= kMostOther * static_cast<double>(measured);
+}
 
 class Drafter {
  public:
@@ -64,11 +82,33 @@ class Drafter {
     std::set<fs::path> used;
     for (DraftSensor& sensor : sensors_) FindIntrinsics(top, &sensor, &used);
     draft_.json = Write(output_folder);
+    RequireUsed("--depth-scale", options_.depth_scale.has_value(), scale_);
+    RequireUsed("--intrinsics", options_.intrinsics.has_value(), intrinsics_);
+    RequireUsed("--sensor", !options_.sensor.empty(), kind_);
     draft_.sensors = static_cast<int>(sensors_.size());
     return std::move(draft_);
   }
 
  private:
+  /// Which sensors an option was used for, and of the others why not.
+  struct Use {
+    int sensors = 0;
+    std::vector<std::string> others;
+  };
+
+  /// Says which sensors do without an option; throws ConfigError where all do.
+  void RequireUsed(const char* option, bool given, const Use& use) {
+    if (!given || use.others.empty()) return;
+    const std::string others = Shortened(fmt::format("{}", fmt::join(use.others, "; ")));
+    if (use.sensors == 0) {
+      throw ConfigError(fmt::format(
+          "{}: no sensor needs it: {}; leave the option out, and change the file that is written "
+          "where it should say something else",
+          option, others));
+    }
+    draft_.found.push_back(fmt::format("{} is not used for all: {}", option, others));
+  }
+
   void AddFlat(const FolderContent& content) {
     std::map<std::string, std::vector<fs::path>> frames;
     std::vector<std::string> order;
@@ -79,10 +119,49 @@ class Drafter {
       if (!frames.count(name)) order.push_back(name);
       frames[name].push_back(image);
     }
+    JoinFrames(&order, &frames);
     for (const std::string& name : order) AddImages(name, frames[name]);
     for (const fs::path& recording : content.recordings)
       AddRecording(recording.stem().string(), recording);
     SayLeftOut(content, "");
+  }
+
+  /// Joins images that by their names are one sensor each: those whose numbers are as frames have
+  /// them, and that see the same as the first.
+  void JoinFrames(std::vector<std::string>* order,
+                  std::map<std::string, std::vector<fs::path>>* frames) {
+    std::map<std::string, std::vector<std::string>> alike;  // by name without the number
+    for (const std::string& name : *order) {
+      if ((*frames)[name].size() == 1 && IsNamedAsFrame(name))
+        alike[WithoutNumber(name)].push_back(name);
+    }
+    for (const auto& [rest, names] : alike) {
+      if (names.size() < 2) continue;
+      std::vector<std::string> joined;
+      try {
+        const Image<float> first = ReadStoredDepth((*frames)[names[0]][0], &budget_).values;
+        std::copy_if(
+            names.begin(), names.end(), std::back_inserter(joined), [&](const std::string& name) {
+              return name == names[0] ||
+                     SeeTheSame(first, ReadStoredDepth((*frames)[name][0], &budget_).values);
+            });
+      } catch (const Error&) {
+        continue;  // AddImages says it
+      }
+      if (joined.size() != names.size()) continue;
+      std::vector<fs::path> files;
+      for (const std::string& name : names) files.push_back((*frames)[name][0]);
+      const std::size_t last = rest.find_last_not_of("_-. ");
+      const std::string word = last == std::string::npos ? "" : rest.substr(0, last + 1);
+      const std::string sensor = word.empty() ? "depth" : word;
+      if (frames->count(sensor) > 0) continue;
+      *std::find(order->begin(), order->end(), names[0]) = sensor;
+      for (const std::string& name : names) {
+        frames->erase(name);
+        order->erase(std::remove(order->begin(), order->end(), name), order->end());
+      }
+      (*frames)[sensor] = files;
+    }
   }
 
   void AddSubFolder(const fs::path& sub) {
@@ -109,12 +188,13 @@ class Drafter {
       const bool alone = groups.empty() && content.recordings.size() == 1;
       AddRecording(alone ? name : name + "_" + recording.stem().string(), recording);
     }
-    for (std::size_t i = before; i < sensors_.size(); ++i)
-      own_[sensors_[i].name] = content.intrinsics;
+    for (std::size_t i = before; i < sensors_.size(); ++i) own_[sensors_[i].name] = content;
     SayLeftOut(content, name + "/");
   }
 
   void SayLeftOut(const FolderContent& content, const std::string& where) {
+    for (const std::string& sentence : content.not_read)
+      draft_.found.push_back(fmt::format("left out: {}{}", where, sentence));
     std::vector<std::string> names = content.left_out;
     if (names.empty()) return;
     const bool more = names.size() > kMostListed;
@@ -127,7 +207,7 @@ class Drafter {
     DraftSensor sensor;
     for (const fs::path& file : files) {
       try {
-        const StoredDepth depth = ReadStoredDepth(file);
+        const StoredDepth depth = ReadStoredDepth(file, &budget_);
         if (sensor.files.empty()) {
           SetSize(depth, &sensor);
         } else if (depth.values.width() != sensor.width || depth.values.height() != sensor.height) {
@@ -150,29 +230,45 @@ class Drafter {
 
   void AddRecording(const std::string& name, const fs::path& file) {
     std::vector<RecordedDepth> streams;
+    const std::uint64_t kept = budget_.kept();
     try {
-      streams = ReadRecording(file, 1);
+      streams = ReadRecording(file, kDefaultFrames, &budget_);
     } catch (const Error& error) {
       draft_.unknown.push_back(fmt::format("what {} holds: {}", name, error.what()));
       return;
     }
-    for (const RecordedDepth& stream : streams) {
+    budget_.Drop(budget_.kept() - kept);
+    const std::string where = fs::relative(file, folder_).string();
+    for (RecordedDepth& stream : streams) {
+      if (!stream.problem.empty()) {
+        draft_.unknown.push_back(
+            fmt::format("what {} of {} holds: {}", stream.stream, where, stream.problem));
+        continue;
+      }
+      const Image<float>& first = stream.frames.front().values;
+      if (const auto other = devices_.find(stream.serial);
+          !stream.serial.empty() && other != devices_.end() && other->second.first != file &&
+          SeeTheSame(other->second.second, first)) {
+        draft_.found.push_back(fmt::format("left out: {}: the device {} sees the same in {}", where,
+                                           stream.serial, other->second.first.filename().string()));
+        continue;
+      }
+      devices_.emplace(stream.serial, std::pair(file, first));
       DraftSensor sensor;
       sensor.name = UniqueName(name);
       sensor.files = {file};
       SetSize(stream.frames.front(), &sensor);
       if (streams.size() > 1) sensor.stream = stream.stream;
-      sensor.depth_scale = stream.depth_scale;
-      sensor.kind = stream.kind;
-      sensor.serial = stream.serial;
+      stream.frames.clear();
       sensor.intrinsics = stream.intrinsics;
       draft_.found.push_back(fmt::format(
-          "{}: depth stream {} of {}, {}x{}{}{}", sensor.name, stream.stream,
-          fs::relative(file, folder_).string(), sensor.width, sensor.height,
+          "{}: depth stream {} of {}, {}x{}{}{}", sensor.name, stream.stream, where, sensor.width,
+          sensor.height,
           stream.depth_scale
               ? fmt::format(", {} m per unit ({})", *stream.depth_scale, stream.depth_scale_source)
               : "",
-          stream.intrinsics ? ", intrinsics of the recording" : ""));
+          stream.intrinsics ? ", intrinsics of " + stream.intrinsics_source : ""));
+      sensor.recorded = std::move(stream);
       sensors_.push_back(std::move(sensor));
     }
   }
@@ -196,7 +292,7 @@ class Drafter {
   /// Files that may be the sensor's, the nearest first.
   std::vector<fs::path> Candidates(const FolderContent& top, const DraftSensor& sensor) const {
     std::vector<fs::path> files;
-    if (const auto own = own_.find(sensor.name); own != own_.end()) files = own->second;
+    if (const auto own = own_.find(sensor.name); own != own_.end()) files = own->second.intrinsics;
     std::vector<fs::path> shared;
     for (const fs::path& file : top.intrinsics) {
       const std::string stem = Lower(file.stem().string());
@@ -210,14 +306,23 @@ class Drafter {
       });
       if (!is_other) shared.push_back(file);
     }
-    if (files.empty() && options_.intrinsics) return {*options_.intrinsics};
+    if (options_.intrinsics) {
+      files.push_back(*options_.intrinsics);
+      return files;
+    }
     return files.empty() && shared.size() == 1 ? shared : files;
   }
 
   void FindIntrinsics(const FolderContent& top, DraftSensor* sensor, std::set<fs::path>* used) {
-    if (sensor->intrinsics) return;
+    if (sensor->intrinsics && sensor->recorded.intrinsics_stated) {
+      intrinsics_.others.push_back(
+          fmt::format("{} has those of {}", sensor->name, sensor->recorded.intrinsics_source));
+      return;
+    }
+    std::vector<std::string> why;
+    if (!sensor->recorded.intrinsics_problem.empty())
+      why.push_back(sensor->recorded.intrinsics_problem);
     const std::vector<fs::path> candidates = Candidates(top, *sensor);
-    std::string why = "no file of intrinsics is beside it";
     for (const fs::path& file : candidates) {
       try {
         const Intrinsics read = ReadIntrinsicsFile(file, {sensor->width, sensor->height});
@@ -227,16 +332,36 @@ class Drafter {
         }
         sensor->intrinsics = read;
         used->insert(file);
-        draft_.found.push_back(
-            fmt::format("{}: intrinsics of {}", sensor->name, file.filename().string()));
+        const std::string name = file.filename().string();
+        if (options_.intrinsics && file == *options_.intrinsics) {
+          ++intrinsics_.sensors;
+        } else {
+          intrinsics_.others.push_back(fmt::format("{} has those of {}", sensor->name, name));
+        }
+        draft_.found.push_back(fmt::format("{}: intrinsics of {}", sensor->name, name));
         return;
       } catch (const Error& error) {
-        why = error.what();
+        why.push_back(error.what());
       }
     }
+    if (sensor->intrinsics) return;  // those of a camera that says that it is not calibrated
+    if (candidates.empty())
+      why.push_back("no file of intrinsics is beside it" + PassedOver(top, *sensor));
     draft_.unknown.push_back(
         fmt::format("{}: intrinsics (fx, fy, cx, cy, distortion of the {}x{} frames): {}",
-                    sensor->name, sensor->width, sensor->height, why));
+                    sensor->name, sensor->width, sensor->height, fmt::join(why, "; ")));
+  }
+
+  /// Of files that may be meant as the sensor's intrinsics, why they are none.
+  std::string PassedOver(const FolderContent& top, const DraftSensor& sensor) const {
+    std::vector<std::string> files = top.not_understood;
+    if (const auto own = own_.find(sensor.name); own != own_.end())
+      files.insert(files.begin(), own->second.not_understood.begin(),
+                   own->second.not_understood.end());
+    if (files.empty()) return "";
+    const bool more = files.size() > kMostListed;
+    files.resize(std::min(files.size(), kMostListed));
+    return fmt::format(" that can be read ({}{})", fmt::join(files, "; "), more ? "; ..." : "");
   }
 
   nlohmann::ordered_json SensorJson(const DraftSensor& sensor, const fs::path& output_folder) {
@@ -250,11 +375,25 @@ class Drafter {
     else
       json["depth"] = files;
     if (!sensor.stream.empty()) json["stream"] = sensor.stream;
-    const std::string kind = sensor.kind.empty() ? options_.sensor : sensor.kind;
+    const RecordedDepth& recorded = sensor.recorded;
+    if (recorded.kind.empty() || recorded.kind == options_.sensor) {
+      ++kind_.sensors;
+    } else {
+      kind_.others.push_back(fmt::format("{} is a {}", sensor.name, recorded.kind));
+    }
+    const std::string kind = recorded.kind.empty() ? options_.sensor : recorded.kind;
     if (!kind.empty()) json["sensor"] = kind;
-    if (!sensor.serial.empty()) json["serial"] = sensor.serial;
-    const std::optional<double> scale =
-        sensor.depth_scale ? sensor.depth_scale : options_.depth_scale;
+    if (!recorded.serial.empty()) json["serial"] = recorded.serial;
+    std::optional<double> scale = recorded.depth_scale;
+    const bool same = scale && options_.depth_scale &&
+                      std::abs(*scale - *options_.depth_scale) <= kSameScale * *scale;
+    if (scale && recorded.depth_scale_stated && !same) {
+      scale_.others.push_back(
+          fmt::format("{} has {} m ({})", sensor.name, *scale, recorded.depth_scale_source));
+    } else {
+      ++scale_.sensors;
+      if (options_.depth_scale && !recorded.depth_scale_stated) scale = options_.depth_scale;
+    }
     if (scale) {
       json["depth_scale"] = *scale;
     } else {
@@ -313,7 +452,10 @@ class Drafter {
   std::vector<DraftSensor> sensors_;
   std::set<std::string> names_;
   std::map<std::string, std::vector<std::string>> lenses_;  // sensors by what is said of their lens
-  std::map<std::string, std::vector<fs::path>> own_;        // intrinsics in a sensor's sub-folder
+  std::map<std::string, FolderContent> own_;                // of a sensor's sub-folder
+  std::map<std::string, std::pair<fs::path, Image<float>>> devices_;  // by serial: first frames
+  Use scale_, intrinsics_, kind_;
+  ReadBudget budget_;
 };
 
 }  // namespace

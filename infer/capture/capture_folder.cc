@@ -1,5 +1,7 @@
 #include "infer/capture/capture_folder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
@@ -21,32 +23,57 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kTimeDigits = 13;  // of milliseconds since 1970; serial numbers have fewer
+
 bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
   return extensions.count(Lower(path.extension().string())) > 0;
 }
 
-/// Whether a part of the name says that the image is something else.
-bool IsNamedOtherwise(const fs::path& path) {
-  static const std::set<std::string> others = {
-      "ir",    "infrared", "infra", "color", "colour", "rgb",     "amplitude", "confidence",
-      "label", "labels",   "mask",  "masks", "sheet",  "preview", "normal",    "normals"};
-  std::string words = Lower(path.stem().string());
-  for (char& c : words) {
-    if (c < 'a' || c > 'z') c = ' ';
-  }
-  const std::vector<std::string> parts = Split(words, ' ');
-  return std::any_of(parts.begin(), parts.end(),
-                     [&](const std::string& part) { return others.count(part) > 0; });
+/// Whether a name is written as one of intrinsics may be.
+bool IsTextFile(const fs::path& path) {
+  const std::string name = Lower(path.filename().string());
+  const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
+  return HasExtension(path, {".json", ".yaml", ".yml", ".txt", ".xml", ".ini", ".cfg", ".toml"}) ||
+         has("intrin") || has("calib") || has("camera_info");
 }
 
-bool IsIntrinsicsFile(const fs::path& path) {
+/// Adds the file to those of intrinsics, or says why it is none.
+void AddText(const fs::path& path, FolderContent* content) {
   std::error_code error;
-  if (!HasExtension(path, {".json", ".yaml", ".yml", ".txt"}) ||
-      fs::file_size(path, error) > kMaxTextBytes || error)
-    return false;
+  if (!IsTextFile(path) || fs::file_size(path, error) > kMaxTextBytes || error) return;
   const std::string text = ReadFile(path, kMaxTextBytes);
-  return text.find(kCaptureFormat) == std::string::npos &&
-         text.find("\"sensors\"") == std::string::npos && LooksLikeIntrinsics(text);
+  const auto has = [&](const char* word) { return text.find(word) != std::string::npos; };
+  // volalign's own, and what `ros2 bag record` writes.
+  if (has(kCaptureFormat) || has("\"sensors\"") || has("\"volalign.") ||
+      has("rosbag2_bagfile_information") ||
+      path.filename().string().find(".command.") != std::string::npos)
+    return;
+  std::string why = WhyNoText(text);
+  if (why.empty() && LooksLikeIntrinsics(text)) {
+    content->intrinsics.push_back(path);
+    return;
+  }
+  if (why.empty()) why = "it has none of the forms of intrinsics that are read";
+  content->not_understood.push_back(Shortened(path.filename().string()) + ": " + why);
+}
+
+/// Leaves the first of several parts of one recording.
+void KeepFirstPart(const fs::path& folder, FolderContent* content) {
+  const std::vector<std::string> parts = PartsOfRecording(folder);
+  const auto is_part = [&](const fs::path& path) {
+    return std::find(parts.begin(), parts.end(), path.filename().string()) != parts.end();
+  };
+  std::vector<fs::path>& recordings = content->recordings;
+  const auto first = std::find_if(recordings.begin(), recordings.end(), is_part);
+  if (first == recordings.end()) return;
+  const fs::path kept = *first;
+  for (const fs::path& path : recordings) {
+    if (path == kept || !is_part(path)) continue;
+    content->not_read.push_back(fmt::format("{}: a later part of the recording {}",
+                                            Shortened(path.filename().string()),
+                                            Shortened(kept.filename().string())));
+  }
+  recordings.erase(std::remove_if(first + 1, recordings.end(), is_part), recordings.end());
 }
 
 }  // namespace
@@ -85,16 +112,17 @@ FolderContent LookInto(const std::filesystem::path& folder) {
     if (IsRecording(path)) {
       content.recordings.push_back(path);
     } else if (HasExtension(path, {std::begin(kDepthEndings), std::end(kDepthEndings)})) {
-      if (IsNamedOtherwise(path))
+      if (IsNamedOtherwise(path.stem().string()))
         content.left_out.push_back(path.filename().string());
       else
         content.images.push_back(path);
-    } else if (IsIntrinsicsFile(path)) {
-      content.intrinsics.push_back(path);
+    } else {
+      AddText(path, &content);
     }
   }
   for (const auto* list : {&content.images, &content.recordings, &content.intrinsics})
     for (const fs::path& path : *list) RequireUtf8(path.string(), "the file");
+  KeepFirstPart(folder, &content);
   return content;
 }
 
@@ -107,7 +135,8 @@ std::optional<std::string> NameBesideDepth(const std::string& stem) {
   for (std::size_t at = 0; at < lower.size(); ++at) {
     for (const std::string word : {"depth", "depthmap", "z16"}) {
       if (lower.compare(at, word.size(), word) != 0) continue;
-      if (skip(skip(at + word.size(), kBetween), "0123456789") == lower.size())
+      // The number may be a time with a fraction, as rs-convert has it.
+      if (skip(skip(at + word.size(), kBetween), "0123456789.") == lower.size())
         return stem.substr(0, stem.substr(0, at).find_last_not_of(kBetween) + 1);
     }
   }
@@ -118,8 +147,17 @@ std::optional<std::string> NameBesideDepth(const std::string& stem) {
   return std::nullopt;
 }
 
+bool IsNamedAsFrame(const std::string& stem) {
+  const std::string name = NameBesideDepth(stem).value_or(stem);
+  const std::size_t begin = name.find_last_not_of("0123456789.") + 1;  // 0 where there is none
+  const std::string number = name.substr(begin);
+  const bool is_time = number.size() >= kTimeDigits || number.find('.') != std::string::npos;
+  return !number.empty() && (is_time || (number.size() >= 3 && number[0] == '0') ||
+                             HasWord(name, {"frame", "image", "img"}));
+}
+
 std::string WithoutNumber(const std::string& stem) {
-  const std::size_t last = stem.find_last_not_of("0123456789");
+  const std::size_t last = stem.find_last_not_of("0123456789.");
   return last == std::string::npos ? "" : stem.substr(0, last + 1);
 }
 

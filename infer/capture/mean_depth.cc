@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/base/statistics.h"
 #include "infer/view/sensor_view.h"
@@ -12,60 +13,95 @@ namespace {
 
 constexpr double kFinestStep = 1e-4;  // m, of depth that is stored as floats
 
-/// What several frames say about one pixel, in their units.
-struct PixelMean {
-  double value = 0, sigma = 0;
-};
+}  // namespace
 
-/// `values`: not zero, in whole `steps`. `jump`: how far two values of one surface may be apart.
-PixelMean MeanOf(const std::vector<float>& values, double step, double jump) {
+void MeanDepth::Count(float value, Pixel* pixel) {
+  ++pixel->count;
+  if (std::abs(value - pixel->middle) > pixel->gate) return;
+  pixel->sum += value;
+  ++pixel->near;
+}
+
+/// `values`: not zero, in whole `steps`.
+MeanDepth::Pixel MeanDepth::Begin(const std::vector<float>& values, double step) const {
   constexpr double kWithin = 0.68;      // share of the values, of a normal distribution's one sigma
   constexpr double kFar = 3;            // spreads, of a value that does not count
   constexpr double kLeastSpread = 0.3;  // rounding to steps has a standard deviation of 0.29
-  if (values.empty()) return {};
+  Pixel pixel;
+  if (values.empty()) return pixel;
   const double middle = Quantile(values, 0.5);
   std::vector<double> deviations;
   deviations.reserve(values.size());
   for (const float value : values) deviations.push_back(std::abs(value - middle));
   const double spread = std::max(kLeastSpread * step, NearestQuantile(deviations, kWithin));
-  const double gate = std::min(std::max(step, kFar * spread), jump);
-  double sum = 0, count = 0;
-  for (const float value : values) {
-    if (std::abs(value - middle) > gate) continue;
-    sum += value;
-    ++count;
-  }
-  return {sum / count, spread / std::sqrt(static_cast<double>(values.size()))};
+  // How far two values of one surface may be apart.
+  const double jump = DepthJump(scale_ * middle) / scale_;
+  pixel.middle = static_cast<float>(middle);
+  pixel.spread = static_cast<float>(spread);
+  pixel.gate = static_cast<float>(std::min(std::max(step, kFar * spread), jump));
+  return pixel;
 }
 
-Image<float> Scaled(const Image<float>& values, double scale) {
-  Image<float> metres(values.width(), values.height());
-  for (std::size_t i = 0; i < values.size(); ++i)
-    metres[i] = static_cast<float>(static_cast<double>(values[i]) * scale);
-  return metres;
-}
-
-}  // namespace
-
-void SetMeanDepth(const std::vector<StoredDepth>& images, SensorFrame* frame) {
-  const double scale = frame->depth_scale;
-  frame->depth = Scaled(images.front().values, scale);
-  if (images.size() == 1) return;
-  const bool whole = std::all_of(images.begin(), images.end(),
+void MeanDepth::BeginAll() {
+  const bool whole = std::all_of(kept_.begin(), kept_.end(),
                                  [](const StoredDepth& image) { return image.whole_numbers; });
-  const double step = whole ? 1 : kFinestStep / scale;
-  frame->depth_sigma = Image<float>(frame->depth.width(), frame->depth.height(), 0.0f);
+  const double step = whole ? 1 : kFinestStep / scale_;
+  pixels_ = Image<Pixel>(kept_[0].values.width(), kept_[0].values.height());
   std::vector<float> values;
-  for (std::size_t i = 0; i < frame->depth.size(); ++i) {
+  for (std::size_t i = 0; i < pixels_.size(); ++i) {
     values.clear();
-    for (const StoredDepth& image : images) {
+    for (const StoredDepth& image : kept_) {
       if (image.values[i] > 0) values.push_back(image.values[i]);
     }
-    const double near = values.empty() ? 0 : scale * static_cast<double>(Quantile(values, 0.5));
-    const PixelMean mean = MeanOf(values, step, DepthJump(near) / scale);
-    frame->depth[i] = static_cast<float>(scale * mean.value);
-    frame->depth_sigma[i] = static_cast<float>(scale * mean.sigma);
+    pixels_[i] = Begin(values, step);
+    for (const float value : values) Count(value, &pixels_[i]);
   }
+  kept_.clear();
+}
+
+void MeanDepth::Add(StoredDepth image) {
+  if (pixels_.empty()) {
+    if (kept_.size() < kMostKept) {
+      kept_.push_back(std::move(image));
+      return;
+    }
+    BeginAll();
+  }
+  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+    const float value = image.values[i];
+    if (!(value > 0)) continue;
+    // Measured for the first time.
+    if (pixels_[i].count == 0)
+      pixels_[i] = Begin({value}, image.whole_numbers ? 1 : kFinestStep / scale_);
+    Count(value, &pixels_[i]);
+  }
+}
+
+void MeanDepth::Set(SensorFrame* frame) {
+  const bool single = pixels_.empty() && kept_.size() == 1;
+  if (single) {
+    const Image<float>& values = kept_[0].values;
+    frame->depth = DepthImage(values.width(), values.height());
+    for (std::size_t i = 0; i < values.size(); ++i)
+      frame->depth[i] = static_cast<float>(static_cast<double>(values[i]) * scale_);
+    return;
+  }
+  if (pixels_.empty()) BeginAll();
+  frame->depth = DepthImage(pixels_.width(), pixels_.height(), 0.0f);
+  frame->depth_sigma = Image<float>(pixels_.width(), pixels_.height(), 0.0f);
+  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+    const Pixel& pixel = pixels_[i];
+    if (pixel.count == 0) continue;
+    frame->depth[i] = static_cast<float>(scale_ * pixel.sum / pixel.near);
+    frame->depth_sigma[i] =
+        static_cast<float>(scale_ * pixel.spread / std::sqrt(static_cast<double>(pixel.count)));
+  }
+}
+
+void SetMeanDepth(std::vector<StoredDepth> images, SensorFrame* frame) {
+  MeanDepth mean(frame->depth_scale);
+  for (StoredDepth& image : images) mean.Add(std::move(image));
+  mean.Set(frame);
 }
 
 }  // namespace volalign

@@ -1,17 +1,48 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
+#include "core/base/image.h"
 #include "infer/formats/depth_file.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
 
-/// Sets the frame's depth from images of one still scene, which have one size, in units of
-/// frame->depth_scale. Of several, each pixel becomes the mean of those of its non-zero values that
-/// are near their (lower) median, so that no value is invented between foreground and background,
-/// and depth_sigma the standard error of that mean, by the deviation from the median that 68 % of
-/// the values keep.
-void SetMeanDepth(const std::vector<StoredDepth>& images, SensorFrame* frame);
+/// The mean of frames of one still scene, which are given one after the other. Each pixel becomes
+/// the mean of those of its non-zero values that are near their (lower) median, so that no value is
+/// invented between foreground and background, and has as sigma the standard error of that mean, by
+/// the deviation from the median that 68 % of the values keep. Median and deviation are those of
+/// the first kMostKept frames, which alone are kept.
+class MeanDepth {
+ public:
+  static constexpr std::size_t kMostKept = 32;
+
+  /// Metres per unit of the frames.
+  explicit MeanDepth(double depth_scale) : scale_(depth_scale) {}
+
+  /// All have one size.
+  void Add(StoredDepth image);
+  /// Sets the frame's depth and, of several images, its depth_sigma: m. At least one was added.
+  void Set(SensorFrame* frame);
+
+ private:
+  /// What the frames say about one pixel, in their units.
+  struct Pixel {
+    double sum = 0;  // of the values near `middle`
+    float middle = 0, spread = 0, gate = 0;
+    int near = 0, count = 0;  // values near it, and all
+  };
+  Pixel Begin(const std::vector<float>& values, double step) const;
+  static void Count(float value, Pixel* pixel);
+  void BeginAll();
+
+  double scale_;
+  std::vector<StoredDepth> kept_;
+  Image<Pixel> pixels_;  // empty as long as all frames are kept
+};
+
+/// The mean of these, by frame->depth_scale.
+void SetMeanDepth(std::vector<StoredDepth> images, SensorFrame* frame);
 
 }  // namespace volalign

@@ -22,14 +22,18 @@ namespace {
 
 class BagReader : public ByteReader {
  public:
-  using ByteReader::ByteReader;
+  BagReader(std::string_view bytes, const std::string& name)
+      : ByteReader(bytes, name), name_(name) {}
   std::string_view Bytes() { return Block(); }
-  std::string Text() { return std::string(Block()); }
+  std::string Text() { return BoundedText(Block(), name_); }
   /// std_msgs/Header.
   std::string Header() {
     Take(3 * sizeof(std::uint32_t));  // seq, stamp
     return Text();                    // frame_id
   }
+
+ private:
+  const std::string& name_;
 };
 
 OrbbecProfile ReadOrbbecProfile(std::string_view message, const std::string& name) {
@@ -70,10 +74,14 @@ OrbbecProfile ReadOrbbecProfile(std::string_view message, const std::string& nam
   }
   // The recorder leaves zeros where the streams had no extrinsics.
   if (std::any_of(r.begin(), r.end(), [](float x) { return x != 0; })) {
-    profile.colour_from_stream = PoseFromRotation(
-        Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(r.data()).cast<double>(),
-        1e-3 * Eigen::Map<const Eigen::Vector3f>(t.data()).cast<double>(),
-        name + ": a stream profile");
+    try {
+      profile.colour_from_stream = PoseFromRotation(
+          Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(r.data()).cast<double>(),
+          1e-3 * Eigen::Map<const Eigen::Vector3f>(t.data()).cast<double>(),
+          name + ": a stream profile");
+    } catch (const DataError&) {
+      // Depth does not need it.
+    }
   }
   return profile;
 }
@@ -103,96 +111,82 @@ void ReadOrbbecProperty(std::string_view message, const std::string& name,
   }
 }
 
-/// Whether nothing more is to come: every image topic that may be depth has all its frames.
+/// Whether nothing more is to come: every image topic that may be depth has all its frames, and of
+/// what describes them a message was seen.
 bool IsComplete(const RosContent& content, const RosBag& bag, int max_frames) {
   if (!bag.has_index() || content.streams.empty()) return false;
   for (const auto& [id, connection] : bag.connections()) {
-    if (connection.type == "sensor_msgs/CameraInfo" && !content.infos.count(connection.topic))
-      return false;
-    if (const std::string number = OrbbecProfileNumber(connection.topic);
-        !number.empty() && !content.profiles.count(number))
-      return false;
-    if (connection.topic == kOrbbecDevice && !content.devices.count(kOrbbecDevice)) return false;
-    if (IsStaticTransform(connection.topic) && content.transforms.empty()) return false;
-    if (connection.type == "geometry_msgs/Transform" && IsStreamTransform(connection.topic) &&
-        std::none_of(content.transforms.begin(), content.transforms.end(),
-                     [&connection = connection](const RosTransform& transform) {
-                       return connection.topic.rfind(transform.child + "/", 0) == 0;
-                     }))
-      return false;
-    if (connection.type != "sensor_msgs/Image" ||
-        (Lower(connection.topic).find("depth") == std::string::npos &&
-         OrbbecStream(connection.topic) != kOrbbecDepth))
-      continue;
-    const auto found = content.streams.find(connection.topic);
-    if (found == content.streams.end() ||
-        static_cast<int>(found->second.frames.size()) < max_frames)
-      return false;
+    const std::string& topic = connection.topic;
+    const bool describes =
+        connection.type == "sensor_msgs/CameraInfo" || !OrbbecProfileNumber(topic).empty() ||
+        topic == kOrbbecDevice || IsStaticTransform(topic) ||
+        (connection.type == "geometry_msgs/Transform" && IsStreamTransform(topic));
+    if (describes && content.contents.count(topic) == 0) return false;
+    const bool is_depth =
+        connection.type == "sensor_msgs/Image" && !IsNamedOtherwise(topic) &&
+        (Lower(topic).find("depth") != std::string::npos || OrbbecStream(topic) == kOrbbecDepth);
+    if (is_depth && content.streams.count(topic) == 0) return false;
   }
-  return true;
+  return HasAllFrames(content, max_frames);
 }
 
 }  // namespace
 
 bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
-                 int max_frames, const std::string& name, RosContent* content) {
-  content->contents.insert(fmt::format("{} ({})", topic, type));
+                 const RosReading& reading, RosContent* content) {
+  const std::string& name = reading.name;
+  const bool first = content->contents.emplace(topic, type).second;
   if (type == "sensor_msgs/Image") {
     const RosImage image = ReadImage(BagReader(message, name));
-    if (OrbbecStream(topic) == kOrbbecDepth && !IsDepth(topic, image.encoding)) {
-      throw DataError(fmt::format(
-          "{}: {}: depth encoded as \"{}\"; mono16 and z16 are read: record without compression of "
-          "the depth",
-          name, topic, Shortened(image.encoding)));
-    }
-    if (!IsDepth(topic, image.encoding)) return false;
-    RecordedDepth& stream = content->streams[topic];
+    const bool is_depth = IsDepth(topic, image.encoding);
+    if (!is_depth && OrbbecStream(topic) != kOrbbecDepth) return first;
+    RosStream& stream = content->streams[topic];
     stream.stream = topic;
+    if (!is_depth) {
+      stream.problem = fmt::format(
+          "depth encoded as \"{}\"; mono16 and z16 are read: record without compression of the "
+          "depth",
+          Shortened(image.encoding));
+      return first;
+    }
     if (image.encoding == "32FC1") stream.depth_scale = 1;
-    if (static_cast<int>(stream.frames.size()) >= max_frames) return false;
-    stream.frames.push_back(DecodeImage(image, name));
-    return true;
+    return AddFrame(
+        reading, image.frame, [&] { return DecodeImage(image, name); }, &stream);
   }
   if (type == "sensor_msgs/CameraInfo") {
-    return content->infos.emplace(topic, ReadCameraInfo(BagReader(message, name), name)).second;
-  }
-  if (const std::string number = OrbbecProfileNumber(topic); !number.empty()) {
-    return content->profiles.emplace(number, ReadOrbbecProfile(message, name)).second;
-  }
-  if (topic == kOrbbecDevice) {
+    if (content->infos.count(topic) == 0)
+      content->infos.emplace(topic, ReadCameraInfo(BagReader(message, name), name));
+  } else if (const std::string number = OrbbecProfileNumber(topic); !number.empty()) {
+    content->profiles.emplace(number, ReadOrbbecProfile(message, name));
+  } else if (topic == kOrbbecDevice) {
     BagReader reader(message, name);
     reader.Header();
-    return content->devices[topic].emplace("name", reader.Text()).second;
-  }
-  if (topic == kOrbbecProperty) {
+    AddDevicePair("name", reader.Text(), &content->devices[topic]);
+  } else if (topic == kOrbbecProperty) {
     ReadOrbbecProperty(message, name, &content->properties);
-    return false;
-  }
-  if (type == "std_msgs/Float32") {
-    if (IsDepthUnits(topic)) content->units[topic] = BagReader(message, name).Value<float>();
+  } else if (type == "std_msgs/Float32" && IsDepthUnits(topic)) {
+    content->units[topic] = BagReader(message, name).Value<float>();
   } else if (IsStaticTransform(topic)) {
-    for (RosTransform& transform : ReadTransforms(BagReader(message, name), name))
-      content->transforms.push_back(std::move(transform));
-    return true;
+    ReadTransforms(BagReader(message, name), name, &content->transforms);
   } else if (type == "geometry_msgs/Transform" && IsStreamTransform(topic)) {
     BagReader reader(message, name);
-    content->transforms.push_back(StreamTransform(topic, ReadTransform(&reader, name)));
-    return true;
+    AddStreamTransform(topic, ReadTransform(&reader), &content->transforms);
   } else if (type == "diagnostic_msgs/KeyValue" && IsDeviceInfo(topic)) {
     BagReader reader(message, name);
     const std::string key = reader.Text();
-    content->devices[topic].emplace(key, reader.Text());
+    AddDevicePair(key, reader.Text(), &content->devices[topic]);
   }
-  return false;
+  return first;
 }
 
-Recording ReadBagRecording(const std::filesystem::path& path, int max_frames) {
-  const std::string name = path.string();
-  RosBag bag(path);
+Recording ReadBagRecording(const std::filesystem::path& path, const std::string& name,
+                           int max_frames, ReadBudget* budget) {
+  RosBag bag(path, name, budget);
   RosContent content;
+  const RosReading reading{name, max_frames, budget};
   bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
     // Asked after what may complete it alone: it goes through all connections.
-    return !CollectRos1(connection.topic, connection.type, message, max_frames, name, &content) ||
+    return !CollectRos1(connection.topic, connection.type, message, reading, &content) ||
            !IsComplete(content, bag, max_frames);
   });
   return DescribeStreams(std::move(content), name);

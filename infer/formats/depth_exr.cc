@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/depth_file.h"
 
 namespace volalign::formats_internal {
@@ -105,7 +106,7 @@ std::vector<std::string> DepthChannels(const Imf::ChannelList& list, const std::
   }
   throw DataError(fmt::format(
       "{}: none of the channels {} is the only one, nor named Z or Y; write depth alone", name,
-      fmt::join(all, ", ")));
+      Shortened(fmt::format("{}", fmt::join(all, ", ")))));
 }
 
 Image<float> ReadChannel(Imf::InputFile& file, const std::string& channel, int width, int height) {
@@ -144,8 +145,8 @@ StoredDepth DecodeExr(const std::string& bytes, const std::string& name) {
     throw;
   } catch (const std::exception& error) {
     const std::string text = error.what();
-    throw DataError(
-        fmt::format("{}: not a readable OpenEXR image: {}", name, text.substr(0, text.find('\n'))));
+    throw DataError(fmt::format("{}: not a readable OpenEXR image: {}", name,
+                                Shortened(text.substr(0, text.find('\n')))));
   }
 }
 

@@ -2,12 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <set>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/text.h"
 #include "core/formats/image_io.h"
 
 namespace volalign {
@@ -22,6 +26,17 @@ bool IsTiff(const std::string& bytes) {
   using namespace std::string_literals;
   return BeginsWith(bytes, "II*\0"s) || BeginsWith(bytes, "MM\0*"s) ||
          BeginsWith(bytes, "II+\0"s) || BeginsWith(bytes, "MM\0+"s);
+}
+
+/// Those of letters alone, in lower case.
+std::vector<std::string> WordsOf(const std::string& name) {
+  std::string letters = Lower(name);
+  for (char& c : letters) {
+    if (c < 'a' || c > 'z') c = ' ';
+  }
+  std::vector<std::string> words = Split(letters, ' ');
+  words.erase(std::remove(words.begin(), words.end(), ""), words.end());
+  return words;
 }
 
 StoredDepth FromImage16(const Image16& image) {
@@ -50,9 +65,15 @@ void CleanDepth(const std::string& name, StoredDepth* depth) {
 }
 
 StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
+  ReadBudget budget;
+  return ReadStoredDepth(path, &budget);
+}
+
+StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget) {
   using namespace formats_internal;
   const std::string name = path.string();
   const std::string bytes = ReadFile(path, kMaxImageBytes);
+  budget->Open(path);
   StoredDepth depth;
   if (BeginsWith(bytes, "\x93NUMPY")) {
     depth = DecodeNpy(bytes, name);
@@ -65,8 +86,32 @@ StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
   } else {
     throw DataError(fmt::format("{}: no depth image; expected {}", name, kDepthFormats));
   }
+  budget->Unpack(BytesOf(depth), name);
   CleanDepth(name, &depth);
   return depth;
+}
+
+std::uint64_t BytesOf(const StoredDepth& depth) { return sizeof(float) * depth.values.size(); }
+
+bool HasWord(const std::string& name, std::initializer_list<std::string_view> words) {
+  const std::vector<std::string> parts = WordsOf(name);
+  return std::any_of(parts.begin(), parts.end(), [&](const std::string& part) {
+    return std::find(words.begin(), words.end(), part) != words.end();
+  });
+}
+
+bool IsNamedOtherwise(const std::string& name) {
+  static const std::set<std::string> others = {
+      "ir",    "infrared",  "infra",      "color",  "colour",  "rgb",
+      "bgr",   "amplitude", "confidence", "label",  "labels",  "mask",
+      "masks", "sheet",     "preview",    "normal", "normals", "disparity"};
+  bool otherwise = false, is_target = false;
+  for (const std::string& word : WordsOf(name)) {
+    if (!is_target && word.rfind("depth", 0) == 0) otherwise = false;
+    if (!is_target && others.count(word) > 0) otherwise = true;
+    is_target = word == "to";  // aligned_depth_to_color
+  }
+  return otherwise;
 }
 
 namespace formats_internal {

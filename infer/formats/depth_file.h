@@ -1,10 +1,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <string>
+#include <string_view>
 
 #include "core/base/image.h"
+#include "infer/formats/read_budget.h"
 
 namespace volalign {
 
@@ -22,6 +26,17 @@ struct StoredDepth {
 /// for a truncated file, and where all measured values are negative (an axis that points
 /// backwards).
 StoredDepth ReadStoredDepth(const std::filesystem::path& path);
+/// The same, counted by `budget` before its pixels are unpacked.
+StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget);
+
+/// Of its values in memory.
+std::uint64_t BytesOf(const StoredDepth& depth);
+
+/// Whether an image's or a topic's name calls it something else than depth: the last of its words
+/// that tells, those behind "to" apart, is infrared, color, labels and so on.
+bool IsNamedOtherwise(const std::string& name);
+/// Whether one of the name's words, of letters alone, is one of `words`.
+bool HasWord(const std::string& name, std::initializer_list<std::string_view> words);
 
 /// Makes values that are no measurement, as above, 0. Throws DataError, which begins with `name`,
 /// where all measured values are negative.

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -29,15 +28,6 @@ struct NpyHeader {
   std::size_t data_at = 0;
 };
 
-/// Behind the `key` of the header, a Python dictionary, and blanks.
-TextScanner Behind(const std::string& dictionary, const std::string& key) {
-  const std::size_t at = dictionary.find(key);
-  TextScanner scanner(std::string_view(dictionary).substr(std::min(at, dictionary.size())));
-  scanner.Take(key);
-  scanner.SkipBlanks();
-  return scanner;
-}
-
 NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   if (bytes.size() < 12) throw DataError(name + ": truncated NPY");
   const auto byte = [&](std::size_t i) {
@@ -57,34 +47,46 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
     throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
                                 Shortened(dictionary)));
   };
-  TextScanner type = Behind(dictionary, "'descr':");
-  const bool quoted = type.Take("'");
-  const char order = type.TakeOneOf("<>|=");
-  header.kind = type.TakeOneOf("uif");
-  const char size = type.TakeOneOf("1248");
-  require(quoted && order && header.kind && size && type.Take("'"),
-          "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
-  header.big_endian = order == '>';
-  header.size = static_cast<std::size_t>(size - '0');
+  // A Python dictionary of these three keys, as numpy writes it.
+  TextScanner scanner(dictionary);
+  const auto take = [&](std::string_view word) {
+    scanner.SkipBlanks();
+    return scanner.Take(word);
+  };
+  bool has_type = false, has_order = false, has_shape = false;
+  require(take("{"), "a dictionary");
+  while (!take("}")) {
+    if (!has_type && take("'descr'") && take(":")) {
+      const bool quoted = take("'");
+      const char order = scanner.TakeOneOf("<>|=");
+      header.kind = scanner.TakeOneOf("uif");
+      const char size = scanner.TakeOneOf("1248");
+      has_type = quoted && order && header.kind && size && scanner.Take("'");
+      require(has_type, "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
+      header.big_endian = order == '>';
+      header.size = static_cast<std::size_t>(size - '0');
+    } else if (!has_order && take("'fortran_order'") && take(":")) {
+      header.fortran_order = take("True");
+      has_order = header.fortran_order || take("False");
+      require(has_order, "'fortran_order'");
+    } else if (!has_shape && take("'shape'") && take(":")) {
+      const bool opened = take("(");
+      scanner.SkipBlanks();
+      header.rows = scanner.TakeNumber(kMostDimensionDigits);
+      const bool two = take(",");
+      scanner.SkipBlanks();
+      header.columns = scanner.TakeNumber(kMostDimensionDigits);
+      take(",");
+      has_shape = opened && two && header.rows >= 0 && header.columns >= 0 && take(")");
+      require(has_shape, "'shape' of two dimensions (height, width)");
+    } else {
+      require(false, "'descr', 'fortran_order' and 'shape', each once");
+    }
+    require(take(",") || scanner.rest().substr(0, 1) == "}", "a comma");
+  }
+  require(has_type && has_order && has_shape && scanner.rest().empty(),
+          "'descr', 'fortran_order' and 'shape', each once");
   if (header.kind == 'f' && header.size < 2) throw DataError(name + ": bad NPY header: f1");
-
-  TextScanner fortran = Behind(dictionary, "'fortran_order':");
-  header.fortran_order = fortran.Take("True");
-  require(header.fortran_order || fortran.Take("False"), "'fortran_order'");
-
-  TextScanner shape = Behind(dictionary, "'shape':");
-  const bool opened = shape.Take("(");
-  shape.SkipBlanks();
-  header.rows = shape.TakeNumber(kMostDimensionDigits);
-  shape.SkipBlanks();
-  const bool two = shape.Take(",");
-  shape.SkipBlanks();
-  header.columns = shape.TakeNumber(kMostDimensionDigits);
-  shape.SkipBlanks();
-  shape.Take(",");
-  shape.SkipBlanks();
-  require(opened && two && header.rows >= 0 && header.columns >= 0 && shape.Take(")"),
-          "'shape' of two dimensions (height, width)");
   return header;
 }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/depth_file.h"
 
 namespace volalign::formats_internal {
@@ -57,7 +58,7 @@ int OnError(TIFF*, void* last_error, const char* module, const char* format, va_
 int OnWarning(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
 [[noreturn]] void FailUnreadable(const std::string& name, const std::string& last_error) {
-  throw DataError(fmt::format("{}: not a readable TIFF: {}", name, last_error));
+  throw DataError(fmt::format("{}: not a readable TIFF: {}", name, Shortened(last_error)));
 }
 
 struct Layout {

@@ -237,6 +237,8 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
 
 Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
                                const FrameSize& frame) {
+  if (const std::string why = WhyNoText(text); !why.empty())
+    throw DataError(fmt::format("{}: {}", name, why));
   std::optional<Intrinsics> intrinsics = formats_internal::FromRsEnumerate(text, name, frame);
   if (!intrinsics) intrinsics = formats_internal::FromPyorbbec(text, name);
   if (!intrinsics) intrinsics = formats_internal::FromPyrealsense(text, name);
@@ -255,6 +257,22 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
 
 Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
   return ParseIntrinsicsText(ReadFile(path, kMaxTextBytes), path.string(), frame);
+}
+
+std::string WhyNoText(const std::string& text) {
+  const std::string begin = text.substr(0, 2);
+  if (begin == "\xff\xfe" || begin == "\xfe\xff")
+    return "its text is UTF-16, as PowerShell writes it; save it as UTF-8";
+  if (text.find('\0') != std::string::npos)
+    return "it is binary, or text of another kind than UTF-8; save it as UTF-8";
+  std::string_view view = text;
+  if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);
+  view.remove_prefix(
+      std::min(view.find_first_not_of(formats_internal::TextScanner::kBlanks), view.size()));
+  if (view.substr(0, 5) == "<?xml" || view.substr(0, 15) == "<opencv_storage")
+    return "it is XML, which is not read; write YAML or JSON (OpenCV does for a name that ends in "
+           ".yaml)";
+  return "";
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {

@@ -31,6 +31,10 @@ Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize
 Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
                                const FrameSize& frame);
 
+/// Why no reader takes the text, whatever it says, and what to do: it is UTF-16, XML or binary.
+/// Empty otherwise.
+std::string WhyNoText(const std::string& text);
+
 /// Whether a text looks like one of these, so that ParseIntrinsicsText has something to say of it.
 bool LooksLikeIntrinsics(const std::string& text);
 

@@ -2,7 +2,6 @@
 // front, without its index, so that a file that was cut off still gives what it has.
 
 #include <fmt/format.h>
-#include <zstd.h>
 
 #include <array>
 #include <cstdint>
@@ -17,6 +16,7 @@
 #include "infer/formats/byte_reader.h"
 #include "infer/formats/recording.h"
 #include "infer/formats/ros_depth.h"
+#include "infer/formats/unpack.h"
 
 namespace volalign::formats_internal {
 
@@ -57,18 +57,11 @@ std::uint32_t Crc32(std::string_view bytes) {
   return ~crc;
 }
 
-std::string UnpackZstd(std::string_view packed, std::size_t size, const std::string& name) {
-  std::string bytes(size, '\0');
-  const std::size_t written = ZSTD_decompress(bytes.data(), size, packed.data(), packed.size());
-  if (ZSTD_isError(written) || written != size)
-    throw DataError(name + ": damaged: a zstd chunk cannot be unpacked");
-  return bytes;
-}
-
 class McapReader {
  public:
-  McapReader(const std::filesystem::path& path, int max_frames)
-      : name_(path.string()), max_frames_(max_frames), stream_(path, std::ios::binary) {
+  McapReader(const std::filesystem::path& path, const std::string& name, int max_frames,
+             ReadBudget* budget)
+      : name_(name), reading_{name_, max_frames, budget}, stream_(path, std::ios::binary) {
     std::error_code error;
     size_ = std::filesystem::file_size(path, error);
     if (!stream_ || error) throw IoError(name_ + ": cannot be read");
@@ -112,13 +105,13 @@ class McapReader {
     ByteReader reader(record, name_);
     if (opcode == kSchema) {
       const auto id = reader.Value<std::uint16_t>();
-      schemas_.emplace(id, std::string(reader.Block()));
+      schemas_.emplace(id, BoundedText(reader.Block(), name_, kMostTopicBytes));
     } else if (opcode == kChannel) {
       const auto id = reader.Value<std::uint16_t>();
       Channel channel;
       channel.schema = reader.Value<std::uint16_t>();
-      channel.topic = std::string(reader.Block());
-      channel.encoding = std::string(reader.Block());
+      channel.topic = BoundedText(reader.Block(), name_, kMostTopicBytes);
+      channel.encoding = BoundedText(reader.Block(), name_, kMostTopicBytes);
       channels_.emplace(id, std::move(channel));
       if (channels_.size() > kMaxChannels) {
         throw DataError(
@@ -140,12 +133,12 @@ class McapReader {
     const std::string type = schema == schemas_.end() ? "" : schema->second;
     const std::string& topic = channel->second.topic;
     if (channel->second.encoding == "ros1") {
-      CollectRos1(topic, type, message, max_frames_, name_, &content_);
+      CollectRos1(topic, type, message, reading_, &content_);
     } else if (channel->second.encoding == "cdr") {
-      CollectRos2(topic, type, message, max_frames_, name_, &content_);
+      CollectRos2(topic, type, message, reading_, &content_);
     } else {
-      content_.contents.insert(
-          fmt::format("{} ({}, encoded as {})", topic, type, channel->second.encoding));
+      content_.contents.emplace(topic,
+                                fmt::format("{}, encoded as {}", type, channel->second.encoding));
     }
   }
 
@@ -153,7 +146,7 @@ class McapReader {
     reader->Take(2 * sizeof(std::uint64_t));  // times of the first and the last message
     const auto size = reader->Value<std::uint64_t>();
     const auto crc = reader->Value<std::uint32_t>();
-    const std::string compression(reader->Block());
+    const std::string_view compression = reader->Block();
     const std::string_view packed = reader->Take(reader->Value<std::uint64_t>());
     if (size > kMaxRecord)
       throw DataError(fmt::format("{}: damaged: a chunk of {} bytes", name_, size));
@@ -162,35 +155,32 @@ class McapReader {
     if (!compression.empty()) {
       if (compression != "zstd" && compression != "lz4") {
         throw DataError(fmt::format("{}: a chunk is compressed as \"{}\"; zstd and lz4 are read",
-                                    name_, Shortened(compression)));
+                                    name_, Shortened(std::string(compression))));
       }
-      unpacked =
-          compression == "zstd" ? UnpackZstd(packed, size, name_) : UnpackLz4(packed, size, name_);
+      if (compression == "zstd") {
+        unpacked = UnpackZstd(packed, size, name_, reading_.budget);
+      } else {
+        reading_.budget->Unpack(size, name_);
+        unpacked = UnpackLz4(packed, size, name_);
+      }
       records = unpacked;
     }
     if (records.size() != size || (crc != 0 && Crc32(records) != crc))
       throw DataError(name_ + ": damaged: a chunk's size or checksum (CRC-32) is not as stated");
     ByteReader inner(records, name_);
     while (inner.left() > 0) {
+      reading_.budget->Unpack(kRecordCost, name_);
       const auto opcode = inner.Value<std::uint8_t>();
       const auto length = inner.Value<std::uint64_t>();
       Take(opcode, inner.Take(length), /*within_chunk=*/true);
     }
-    complete_ = IsComplete();
-  }
-
-  /// Chunks of a long recording are not gone through once every depth stream has its frames and a
-  /// camera was seen.
-  bool IsComplete() const {
-    if (content_.streams.empty() || content_.infos.empty()) return false;
-    for (const auto& [topic, stream] : content_.streams) {
-      if (static_cast<int>(stream.frames.size()) < max_frames_) return false;
-    }
-    return true;
+    // Chunks of a long recording are not gone through once every depth stream has its frames and a
+    // camera of it was seen.
+    complete_ = HasAllFrames(content_, reading_.max_frames) && HaveCameras(content_);
   }
 
   std::string name_;
-  int max_frames_;
+  RosReading reading_;
   std::ifstream stream_;
   std::uint64_t size_ = 0;
   bool complete_ = false;
@@ -201,8 +191,9 @@ class McapReader {
 
 }  // namespace
 
-Recording ReadMcapRecording(const std::filesystem::path& path, int max_frames) {
-  return DescribeStreams(McapReader(path, max_frames).Read(), path.string());
+Recording ReadMcapRecording(const std::filesystem::path& path, const std::string& name,
+                            int max_frames, ReadBudget* budget) {
+  return DescribeStreams(McapReader(path, name, max_frames, budget).Read(), name);
 }
 
 }  // namespace volalign::formats_internal

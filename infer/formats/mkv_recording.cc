@@ -24,6 +24,7 @@
 #include <memory>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/intrinsics_file.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/recording.h"
@@ -48,6 +49,8 @@ struct Track {
 };
 
 struct Content {
+  const std::string& name;  ///< of the file; begins every message
+  std::uint64_t file_size = 0;
   std::vector<Track> tracks;         // those of 16-bit grey
   std::string calibration;           // calibration.json
   std::optional<FrameSize> picture;  // of the track COLOR
@@ -69,8 +72,15 @@ void ForEach(const libebml::EbmlMaster& master, Use use) {
   }
 }
 
-std::string Bytes(const libebml::EbmlBinary* binary) {
+/// libebml keeps an element's size as it is stated, however few bytes the file has of it. Throws
+/// DataError for one that ends behind the file.
+std::string Bytes(const libebml::EbmlBinary* binary, const Content& content) {
   if (!binary || !binary->GetBuffer()) return "";
+  const std::uint64_t end = binary->GetElementPosition() + binary->HeadSize() + binary->GetSize();
+  if (end > content.file_size) {
+    throw DataError(fmt::format("{}: damaged: an element of {} bytes ends behind the file",
+                                content.name, binary->GetSize()));
+  }
   return std::string(reinterpret_cast<const char*>(binary->GetBuffer()),
                      static_cast<std::size_t>(binary->GetSize()));
 }
@@ -94,8 +104,8 @@ void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
     if (other.number == track.number) return;
   }
   track.codec = std::string(*codec);
-  track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry)),
-                        Bytes(Child<mkv::KaxVideoColourSpace>(*video)));
+  track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry), *content),
+                        Bytes(Child<mkv::KaxVideoColourSpace>(*video), *content));
   if (const auto* name = Child<mkv::KaxTrackName>(entry))
     track.name = static_cast<const libebml::UTFstring&>(*name).GetUTF8();
   const auto* width = Child<mkv::KaxVideoPixelWidth>(*video);
@@ -143,7 +153,7 @@ StoredDepth Decode(const Track& track, const std::uint8_t* bytes, std::size_t si
   return depth;
 }
 
-void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, const std::string& name,
+void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, ReadBudget* budget,
               Content* content) {
   auto& block = const_cast<mkv::KaxInternalBlock&>(const_block);  // its getters are not const
   for (Track& track : content->tracks) {
@@ -151,19 +161,20 @@ void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, const st
     for (unsigned int i = 0; i < block.NumberFrames(); ++i) {
       if (static_cast<int>(track.frames.size()) >= max_frames) return;
       const auto& data = block.GetBuffer(i);
-      track.frames.push_back(Decode(track, data.Buffer(), data.Size(), name));
+      track.frames.push_back(Decode(track, data.Buffer(), data.Size(), content->name));
+      budget->Keep(BytesOf(track.frames.back()), content->name);
     }
   }
 }
 
-void AddCluster(const libebml::EbmlMaster& cluster, int max_frames, const std::string& name,
+void AddCluster(const libebml::EbmlMaster& cluster, int max_frames, ReadBudget* budget,
                 Content* content) {
   ForEach<mkv::KaxSimpleBlock>(cluster, [&](const mkv::KaxSimpleBlock& block) {
-    AddBlock(block, max_frames, name, content);
+    AddBlock(block, max_frames, budget, content);
   });
   ForEach<mkv::KaxBlockGroup>(cluster, [&](const mkv::KaxBlockGroup& group) {
     if (const auto* block = Child<mkv::KaxBlock>(group))
-      AddBlock(*block, max_frames, name, content);
+      AddBlock(*block, max_frames, budget, content);
   });
 }
 
@@ -173,7 +184,7 @@ void AddAttachments(const libebml::EbmlMaster& attachments, Content* content) {
     if (!file_name ||
         static_cast<const libebml::UTFstring&>(*file_name).GetUTF8() != "calibration.json")
       return;
-    content->calibration = Bytes(Child<mkv::KaxFileData>(file));
+    content->calibration = Bytes(Child<mkv::KaxFileData>(file), *content);
     // The recorder attaches the device's memory, with the zero that ends it.
     content->calibration.resize(
         std::min(content->calibration.size(), content->calibration.find('\0')));
@@ -201,7 +212,7 @@ bool HasAllFrames(const Content& content, int max_frames) {
 }
 
 /// Adds what a part of the segment has; parts of no interest were not read.
-void AddPart(const libebml::EbmlMaster& part, int max_frames, const std::string& name,
+void AddPart(const libebml::EbmlMaster& part, int max_frames, ReadBudget* budget,
              Content* content) {
   const libebml::EbmlId id(part);
   if (id == EBML_ID(mkv::KaxTracks)) {
@@ -213,7 +224,7 @@ void AddPart(const libebml::EbmlMaster& part, int max_frames, const std::string&
   } else if (id == EBML_ID(mkv::KaxTags)) {
     AddTags(part, content);
   } else {
-    AddCluster(part, max_frames, name, content);
+    AddCluster(part, max_frames, budget, content);
   }
 }
 
@@ -260,6 +271,8 @@ class RecordingFile : public libebml::StdIOCallback {
   std::uint32_t read(void* buffer, std::size_t size) override {
     const std::uint32_t count = StdIOCallback::read(buffer, size);
     auto* const bytes = static_cast<std::uint8_t*>(buffer);
+    // libebml takes what it did not get for read: never what was in the memory before.
+    std::fill(bytes + count, bytes + size, std::uint8_t{0});
     // The track's number of one or two bytes, the time of two, the flags.
     const std::size_t flags = count > 0 && bytes[0] >= 0x80 ? 3 : 4;
     constexpr int kLacing = 0x06, kOfOneSize = 0x04;
@@ -271,19 +284,20 @@ class RecordingFile : public libebml::StdIOCallback {
   bool reads_blocks = false;
 };
 
-Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name) {
-  const std::uint64_t file_size = std::filesystem::file_size(path);
+Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name,
+                    ReadBudget* budget) {
+  Content content{name, std::filesystem::file_size(path), {}, {}, {}, {}, {}};
   RecordingFile file(path);
   libebml::EbmlStream stream(file);
   const Element segment = FindSegment(&stream);
   if (!segment) throw DataError(name + ": damaged: no Matroska segment");
-  Content content;
   int upper = 0;
   Element part(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
   while (part && upper <= 0) {
     Element beyond;
     if (IsWanted(*part, content, max_frames)) {
-      RequireBounded(*part, file_size - std::min(file_size, file.getFilePointer()), name);
+      RequireBounded(*part, content.file_size - std::min(content.file_size, file.getFilePointer()),
+                     name);
       libebml::EbmlElement* found = nullptr;
       file.reads_blocks = libebml::EbmlId(*part) == EBML_ID(mkv::KaxCluster);
       part->Read(stream, EBML_CONTEXT(part), upper, found, true);
@@ -294,7 +308,7 @@ Content ReadContent(const std::filesystem::path& path, int max_frames, const std
         beyond.reset(found);
         --upper;
       }
-      AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, name, &content);
+      AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, budget, &content);
       if (!content.calibration.empty() && !content.tags.empty() &&
           HasAllFrames(content, max_frames))
         break;
@@ -333,14 +347,21 @@ RecordedDepth Describe(const Content& content, Track&& track, const std::string&
     depth.device = "Azure Kinect";
     depth.kind = KinectKind(track.width, track.height);
     depth.depth_scale = kKinectUnit;
+    depth.depth_scale_stated = true;
     depth.depth_scale_source = "the Azure Kinect's unit";
   }
   if (const auto serial = content.tags.find("K4A_DEVICE_SERIAL_NUMBER");
       serial != content.tags.end())
     depth.serial = serial->second;
   if (!content.calibration.empty()) {
-    depth.intrinsics = ParseIntrinsicsText(content.calibration, name + ": calibration.json",
-                                           {track.width, track.height});
+    try {
+      depth.intrinsics = ParseIntrinsicsText(content.calibration, name + ": calibration.json",
+                                             {track.width, track.height});
+      depth.intrinsics_source = "the attached calibration.json";
+      depth.intrinsics_stated = true;
+    } catch (const DataError& error) {
+      depth.intrinsics_problem = error.what();
+    }
     depth.colour = Colour(content, name);
   }
   depth.frames = std::move(track.frames);
@@ -349,10 +370,10 @@ RecordedDepth Describe(const Content& content, Track&& track, const std::string&
 
 }  // namespace
 
-Recording ReadMkvRecording(const std::filesystem::path& path, int max_frames) {
-  const std::string name = path.string();
+Recording ReadMkvRecording(const std::filesystem::path& path, const std::string& name,
+                           int max_frames, ReadBudget* budget) {
   try {
-    Content content = ReadContent(path, max_frames, name);
+    Content content = ReadContent(path, max_frames, name, budget);
     Recording recording;
     recording.contents = content.contents;
     for (Track& track : content.tracks) {
@@ -363,7 +384,8 @@ Recording ReadMkvRecording(const std::filesystem::path& path, int max_frames) {
   } catch (const Error&) {
     throw;
   } catch (const std::exception& error) {
-    throw DataError(fmt::format("{}: not a readable Matroska file: {}", name, error.what()));
+    throw DataError(
+        fmt::format("{}: not a readable Matroska file: {}", name, Shortened(error.what())));
   }
 }
 

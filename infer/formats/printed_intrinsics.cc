@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <map>
-#include <sstream>
 #include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/text_scanner.h"
@@ -19,10 +19,15 @@ namespace {
 constexpr std::size_t kMostSizeDigits = 5;  // of a width or height
 constexpr std::size_t kLongestPrint = 1000;
 
+/// Up to the first word that is none.
 std::vector<double> NumbersOfText(const std::string& text) {
-  std::istringstream stream(text);
   std::vector<double> numbers;
-  for (double x; stream >> x;) numbers.push_back(x);
+  TextScanner scanner(text);
+  for (scanner.SkipBlanks(); !scanner.rest().empty(); scanner.SkipBlanks()) {
+    const std::optional<double> number = NumberOf(scanner.TakeWord());
+    if (!number) break;
+    numbers.push_back(*number);
+  }
   return numbers;
 }
 

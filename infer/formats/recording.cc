@@ -2,12 +2,18 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <fstream>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
+#include "core/base/file_util.h"
 #include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
+#include "infer/formats/unpack.h"
 
 namespace volalign {
 
@@ -16,20 +22,16 @@ namespace {
 /// A kind of recording: what its files begin with, and its reader.
 struct Kind {
   const char* magic;
-  formats_internal::Recording (*read)(const std::filesystem::path& path, int max_frames);
+  formats_internal::Recording (*read)(const std::filesystem::path& path, const std::string& name,
+                                      int max_frames, ReadBudget* budget);
 };
-formats_internal::Recording ReadRos2(const std::filesystem::path& path, int max_frames) {
-  // Of a bag of a million messages and a hundred topics.
-  constexpr std::int64_t kMostSteps = 1'000'000'000;
-  return formats_internal::ReadRos2Recording(path, max_frames, kMostSteps);
-}
 
-constexpr std::size_t kMostContents = 12;  // that a message lists
 constexpr Kind kKinds[] = {{"#ROSBAG V", formats_internal::ReadBagRecording},
-                           {"SQLite format 3", ReadRos2},
+                           {"SQLite format 3", formats_internal::ReadRos2Recording},
                            {"\x89MCAP0\r\n", formats_internal::ReadMcapRecording},
                            {"\x1a\x45\xdf\xa3", formats_internal::ReadMkvRecording}};
 
+/// Of what zstd packed as a whole, those that it packed.
 std::string FirstBytes(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) return "";
@@ -37,7 +39,8 @@ std::string FirstBytes(const std::filesystem::path& path) {
   std::string bytes(16, '\0');
   stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<std::size_t>(stream.gcount()));
-  return bytes;
+  return formats_internal::IsZstd(bytes) ? formats_internal::FrontOfZstd(path, bytes.size())
+                                         : bytes;
 }
 
 /// Null for a file of another kind.
@@ -48,38 +51,70 @@ const Kind* KindOf(const std::string& bytes) {
   return nullptr;
 }
 
+bool IsPacked(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::string bytes(4, '\0');
+  stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return formats_internal::IsZstd(bytes);
+}
+
 }  // namespace
+
+std::vector<std::string> PartsOfRecording(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  try {
+    const YAML::Node root = LoadYaml(ReadFile(folder / "metadata.yaml", kMaxTextBytes));
+    if (!root.IsMap() || !root["rosbag2_bagfile_information"]) return {};
+    for (const YAML::Node& file : root["rosbag2_bagfile_information"]["relative_file_paths"])
+      names.push_back(file.as<std::string>());
+    return names;
+  } catch (const Error&) {
+  } catch (const YAML::Exception&) {
+  }
+  return {};
+}
 
 bool IsRecording(const std::filesystem::path& path) { return KindOf(FirstBytes(path)) != nullptr; }
 
 std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames) {
+  ReadBudget budget;
+  return ReadRecording(path, max_frames, &budget);
+}
+
+std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames,
+                                         ReadBudget* budget) {
+  const std::string name = path.string();
   const std::string bytes = FirstBytes(path);
-  if (bytes.empty()) throw IoError(path.string() + ": cannot be read, or is no file");
+  if (bytes.empty()) throw IoError(name + ": cannot be read, or is no file");
   const Kind* const kind = KindOf(bytes);
   if (!kind) {
     throw DataError(
         fmt::format("{}: neither a bag of ROS 1 or 2 (.bag, .db3, .mcap) nor a Matroska file; "
                     "expected a recording of "
                     "these",
-                    path.string()));
+                    name));
   }
-  formats_internal::Recording recording = kind->read(path, max_frames);
+  budget->Open(path);
+  std::optional<formats_internal::UnpackedFile> unpacked;
+  if (IsPacked(path)) unpacked.emplace(path, name, budget);
+  formats_internal::Recording recording =
+      kind->read(unpacked ? unpacked->path() : path, name, max_frames, budget);
   std::vector<RecordedDepth>& streams = recording.streams;
+  const auto readable = [](const RecordedDepth& stream) { return stream.problem.empty(); };
+  if (!streams.empty() && std::none_of(streams.begin(), streams.end(), readable)) {
+    throw DataError(
+        fmt::format("{}: {}: {}", name, Shortened(streams[0].stream), streams[0].problem));
+  }
   if (streams.empty()) {
-    std::vector<std::string> contents;
-    for (const std::string& content : recording.contents) {
-      if (contents.size() == kMostContents) break;
-      contents.push_back(Shortened(content));
-    }
-    throw DataError(fmt::format(
-        "{}: the recording has no depth stream with a frame; in it {} {}{}", path.string(),
-        contents.size() == 1 ? "is" : "are",
-        contents.empty() ? "no images or messages" : fmt::format("{}", fmt::join(contents, ", ")),
-        recording.contents.size() > contents.size() ? ", ..." : ""));
+    const std::string contents = Shortened(fmt::format("{}", fmt::join(recording.contents, ", ")));
+    throw DataError(fmt::format("{}: the recording has no depth stream with a frame; in it {} {}",
+                                name, recording.contents.size() == 1 ? "is" : "are",
+                                contents.empty() ? "no images or messages" : contents));
   }
   // They are printed.
   for (RecordedDepth& stream : streams) {
-    for (std::string* text : {&stream.stream, &stream.device, &stream.serial})
+    for (std::string* text :
+         {&stream.stream, &stream.device, &stream.serial, &stream.intrinsics_source})
       *text = Shortened(*text);
   }
   return streams;

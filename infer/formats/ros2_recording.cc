@@ -4,7 +4,8 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
-#include <cstdlib>
+#include <algorithm>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <set>
@@ -13,10 +14,13 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
 #include "core/formats/image_io.h"
 #include "infer/formats/byte_reader.h"
+#include "infer/formats/lens_names.h"
 #include "infer/formats/ros_depth.h"
+#include "infer/formats/unpack.h"
 
 namespace volalign::formats_internal {
 
@@ -34,7 +38,7 @@ constexpr std::size_t kDepthHeader = 12;
 class CdrReader {
  public:
   CdrReader(std::string_view message, const std::string& name)
-      : reader_(message, name), size_(message.size()) {
+      : reader_(message, name), name_(name), size_(message.size()) {
     if (reader_.Take(kHeader) != std::string_view(kLittleEndian, kHeader))
       throw DataError(name + ": a message that is not little-endian CDR");
   }
@@ -46,7 +50,7 @@ class CdrReader {
   }
   std::string_view Bytes() { return reader_.Take(Value<std::uint32_t>()); }
   std::string Text() {
-    std::string text(Bytes());
+    std::string text = BoundedText(Bytes(), name_);
     while (!text.empty() && text.back() == '\0') text.pop_back();
     return text;
   }
@@ -59,20 +63,15 @@ class CdrReader {
 
  private:
   ByteReader reader_;
+  const std::string& name_;
   std::size_t size_;
 };
 
-/// sensor_msgs/CompressedImage with "16UC1; compressedDepth png".
-StoredDepth ParseCompressed(std::string_view message, const std::string& name) {
-  CdrReader reader(message, name);
-  reader.Header();
-  const std::string format = reader.Text();
-  if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos)
-    throw DataError(fmt::format("{}: depth compressed as \"{}\"; only PNG of 16UC1 is read", name,
-                                Shortened(format)));
-  ByteReader data(reader.Bytes(), name);
-  data.Take(kDepthHeader);
-  const Image16 png = DecodeDepth(std::string(data.Take(data.left())), name);
+/// The PNG of a sensor_msgs/CompressedImage with "16UC1; compressedDepth png".
+StoredDepth DecodeCompressed(std::string_view data, const std::string& name) {
+  ByteReader reader(data, name);
+  reader.Take(kDepthHeader);
+  const Image16 png = DecodeDepth(std::string(reader.Take(reader.left())), name);
   RequireSize(png.width(), png.height(), name);
   StoredDepth depth{Image<float>(png.width(), png.height()), /*whole_numbers=*/true};
   std::copy(png.begin(), png.end(), depth.values.begin());
@@ -89,24 +88,55 @@ std::map<std::string, std::string> ParsePairs(const std::string& text) {
   return pairs;
 }
 
-/// "rotation=1,0,...;translation=0.015,0,0", the rotation column by column, metres.
-Pose ParseStreamTransform(const std::string& text, const std::string& name) {
+/// The numbers of "0.015,0,0"; none where one of them is none.
+std::vector<double> ParseNumbers(const std::map<std::string, std::string>& pairs, const char* key) {
+  std::vector<double> values;
+  const auto found = pairs.find(key);
+  for (const std::string& word : Split(found == pairs.end() ? "" : found->second, ',')) {
+    const std::optional<double> value = NumberOf(word);
+    if (!value) return {};
+    values.push_back(*value);
+  }
+  return values;
+}
+
+/// "rotation=1,0,...;translation=0.015,0,0", the rotation column by column, metres. None for what
+/// is no rigid motion, which depth does not need.
+std::optional<Pose> ParseStreamTransform(const std::string& text) {
   const auto pairs = ParsePairs(text);
-  const auto numbers = [&](const char* key, std::size_t count) {
-    std::vector<double> values;
-    const auto found = pairs.find(key);
-    for (const std::string& word : Split(found == pairs.end() ? "" : found->second, ',')) {
-      char* end = nullptr;
-      values.push_back(std::strtod(word.c_str(), &end));
-      if (word.empty() || *end != '\0') values.clear();
-    }
-    if (values.size() != count)
-      throw DataError(fmt::format("{}: {} of a stream is no list of {} numbers", name, key, count));
-    return values;
+  const std::vector<double> r = ParseNumbers(pairs, "rotation"),
+                            t = ParseNumbers(pairs, "translation");
+  if (r.size() != 9 || t.size() != 3) return std::nullopt;
+  try {
+    return PoseFromRotation(Eigen::Map<const Eigen::Matrix3d>(r.data()),
+                            Eigen::Map<const Eigen::Vector3d>(t.data()), "");
+  } catch (const DataError&) {
+    return std::nullopt;
+  }
+}
+
+/// "width=320;height=180;fx=235.07;ppx=166.44;fy=235.15;ppy=88.96;model=Brown
+/// Conrady;coeffs=0,0,0,0,0" of librealsense 2.58. What is missing is 0, as of a camera that is not
+/// calibrated.
+CameraInfo ParseCameraText(const std::string& text) {
+  const auto pairs = ParsePairs(text);
+  const auto number = [&](const char* key) {
+    const std::vector<double> numbers = ParseNumbers(pairs, key);
+    return numbers.size() == 1 ? numbers[0] : 0;
   };
-  const std::vector<double> r = numbers("rotation", 9), t = numbers("translation", 3);
-  return PoseFromRotation(Eigen::Map<const Eigen::Matrix3d>(r.data()),
-                          Eigen::Map<const Eigen::Vector3d>(t.data()), name + ": a stream");
+  const auto pixels = [&](const char* key) {
+    return static_cast<int>(std::clamp<double>(number(key), 0, kMaxSide + 1));
+  };
+  CameraInfo info;
+  info.raw = {pixels("width"),
+              pixels("height"),
+              number("fx"),
+              number("fy"),
+              number("ppx"),
+              number("ppy"),
+              ParseNumbers(pairs, "coeffs")};
+  if (const auto model = pairs.find("model"); model != pairs.end()) info.model = model->second;
+  return info;
 }
 
 struct Topic {
@@ -123,33 +153,50 @@ std::string Uncompressed(const std::string& topic) {
 }  // namespace
 
 void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
-                 int max_frames, const std::string& name, RosContent* content) {
-  content->contents.insert(fmt::format("{} ({})", topic, type));
-  const auto add = [&](const std::string& stream, auto decode) {
-    RecordedDepth& depth = content->streams[stream];
-    depth.stream = stream;
-    if (static_cast<int>(depth.frames.size()) < max_frames) depth.frames.push_back(decode());
-  };
+                 const RosReading& reading, RosContent* content) {
+  const std::string& name = reading.name;
+  // Never CDR, whose first byte is 0.
+  std::string unpacked;
+  if (IsZstd(message)) {
+    unpacked = UnpackZstd(message, kMaxLength, name, reading.budget);
+    message = unpacked;
+  }
+  content->contents.emplace(topic, type);
+  const bool is_text = type == "std_msgs/msg/String";
+  const auto text = [&] { return CdrReader(message, name).Text(); };
   if (type == "sensor_msgs/msg/Image") {
     const RosImage image = ReadImage(CdrReader(message, name));
     if (!IsDepth(topic, image.encoding)) return;
-    add(topic, [&] { return DecodeImage(image, name); });
-    if (image.encoding == "32FC1") content->streams[topic].depth_scale = 1;
+    RosStream& stream = content->streams[topic];
+    stream.stream = topic;
+    if (image.encoding == "32FC1") stream.depth_scale = 1;
+    AddFrame(
+        reading, image.frame, [&] { return DecodeImage(image, name); }, &stream);
   } else if (type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic).empty()) {
-    add(Uncompressed(topic), [&] { return ParseCompressed(message, name); });
+    CdrReader image(message, name);
+    const std::string frame = image.Header(), format = image.Text();
+    RosStream& stream = content->streams[topic];
+    stream.stream = Uncompressed(topic);
+    if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos) {
+      stream.problem =
+          fmt::format("depth compressed as \"{}\"; only PNG of 16UC1 is read", Shortened(format));
+    }
+    AddFrame(
+        reading, frame, [&] { return DecodeCompressed(image.Bytes(), name); }, &stream);
   } else if (type == "sensor_msgs/msg/CameraInfo") {
-    content->infos.emplace(topic, ReadCameraInfo(CdrReader(message, name), name));
-  } else if (type == "std_msgs/msg/String" && IsDepthUnits(topic)) {
-    const std::string text = CdrReader(message, name).Text();
-    content->units[topic] = std::strtod(text.c_str(), nullptr);
+    if (content->infos.count(topic) == 0)
+      content->infos.emplace(topic, ReadCameraInfo(CdrReader(message, name), name));
+  } else if (is_text && IsStreamCamera(topic)) {
+    content->infos.emplace(topic, ParseCameraText(text()));
+  } else if (is_text && IsDepthUnits(topic)) {
+    content->units[topic] = NumberOf(text()).value_or(0);
   } else if (type == "tf2_msgs/msg/TFMessage" && IsStaticTransform(topic)) {
-    for (RosTransform& transform : ReadTransforms(CdrReader(message, name), name))
-      content->transforms.push_back(std::move(transform));
-  } else if (type == "std_msgs/msg/String" && IsStreamTransform(topic)) {
-    content->transforms.push_back(
-        StreamTransform(topic, ParseStreamTransform(CdrReader(message, name).Text(), name)));
-  } else if (type == "std_msgs/msg/String" && IsDeviceInfo(topic)) {
-    content->devices.emplace(topic, ParsePairs(CdrReader(message, name).Text()));
+    ReadTransforms(CdrReader(message, name), name, &content->transforms);
+  } else if (is_text && IsStreamTransform(topic)) {
+    AddStreamTransform(topic, ParseStreamTransform(text()), &content->transforms);
+  } else if (is_text && IsDeviceInfo(topic)) {
+    for (const auto& [key, value] : ParsePairs(text()))
+      AddDevicePair(key, value, &content->devices[topic]);
   }
 }
 
@@ -180,16 +227,16 @@ std::string Column(sqlite3_stmt* row, int column) {
   return bytes ? std::string(bytes, static_cast<std::size_t>(size)) : std::string();
 }
 
-/// Limits what a database may cost, and what of it may run: a view, or what a column is made of.
-/// The limits hold as long as `steps`.
-void Restrain(sqlite3* database, std::int64_t* steps, const std::string& name) {
+/// Limits what a database may cost, and what of it may run: neither a view nor what a column is
+/// made of. The limits hold as long as `budget`.
+void Restrain(sqlite3* database, ReadBudget* budget, const std::string& name) {
   sqlite3_limit(database, SQLITE_LIMIT_LENGTH, kMaxLength);
   sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_progress_handler(
       database, kStepsAtATime,
-      [](void* left) { return (*static_cast<std::int64_t*>(left) -= kStepsAtATime) < 0 ? 1 : 0; },
-      steps);
+      [](void* left) { return static_cast<ReadBudget*>(left)->Spend(kStepsAtATime) ? 0 : 1; },
+      budget);
   std::set<std::string> tables;
   ForEachRow(database, "SELECT name, sql FROM sqlite_master WHERE type = 'table'", {}, name,
              [&](sqlite3_stmt* row) {
@@ -200,38 +247,125 @@ void Restrain(sqlite3* database, std::int64_t* steps, const std::string& name) {
       throw DataError(
           fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)", name, table));
     }
+    // A column that is computed: each row may ask for 256 MiB of which the file has nothing.
+    constexpr int kHidden = 6;  // the place of that, and whether, in a row of PRAGMA table_xinfo
+    ForEachRow(database, fmt::format("PRAGMA table_xinfo({})", table).c_str(), {}, name,
+               [&](sqlite3_stmt* row) {
+                 if (sqlite3_column_int(row, kHidden) == 0) return;
+                 throw DataError(fmt::format(
+                     "{}: not a bag of ROS 2: the column {} of its table {} is computed", name,
+                     Shortened(Column(row, 1)), table));
+               });
   }
+}
+
+/// Whether a file is there whose first bytes are these, or not empty where they are none.
+bool HasContent(const std::filesystem::path& path, std::string_view begin) {
+  std::ifstream stream(path, std::ios::binary);
+  std::string bytes(std::max<std::size_t>(begin.size(), 1), '\0');
+  return static_cast<bool>(stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) &&
+         (begin.empty() || bytes == begin);
+}
+
+using Database = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
+
+/// Of a file without a name (UnpackedFile), which SQLite would not follow.
+Database OpenInMemory(const std::filesystem::path& path, const std::string& name,
+                      ReadBudget* budget) {
+  constexpr int kVersionsAt = 18;  // of the file's format: 2 stands for a write-ahead log
+  const std::uint64_t size = std::filesystem::file_size(path);
+  budget->Keep(size, name);
+  sqlite3* raw = nullptr;
+  const int opened = sqlite3_open(":memory:", &raw);
+  Database database(raw, sqlite3_close);
+  auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(size));
+  std::ifstream stream(path, std::ios::binary);
+  if (opened != SQLITE_OK || !bytes || size <= kVersionsAt + 1 ||
+      !stream.read(reinterpret_cast<char*>(bytes), static_cast<std::streamsize>(size))) {
+    sqlite3_free(bytes);
+    throw IoError(name + ": cannot be opened as a bag of ROS 2");
+  }
+  bytes[kVersionsAt] = bytes[kVersionsAt + 1] = 1;  // there is no log
+  const auto length = static_cast<sqlite3_int64>(size);
+  if (sqlite3_deserialize(raw, "main", bytes, length, length,
+                          SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_READONLY) !=
+      SQLITE_OK)
+    throw IoError(name + ": cannot be opened as a bag of ROS 2");
+  return database;
+}
+
+/// Opens a database and leaves nothing beside it. One that a recorder left with a write-ahead log
+/// is read with it, the log's index in memory: alone (locking_mode EXCLUSIVE), without locks, which
+/// need the right to write (the VFS unix-none), and without moving the log into the database at the
+/// end. Any other is read as what nobody changes (immutable).
+Database Open(const std::filesystem::path& path, const std::string& name, ReadBudget* budget) {
+  std::error_code no_link;
+  const std::filesystem::path real = std::filesystem::canonical(path, no_link);
+  if (no_link) return OpenInMemory(path, name, budget);
+  const std::string file = real.string();
+  constexpr std::string_view kJournalMagic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
+  if (HasContent(file + "-journal", kJournalMagic)) {
+    throw DataError(name +
+                    ": its recorder was stopped while it wrote (a journal is beside it); copy both "
+                    "files and open the copy once by `sqlite3 COPY .tables`, which repairs it");
+  }
+  const bool has_log = HasContent(file + "-wal", "");
+  if (has_log) budget->Open(file + "-wal");
+  std::string uri = "file:";
+  for (const char c : file) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '/';
+    uri += plain ? std::string(1, c) : fmt::format("%{:02x}", static_cast<unsigned char>(c));
+  }
+  if (!has_log) uri += "?immutable=1";
+  sqlite3* raw = nullptr;
+  const int opened = sqlite3_open_v2(uri.c_str(), &raw, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI,
+                                     has_log ? "unix-none" : nullptr);
+  Database database(raw, sqlite3_close);
+  if (opened != SQLITE_OK) throw IoError(name + ": cannot be opened as a bag of ROS 2");
+  sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  ForEachRow(raw, "PRAGMA locking_mode = EXCLUSIVE", {}, name, [](sqlite3_stmt*) {});
+  return database;
 }
 
 }  // namespace
 
-Recording ReadRos2Recording(const std::filesystem::path& path, int max_frames,
-                            std::int64_t most_steps) {
-  const std::string name = path.string();
-  sqlite3* raw = nullptr;
-  const int opened = sqlite3_open_v2(path.c_str(), &raw, SQLITE_OPEN_READONLY, nullptr);
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> database(raw, sqlite3_close);
-  if (opened != SQLITE_OK) throw IoError(name + ": cannot be opened as a bag of ROS 2");
-  Restrain(raw, &most_steps, name);
+Recording ReadRos2Recording(const std::filesystem::path& path, const std::string& name,
+                            int max_frames, ReadBudget* budget) {
+  const auto database = Open(path, name, budget);
+  sqlite3* const raw = database.get();
+  Restrain(raw, budget, name);
   std::vector<std::pair<sqlite3_int64, Topic>> topics;
   ForEachRow(raw, "SELECT id, name, type, serialization_format FROM topics", {}, name,
              [&](sqlite3_stmt* row) {
                if (sqlite3_column_type(row, 0) != SQLITE_INTEGER)
                  throw DataError(name + ": a topic whose id is no whole number");
-               if (Column(row, 3) == "cdr")
-                 topics.push_back({sqlite3_column_int64(row, 0), {Column(row, 1), Column(row, 2)}});
+               if (Column(row, 3) == "cdr") {
+                 topics.push_back({sqlite3_column_int64(row, 0),
+                                   {BoundedText(Column(row, 1), name, kMostTopicBytes),
+                                    BoundedText(Column(row, 2), name, kMostTopicBytes)}});
+               }
                if (topics.size() > kMaxTopics) {
                  throw DataError(fmt::format("{}: more than the {} topics that are read of a bag",
                                              name, kMaxTopics));
                }
              });
   RosContent content;
+  const RosReading reading{name, max_frames, budget};
   for (const auto& [id, topic] : topics) {
-    // Streams of every frame of a long recording are not gone through.
-    ForEachRow(raw, "SELECT data FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?",
-               {id, max_frames}, name, [&, &topic = topic](sqlite3_stmt* row) {
-                 CollectRos2(topic.name, topic.type, Column(row, 0), max_frames, name, &content);
-               });
+    // Streams of every frame of a long recording are not gone through. What is sorted are numbers:
+    // the messages themselves would be put into a file.
+    std::vector<sqlite3_int64> rows;
+    ForEachRow(raw, "SELECT rowid FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?",
+               {id, max_frames}, name,
+               [&](sqlite3_stmt* row) { rows.push_back(sqlite3_column_int64(row, 0)); });
+    for (const sqlite3_int64 message : rows) {
+      ForEachRow(raw, "SELECT data FROM messages WHERE rowid = ?", {message}, name,
+                 [&, &topic = topic](sqlite3_stmt* row) {
+                   const std::string data = Column(row, 0);
+                   budget->Unpack(data.size() + kRecordCost, name);
+                   CollectRos2(topic.name, topic.type, data, reading, &content);
+                 });
+    }
   }
   return DescribeStreams(std::move(content), name);
 }

@@ -2,7 +2,6 @@
 
 #include <bzlib.h>
 #include <fmt/format.h>
-#include <lz4frame.h>
 
 #include <utility>
 
@@ -10,6 +9,7 @@
 #include "core/base/text.h"
 #include "infer/formats/byte_reader.h"
 #include "infer/formats/ros_depth.h"
+#include "infer/formats/unpack.h"
 
 namespace volalign::formats_internal {
 
@@ -63,35 +63,13 @@ std::string UnpackBz2(const std::string& packed, std::uint32_t size, const std::
   return bytes;
 }
 
-}  // namespace
-
-std::string UnpackLz4(std::string_view packed, std::size_t size, const std::string& name) {
-  std::string bytes(size, '\0');
-  LZ4F_dctx* context = nullptr;
-  if (LZ4F_isError(LZ4F_createDecompressionContext(&context, LZ4F_VERSION)))
-    throw Error("liblz4 could not be initialised");
-  std::size_t from = 0, to = 0, status = 1;
-  while (status != 0 && from < packed.size()) {
-    std::size_t read = packed.size() - from, written = bytes.size() - to;
-    status =
-        LZ4F_decompress(context, bytes.data() + to, &written, packed.data() + from, &read, nullptr);
-    from += read;
-    to += written;
-    if (LZ4F_isError(status) || (read == 0 && written == 0)) break;
-  }
-  LZ4F_freeDecompressionContext(context);
-  if (status != 0 || to != size)
-    throw DataError(name + ": damaged: an lz4 chunk cannot be unpacked");
-  return bytes;
-}
-
-namespace {
-
-std::string Unpack(const Fields& header, std::string data, const std::string& name) {
+std::string Unpack(const Fields& header, std::string data, const std::string& name,
+                   ReadBudget* budget) {
   const std::string compression = TextField(header, "compression");
   const auto size = Field<std::uint32_t>(header, "size", name);
   if (size > kMaxChunk)
     throw DataError(fmt::format("{}: damaged: a chunk of {} bytes", name, size));
+  budget->Unpack(size, name);
   if (compression == "none") return data;
   if (compression == "bz2") return UnpackBz2(data, size, name);
   if (compression == "lz4") return UnpackLz4(data, size, name);
@@ -107,7 +85,8 @@ struct RosBag::Record {
   std::string data;
 };
 
-RosBag::RosBag(const std::filesystem::path& path) : name_(path.string()) {
+RosBag::RosBag(const std::filesystem::path& path, std::string name, ReadBudget* budget)
+    : name_(std::move(name)), budget_(budget) {
   std::error_code error;
   size_ = std::filesystem::file_size(path, error);
   stream_.open(path, std::ios::binary);
@@ -158,7 +137,8 @@ bool RosBag::ReadRecord(Record* record) {
 
 void RosBag::AddConnection(const Fields& header, std::string_view data) {
   connections_[Field<std::uint32_t>(header, "conn", name_)] = {
-      TextField(header, "topic"), TextField(ParseFields(data, name_), "type")};
+      BoundedText(TextField(header, "topic"), name_, kMostTopicBytes),
+      BoundedText(TextField(ParseFields(data, name_), "type"), name_, kMostTopicBytes)};
   if (connections_.size() > kMaxConnections) {
     throw DataError(
         fmt::format("{}: more than the {} topics that are read of a bag", name_, kMaxConnections));
@@ -166,9 +146,10 @@ void RosBag::AddConnection(const Fields& header, std::string_view data) {
 }
 
 bool RosBag::VisitChunk(const Record& chunk, const Visit& visit) {
-  const std::string bytes = Unpack(chunk.header, chunk.data, name_);
+  const std::string bytes = Unpack(chunk.header, chunk.data, name_, budget_);
   ByteReader reader(bytes, name_);
   while (reader.left() > 0) {
+    budget_->Unpack(kRecordCost, name_);
     const Fields header = ParseFields(reader.Block(), name_);
     const std::string_view data = reader.Block();
     const auto op = Field<std::uint8_t>(header, "op", name_);

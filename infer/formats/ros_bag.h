@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "infer/formats/read_budget.h"
+
 namespace volalign::formats_internal {
 
 struct BagConnection {
@@ -19,8 +21,8 @@ struct BagConnection {
 /// file is damaged, and no length that it states is trusted.
 class RosBag {
  public:
-  /// Throws IoError or DataError.
-  explicit RosBag(const std::filesystem::path& path);
+  /// `name` begins every message. Throws IoError or DataError.
+  RosBag(const std::filesystem::path& path, std::string name, ReadBudget* budget);
 
   /// Those of the index at the file's end, and those that the messages visited so far belong to.
   const std::map<std::uint32_t, BagConnection>& connections() const { return connections_; }
@@ -43,6 +45,7 @@ class RosBag {
   bool VisitChunk(const Record& chunk, const Visit& visit);
 
   std::string name_;
+  ReadBudget* budget_;
   std::ifstream stream_;
   std::uint64_t size_ = 0, at_ = 0, first_record_ = 0;
   bool has_index_ = false;

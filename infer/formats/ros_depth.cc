@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
+#include "core/geometry/lens.h"
+#include "infer/formats/depth_file.h"
 #include "infer/formats/lens_names.h"
 
 namespace volalign::formats_internal {
@@ -18,17 +21,27 @@ namespace {
 
 constexpr double kMillimetre = 0.001;
 
+/// Throws DataError, which `name` begins, for a lens that calibration cannot use.
+void RequireUsable(const Intrinsics& intrinsics, const std::string& name) {
+  intrinsics.Validate(name);
+  RequireRays(intrinsics, name);
+}
+
+/// K[0] = 0: the camera is not calibrated (sensor_msgs/CameraInfo); P may still say all.
 Intrinsics IntrinsicsOf(const CameraInfo& info, const std::string& topic, const std::string& name) {
   const bool has_lens = std::any_of(info.raw.distortion.begin(), info.raw.distortion.end(),
                                     [](double x) { return x != 0; });
+  const bool calibrated = info.raw.fx != 0, rectified = info.rectified.fx != 0;
+  if (!calibrated && !rectified)
+    throw DataError(name + ": the camera is not calibrated (K[0] = 0)");
   // ROS calls an image "..._rect..." once the lens is taken out of it.
-  if (has_lens && Lower(topic).find("rect") != std::string::npos) {
-    info.rectified.Validate(name + ": " + topic);
+  if (!calibrated || (has_lens && Lower(topic).find("rect") != std::string::npos)) {
+    RequireUsable(info.rectified, name);
     return info.rectified;
   }
   Intrinsics intrinsics = info.raw;
-  intrinsics.distortion = NamedLens(info.model, info.raw.distortion, name + ": " + topic);
-  intrinsics.Validate(name + ": " + topic);
+  intrinsics.distortion = NamedLens(info.model, info.raw.distortion, name);
+  RequireUsable(intrinsics, name);
   return intrinsics;
 }
 
@@ -54,25 +67,60 @@ const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& to
   return nearest;
 }
 
-bool IsColour(const std::string& topic) {
-  const std::string lower = Lower(topic);
-  return lower.find("color") != std::string::npos || lower.find("colour") != std::string::npos ||
-         lower.find("rgb") != std::string::npos;
+/// Whether a topic or a frame is called the colour camera's, or what is registered to it.
+bool IsColour(const std::string& name) {
+  return HasWord(name, {"color", "colour", "rgb", "bgr", "registered"});
+}
+
+/// Whether both stand in one namespace: ROS puts a camera beside its images.
+bool AreSiblings(const std::string& a, const std::string& b) {
+  return a.substr(0, a.rfind('/')) == b.substr(0, b.rfind('/'));
+}
+
+/// Whether the camera may be that of the stream's images: never the colour camera of images that
+/// are not registered to it. Where both name their frame, it is the same, or both stand side by
+/// side.
+bool MayBeOf(const std::string& topic, const CameraInfo& info, const RosStream& stream) {
+  const bool siblings = AreSiblings(topic, stream.stream);
+  const bool alike = (IsColour(topic) || IsColour(info.frame)) ==
+                     (IsColour(stream.stream) || IsColour(stream.frame));
+  if (!alike) return false;
+  if (siblings) return true;
+  if (!info.frame.empty() && !stream.frame.empty()) return info.frame == stream.frame;
+  return SharedParts(topic, stream.stream) > 1 && (IsColour(topic) || !IsNamedOtherwise(topic));
+}
+
+/// The likeliest of the cameras that may be; the end of content.infos where there is none.
+auto CameraOf(const RosContent& content, const RosStream& stream) {
+  const Image<float>& image = stream.frames.front().values;
+  auto best = content.infos.end();
+  std::array<std::size_t, 3> best_score{};
+  for (auto it = content.infos.begin(); it != content.infos.end(); ++it) {
+    const auto& [topic, info] = *it;
+    if (!MayBeOf(topic, info, stream)) continue;
+    const bool fits = info.raw.width == image.width() && info.raw.height == image.height();
+    const std::array<std::size_t, 3> score = {fits, AreSiblings(topic, stream.stream),
+                                              SharedParts(topic, stream.stream)};
+    if (best != content.infos.end() && score <= best_score) continue;
+    best = it;
+    best_score = score;
+  }
+  return best;
 }
 
 /// p_to = T p_from, along the transforms; none where they do not join the frames.
-std::optional<Pose> Between(const std::vector<RosTransform>& transforms, const std::string& from,
+std::optional<Pose> Between(const RosTransforms& transforms, const std::string& from,
                             const std::string& to) {
   std::map<std::string, Pose> known = {{from, Pose::Identity()}};  // p_frame = T p_from
   for (bool grown = true; grown && !known.count(to);) {
     grown = false;
-    for (const RosTransform& transform : transforms) {
-      const auto parent = known.find(transform.parent), child = known.find(transform.child);
+    for (const auto& [names, parent_from_child] : transforms) {
+      const auto parent = known.find(names.first), child = known.find(names.second);
       if ((parent == known.end()) == (child == known.end())) continue;
       if (parent == known.end()) {
-        known.emplace(transform.parent, transform.parent_from_child * child->second);
+        known.emplace(names.first, parent_from_child * child->second);
       } else {
-        known.emplace(transform.child, transform.parent_from_child.inverse() * parent->second);
+        known.emplace(names.second, parent_from_child.inverse() * parent->second);
       }
       grown = true;
     }
@@ -100,29 +148,56 @@ std::optional<ColourCamera> ColourOf(const RosContent& content, const std::strin
   return colour;
 }
 
-/// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513.
-double AsWritten(double unit) { return std::strtod(fmt::format("{:.6g}", unit).c_str(), nullptr); }
+/// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513. 0 of what is
+/// no number.
+double AsWritten(double unit) { return NumberOf(fmt::format("{:.6g}", unit)).value_or(0); }
 
-void Describe(const RosContent& content, const std::string& name, RecordedDepth* stream) {
-  if (const CameraInfo* info = Nearest(content.infos, stream->stream)) {
-    stream->intrinsics = IntrinsicsOf(*info, stream->stream, name);
-    stream->colour = ColourOf(content, stream->stream, info->frame, name);
+/// Intrinsics, or why there are none.
+void SetIntrinsics(const RosContent& content, const std::string& name, RosStream* stream) {
+  const auto camera = CameraOf(content, *stream);
+  if (camera == content.infos.end()) {
+    if (content.infos.empty()) return;
+    const auto& [topic, info] = *content.infos.begin();
+    stream->intrinsics_problem = fmt::format(
+        "{}: no camera_info is that of {} (frame_id \"{}\"); {} is of the frame_id \"{}\"", name,
+        Shortened(stream->stream), Shortened(stream->frame), Shortened(topic),
+        Shortened(info.frame));
+    return;
   }
+  const auto& [topic, info] = *camera;
+  const std::string place = fmt::format("{}: {}", name, Shortened(topic));
+  const Image<float>& image = stream->frames.front().values;
+  try {
+    const Intrinsics intrinsics = IntrinsicsOf(info, stream->stream, place);
+    if (intrinsics.width != image.width() || intrinsics.height != image.height()) {
+      throw DataError(fmt::format("{} is for {}x{}, the images are {}x{}", place, intrinsics.width,
+                                  intrinsics.height, image.width(), image.height()));
+    }
+    stream->intrinsics = intrinsics;
+    stream->intrinsics_source = topic;
+    stream->intrinsics_stated = info.raw.fx != 0;
+  } catch (const DataError& error) {
+    stream->intrinsics_problem = error.what();
+  }
+  stream->colour = ColourOf(content, stream->stream, info.frame, name);
+}
+
+void Describe(const RosContent& content, const std::string& name, RosStream* stream) {
+  SetIntrinsics(content, name, stream);
   if (const double* unit = Nearest(content.units, stream->stream)) {
     const double written = AsWritten(*unit);
     // What is no unit is none that is stated, and has to be given.
     stream->depth_scale.reset();
-    if (written > 0 && std::isfinite(written)) stream->depth_scale = written;
+    if (written > 0) stream->depth_scale = written;
     stream->depth_scale_source = "the recording's option Depth Units";
+    stream->depth_scale_stated = true;
   } else {
     stream->depth_scale = stream->depth_scale.value_or(kMillimetre);
     stream->depth_scale_source = "ROS's convention for depth images (REP 118)";
   }
   if (const auto* device = Nearest(content.devices, stream->stream)) {
-    for (const auto& [key, value] : *device) {
-      if (Lower(key) == "name") stream->device = value;
-      if (Lower(key) == "serial number") stream->serial = value;
-    }
+    for (const auto& [key, value] : *device)
+      (key == "name" ? stream->device : stream->serial) = value;
   }
   stream->kind = KindOfDevice(stream->device);
 }
@@ -131,27 +206,36 @@ void Describe(const RosContent& content, const std::string& name, RecordedDepth*
 void DescribeOrbbec(const RosContent& content, const std::string& name, RecordedDepth* stream) {
   const OrbbecProperties& properties = content.properties;
   if (properties.frames_are_disparity) {
-    throw DataError(fmt::format(
-        "{}: {}: the images are disparities, of which the device was not to make depth itself; "
-        "record with the device's disparity to depth on",
-        name, stream->stream));
+    stream->frames.clear();
+    stream->problem =
+        "the images are disparities, of which the device was not to make depth itself; record with "
+        "the device's disparity to depth on";
   }
   const auto device = content.devices.find(kOrbbecDevice);
   if (device != content.devices.end()) stream->device = device->second.at("name");
   stream->kind = KindOfDevice(stream->device);
   if (Lower(stream->device).find("femto") != std::string::npos) {
     stream->depth_scale = kMillimetre;
+    stream->depth_scale_stated = true;
     stream->depth_scale_source = "the unit of the Femto sensors";
   } else if (properties.unit && *properties.unit > 0 && std::isfinite(*properties.unit)) {
     stream->depth_scale = AsWritten(*properties.unit);
+    stream->depth_scale_stated = true;
     stream->depth_scale_source = "the depth unit among the device's recorded properties";
   }
   const auto profile = content.profiles.find(OrbbecStream(stream->stream));
   if (profile == content.profiles.end()) return;
-  if (!profile->second.lens.empty())
-    throw DataError(fmt::format("{}: {}: {}", name, stream->stream, profile->second.lens));
-  stream->intrinsics = profile->second.intrinsics;
-  stream->intrinsics->Validate(name + ": " + stream->stream);
+  const std::string place = fmt::format("{}: {}", name, stream->stream);
+  try {
+    if (!profile->second.lens.empty())
+      throw DataError(fmt::format("{}: {}", place, profile->second.lens));
+    RequireUsable(profile->second.intrinsics, place);
+    stream->intrinsics = profile->second.intrinsics;
+    stream->intrinsics_source = "the stream's profile";
+    stream->intrinsics_stated = true;
+  } catch (const DataError& error) {
+    stream->intrinsics_problem = error.what();
+  }
   if (!profile->second.colour_from_stream) return;
   stream->colour = ColourCamera{*profile->second.colour_from_stream, std::nullopt};
   const auto colour = content.profiles.find(kOrbbecColour);
@@ -164,8 +248,15 @@ void DescribeOrbbec(const RosContent& content, const std::string& name, Recorded
 bool IsDepth(const std::string& topic, const std::string& encoding) {
   const std::string orbbec = OrbbecStream(topic);
   if (!orbbec.empty()) return encoding == "z16" || (encoding == "mono16" && orbbec == kOrbbecDepth);
+  if (IsNamedOtherwise(topic)) return false;
   return encoding == "16UC1" || encoding == "32FC1" ||
          (encoding == "mono16" && Lower(topic).find("depth") != std::string::npos);
+}
+
+std::string BoundedText(std::string_view bytes, const std::string& name, std::size_t most) {
+  if (bytes.size() > most)
+    throw DataError(fmt::format("{}: damaged: a text of {} bytes", name, bytes.size()));
+  return std::string(bytes);
 }
 
 std::string OrbbecStream(const std::string& topic) {
@@ -209,6 +300,13 @@ StoredDepth DecodeImage(const RosImage& image, const std::string& name) {
   return depth;
 }
 
+bool IsStreamCamera(const std::string& topic) {
+  const std::string end = "/camera_info";
+  const std::size_t at = topic.rfind(end);
+  return topic.rfind("/device_", 0) == 0 && at != std::string::npos &&
+         at + end.size() == topic.size();
+}
+
 bool IsDeviceInfo(const std::string& topic) {
   return topic.rfind("/device_", 0) == 0 && topic.find("/info") == topic.find('/', 1);
 }
@@ -225,27 +323,62 @@ bool IsStreamTransform(const std::string& topic) {
   return topic.rfind("/device_", 0) == 0 && topic.find("/tf/") != std::string::npos;
 }
 
-RosTransform StreamTransform(const std::string& topic, const Pose& stream_from_reference) {
+void AddTransform(std::string parent, std::string child, const std::optional<Pose>& pose,
+                  RosTransforms* transforms) {
+  if (pose && transforms->size() < kMostTransforms)
+    transforms->emplace(std::pair(std::move(parent), std::move(child)), *pose);
+}
+
+void AddStreamTransform(const std::string& topic, const std::optional<Pose>& stream_from_reference,
+                        RosTransforms* transforms) {
   const std::size_t end = topic.find("/tf/");
-  return {topic.substr(0, topic.find('/', 1)) + topic.substr(end), topic.substr(0, end),
-          stream_from_reference.inverse()};
+  if (!stream_from_reference) return;
+  AddTransform(topic.substr(0, topic.find('/', 1)) + topic.substr(end), topic.substr(0, end),
+               stream_from_reference->inverse(), transforms);
+}
+
+void AddDevicePair(const std::string& key, const std::string& value,
+                   std::map<std::string, std::string>* device) {
+  const std::string lower = Lower(key);
+  if (lower == "name" || lower == "serial number") device->emplace(lower, value);
+}
+
+bool HasAllFrames(const RosContent& content, int max_frames) {
+  return !content.streams.empty() &&
+         std::all_of(content.streams.begin(), content.streams.end(), [&](const auto& stream) {
+           return !stream.second.problem.empty() ||
+                  static_cast<int>(stream.second.frames.size()) >= max_frames;
+         });
+}
+
+bool HaveCameras(const RosContent& content) {
+  return std::all_of(content.streams.begin(), content.streams.end(), [&](const auto& stream) {
+    return !stream.second.problem.empty() ||
+           CameraOf(content, stream.second) != content.infos.end();
+  });
 }
 
 Recording DescribeStreams(RosContent content, const std::string& name) {
-  content.transforms.resize(std::min(content.transforms.size(), kMostTransforms));
-  // The recorder of RealSense names no frames: a stream's path serves.
+  // The recorder of RealSense names frames that say nothing: a stream's path serves.
+  const auto rename = [](const std::string& topic, const char* end, std::string* frame) {
+    const std::size_t at = topic.find(end);
+    if (topic.rfind("/device_", 0) == 0 && at != std::string::npos) *frame = topic.substr(0, at);
+  };
   for (auto& [topic, info] : content.infos) {
-    const std::size_t end = topic.find("/info/camera_info");
-    if (topic.rfind("/device_", 0) == 0 && end != std::string::npos)
-      info.frame = topic.substr(0, end);
+    rename(topic, "/camera_info", &info.frame);
+    rename(topic, "/info/camera_info", &info.frame);
   }
   Recording recording;
-  recording.contents.assign(content.contents.begin(), content.contents.end());
+  for (const auto& [topic, type] : content.contents)
+    recording.contents.push_back(fmt::format("{} ({})", topic, type));
   for (auto& [topic, stream] : content.streams) {
-    if (OrbbecStream(topic).empty()) {
-      Describe(content, name, &stream);
-    } else {
+    // The same images are there as they were before they were compressed.
+    if (topic != stream.stream && content.streams.count(stream.stream) > 0) continue;
+    rename(topic, "/image/", &stream.frame);
+    if (!OrbbecStream(topic).empty()) {
       DescribeOrbbec(content, name, &stream);
+    } else if (stream.problem.empty()) {
+      Describe(content, name, &stream);
     }
     recording.streams.push_back(std::move(stream));
   }

@@ -6,28 +6,39 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/geometry/camera.h"
 #include "infer/formats/poses/sensor_pose.h"
+#include "infer/formats/read_budget.h"
 #include "infer/formats/recording.h"
 
 namespace volalign::formats_internal {
 
 /// sensor_msgs/Image.
 struct RosImage {
+  std::string frame;  ///< that its points are in, as transforms name it
   std::uint32_t width = 0, height = 0, step = 0;
   std::string encoding;
   bool big_endian = false;
   std::string_view data;
 };
 
-/// Whether an image of that encoding is depth.
+/// Whether an image of that encoding is depth. What a topic's name calls infrared or the like is
+/// none.
 bool IsDepth(const std::string& topic, const std::string& encoding);
+
+/// The most bytes of a topic's name, and of a text in a message.
+inline constexpr std::size_t kMostTopicBytes = 1000;
+inline constexpr std::size_t kMostTextBytes = std::size_t{1} << 16;
+
+/// `bytes` as a text; throws DataError, which `name` begins, for one that is longer than `most`.
+std::string BoundedText(std::string_view bytes, const std::string& name,
+                        std::size_t most = kMostTextBytes);
 
 /// Of the Orbbec SDK's recorder, the numbers of the types of streams (OBStreamType).
 inline constexpr char kOrbbecColour[] = "2", kOrbbecDepth[] = "3";
@@ -48,11 +59,8 @@ struct CameraInfo {
 /// Of a recording: a device has some ten, and joining them takes the square.
 inline constexpr std::size_t kMostTransforms = 1000;
 
-/// geometry_msgs/TransformStamped.
-struct RosTransform {
-  std::string parent, child;
-  Pose parent_from_child = Pose::Identity();
-};
+/// parent_from_child by the names of both frames: geometry_msgs/TransformStamped.
+using RosTransforms = std::map<std::pair<std::string, std::string>, Pose>;
 
 // The messages have the same fields in ROS 1 and 2, in bytes of different forms. Reader:
 // Header() for a std_msgs/Header, of which it returns the frame's name, Value<T>(), Text(),
@@ -60,8 +68,8 @@ struct RosTransform {
 
 template <class Reader>
 RosImage ReadImage(Reader reader) {
-  reader.Header();
   RosImage image;
+  image.frame = reader.Header();
   image.height = reader.template Value<std::uint32_t>();
   image.width = reader.template Value<std::uint32_t>();
   image.encoding = reader.Text();
@@ -94,28 +102,31 @@ CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
   return info;
 }
 
-/// geometry_msgs/Transform. Throws DataError for what is no rigid motion.
+/// geometry_msgs/Transform; none for what is no rigid motion, which depth does not need.
 template <class Reader>
-Pose ReadTransform(Reader* reader, const std::string& name) {
+std::optional<Pose> ReadTransform(Reader* reader) {
   std::array<double, 7> v;  // translation, quaternion x y z w
   for (double& x : v) x = reader->template Value<double>();
-  return PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, name + ": a transform");
+  try {
+    return PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, "");
+  } catch (const DataError&) {
+    return std::nullopt;
+  }
 }
+
+/// The first of each two frames counts; beyond kMostTransforms none does.
+void AddTransform(std::string parent, std::string child, const std::optional<Pose>& pose,
+                  RosTransforms* transforms);
 
 /// tf2_msgs/TFMessage. Throws DataError.
 template <class Reader>
-std::vector<RosTransform> ReadTransforms(Reader reader, const std::string& name) {
+void ReadTransforms(Reader reader, const std::string& name, RosTransforms* transforms) {
   const auto count = reader.template Value<std::uint32_t>();
   if (count > kMostTransforms) throw DataError(name + ": damaged: a message of many transforms");
-  std::vector<RosTransform> transforms;
   for (std::uint32_t i = 0; i < count; ++i) {
-    RosTransform transform;
-    transform.parent = reader.Header();
-    transform.child = reader.Text();
-    transform.parent_from_child = ReadTransform(&reader, name);
-    transforms.push_back(std::move(transform));
+    std::string parent = reader.Header(), child = reader.Text();
+    AddTransform(std::move(parent), std::move(child), ReadTransform(&reader), transforms);
   }
-  return transforms;
 }
 
 /// Whether the topic has transforms that hold for the whole recording.
@@ -125,7 +136,8 @@ bool IsStaticTransform(const std::string& topic);
 /// 0 is in that stream's frame. The transform names the streams by their paths. False for other
 /// topics.
 bool IsStreamTransform(const std::string& topic);
-RosTransform StreamTransform(const std::string& topic, const Pose& stream_from_reference);
+void AddStreamTransform(const std::string& topic, const std::optional<Pose>& stream_from_reference,
+                        RosTransforms* transforms);
 
 /// custom_msg/StreamProfileInfo of the Orbbec SDK (src/media/ros of OrbbecSDK v2): fixed arrays.
 struct OrbbecProfile {
@@ -141,17 +153,49 @@ struct OrbbecProperties {
   bool frames_are_disparity = false;  ///< left to the SDK to be made depth, on playback
 };
 
+/// The images of a topic.
+struct RosStream : RecordedDepth {
+  std::string frame;  ///< of the first one
+};
+
 /// What of a recording matters, as it is read.
 struct RosContent {
-  std::map<std::string, RecordedDepth> streams;  // by topic
+  std::map<std::string, RosStream> streams;  // by topic
   std::map<std::string, CameraInfo> infos;
   std::map<std::string, double> units;                                // metres
   std::map<std::string, std::map<std::string, std::string>> devices;  // of /device_0/info
-  std::vector<RosTransform> transforms;
+  RosTransforms transforms;
   std::map<std::string, OrbbecProfile> profiles;  // by the number of the stream's type
   OrbbecProperties properties;
-  std::set<std::string> contents;  // "topic (type)"
+  std::map<std::string, std::string> contents;  // types by topic
 };
+
+/// Of what a device says of itself in pairs: its name and its serial number, no other key.
+void AddDevicePair(const std::string& key, const std::string& value,
+                   std::map<std::string, std::string>* device);
+
+/// What is read of a recording, for all of its messages.
+struct RosReading {
+  const std::string& name;  ///< begins every message
+  int max_frames = 1;
+  ReadBudget* budget;
+};
+
+/// Adds what `decode` gives, unless the topic's stream has all its frames or cannot be read. True
+/// where this was the last one. Throws DataError.
+template <class Decode>
+bool AddFrame(const RosReading& reading, const std::string& frame, const Decode& decode,
+              RosStream* stream) {
+  const auto most = static_cast<std::size_t>(reading.max_frames);
+  if (!stream->problem.empty() || stream->frames.size() >= most) return false;
+  if (stream->frames.empty()) stream->frame = frame;
+  stream->frames.push_back(decode());
+  reading.budget->Keep(BytesOf(stream->frames.back()), reading.name);
+  return stream->frames.size() == most;
+}
+
+/// Whether it is "/device_0/sensor_0/Depth_0/camera_info", of the recorder of RealSense 2.58.
+bool IsStreamCamera(const std::string& topic);
 
 /// Whether it is "/device_0/info", of the recorder of RealSense.
 bool IsDeviceInfo(const std::string& topic);
@@ -163,15 +207,17 @@ bool IsDepthUnits(const std::string& topic);
 /// begins every message; throws DataError.
 Recording DescribeStreams(RosContent content, const std::string& name);
 
-/// Takes what matters of a message of ROS 1; says whether it has brought a frame, a camera or a
-/// transform that was not there. Throws DataError.
+/// Takes what matters of a message of ROS 1; says whether it has brought the last frame of a
+/// stream, or a camera, a device or a transform that was not there. Throws DataError.
 bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
-                 int max_frames, const std::string& name, RosContent* content);
-/// The same of a message of ROS 2 (CDR).
+                 const RosReading& reading, RosContent* content);
+/// The same of a message of ROS 2 (CDR), plain or packed by zstd.
 void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
-                 int max_frames, const std::string& name, RosContent* content);
+                 const RosReading& reading, RosContent* content);
 
-/// An lz4 frame of `size` bytes, unpacked. Throws DataError.
-std::string UnpackLz4(std::string_view packed, std::size_t size, const std::string& name);
+/// Whether every stream has all its frames, or cannot be read.
+bool HasAllFrames(const RosContent& content, int max_frames);
+/// Whether the camera of every stream that can be read was seen.
+bool HaveCameras(const RosContent& content);
 
 }  // namespace volalign::formats_internal

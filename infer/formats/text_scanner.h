@@ -24,6 +24,12 @@ class TextScanner {
   }
   /// Says whether there was one.
   bool SkipBlanks() { return !TakeWhile(kBlanks, text_.size()).empty(); }
+  /// What stands before the next blank.
+  std::string_view TakeWord() {
+    const std::string_view word = rest().substr(0, rest().find_first_of(kBlanks));
+    at_ += word.size();
+    return word;
+  }
   /// At most `most` digits, as a number below 10^most; -1 where there is none.
   int TakeNumber(std::size_t most) {
     const std::string digits(TakeWhile("0123456789", most));

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "core/base/parallel_for.h"
 #include "core/base/random.h"
 #include "core/base/text.h"
@@ -130,8 +131,9 @@ std::optional<Carton> ReadCarton(const std::string& text) {
   if (parts.size() != 3) return std::nullopt;
   for (int axis = 0; axis < 3; ++axis) {
     const std::string edge = WithoutBlanks(parts[static_cast<std::size_t>(axis)]);
-    if (!IsEdge(edge)) return std::nullopt;
-    carton.edges_mm[axis] = std::stod(edge);
+    const std::optional<double> length = NumberOf(edge);
+    if (!IsEdge(edge) || !length) return std::nullopt;
+    carton.edges_mm[axis] = *length;
   }
   return carton;
 }

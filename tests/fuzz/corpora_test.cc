@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <set>
+#include <stdexcept>
 #include <string>
 
+#include "core/base/error.h"
 #include "tests/core/base/read_file.h"
 #include "tests/fuzz/targets.h"
 
@@ -41,6 +43,16 @@ TEST_P(Corpora, AreReadOrRefusedInOneLine) {
 
 INSTANTIATE_TEST_SUITE_P(All, Corpora, testing::ValuesIn(FuzzTargets()),
                          [](const auto& target) { return std::string(target.param.name); });
+
+TEST(ReadFuzzInput, WantsTheSameMessageTwice) {
+  const FuzzTarget changing = {"changing", [](const std::string&) {
+                                 static int reading = 0;
+                                 throw DataError(std::to_string(++reading));
+                               }};
+  EXPECT_THROW(ReadFuzzInput(changing, ""), std::logic_error);
+  const FuzzTarget steady = {"steady", [](const std::string&) { throw DataError("bad"); }};
+  EXPECT_EQ(ReadFuzzInput(steady, ""), "bad");
+}
 
 // A folder that no target reads would be tested by nobody.
 TEST(CorpusFolders, AreThoseOfTheTargets) {

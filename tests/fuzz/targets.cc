@@ -1,7 +1,11 @@
 #include "tests/fuzz/targets.h"
 
+#include <fmt/format.h>
+
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -35,6 +39,8 @@ namespace {
 
 namespace poses = poses_internal;
 
+constexpr std::size_t kMostMessageBytes = 2000;
+
 /// A file of these bytes, over the one before it.
 std::filesystem::path FileOf(const std::string& name, const std::string& bytes) {
   static const TempFolder folder;
@@ -49,6 +55,15 @@ poses::Files FolderOf(const std::string& bytes) {
     if (end != std::string::npos) files[part.substr(0, end)] = part.substr(end + 1);
   }
   return files;
+}
+
+using RecordingReader = decltype(formats_internal::ReadBagRecording);
+
+/// Within what ten seconds under the sanitizers allow.
+void ReadBy(RecordingReader* read, const std::string& name, const std::string& bytes) {
+  ReadBudget budget(std::uint64_t{1} << 22);
+  const std::filesystem::path path = FileOf(name, bytes);
+  read(path, path.string(), 2, &budget);
 }
 
 /// Room for the tensors of a pickle.
@@ -76,14 +91,10 @@ const std::vector<FuzzTarget>& FuzzTargets() {
        [](Bytes bytes) {
          if (LooksLikeIntrinsics(bytes)) ParseIntrinsicsText(bytes, "file", {320, 288});
        }},
-      {"db3",
-       [](Bytes bytes) {
-         formats_internal::ReadRos2Recording(FileOf("a.db3", bytes), 2, /*most_steps=*/1000000);
-       }},
-      {"mkv", [](Bytes bytes) { formats_internal::ReadMkvRecording(FileOf("a.mkv", bytes), 2); }},
-      {"bag", [](Bytes bytes) { formats_internal::ReadBagRecording(FileOf("a.bag", bytes), 2); }},
-      {"mcap",
-       [](Bytes bytes) { formats_internal::ReadMcapRecording(FileOf("a.mcap", bytes), 2); }},
+      {"db3", [](Bytes bytes) { ReadBy(formats_internal::ReadRos2Recording, "a.db3", bytes); }},
+      {"mkv", [](Bytes bytes) { ReadBy(formats_internal::ReadMkvRecording, "a.mkv", bytes); }},
+      {"bag", [](Bytes bytes) { ReadBy(formats_internal::ReadBagRecording, "a.bag", bytes); }},
+      {"mcap", [](Bytes bytes) { ReadBy(formats_internal::ReadMcapRecording, "a.mcap", bytes); }},
       {"glb", [](Bytes bytes) { ReadStructureGlb(FileOf("a.glb", bytes)); }},
       {"structure", [](Bytes bytes) { ReadStructureYaml(FileOf("a.yaml", bytes).string()); }},
       {"capture",
@@ -117,13 +128,28 @@ const std::vector<FuzzTarget>& FuzzTargets() {
   return targets;
 }
 
-std::string ReadFuzzInput(const FuzzTarget& target, const std::string& bytes) {
+namespace {
+
+std::string MessageOf(const FuzzTarget& target, const std::string& bytes) {
   try {
     target.read(bytes);
   } catch (const Error& error) {
     return error.what();
   }
   return "";
+}
+
+}  // namespace
+
+std::string ReadFuzzInput(const FuzzTarget& target, const std::string& bytes) {
+  std::string message = MessageOf(target, bytes);
+  const auto require = [&](bool holds, const char* what) {
+    if (!holds) throw std::logic_error(fmt::format("a message {}: {}", what, message));
+  };
+  require(message.size() < kMostMessageBytes, "of 2000 bytes or more");
+  require(IsUtf8(message), "that is not UTF-8");
+  require(MessageOf(target, bytes) == message, "that is another one in the second reading");
+  return message;
 }
 
 }  // namespace volalign

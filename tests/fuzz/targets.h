@@ -14,8 +14,9 @@ struct FuzzTarget {
 /// Every entry point of files that volalign did not write itself.
 const std::vector<FuzzTarget>& FuzzTargets();
 
-/// Has `target` read the bytes. Returns the message where it refused them: an Error of one line.
-/// Anything else that is thrown comes through.
+/// Has `target` read the bytes, twice. Returns the message where it refused them: an Error of one
+/// line. Anything else that is thrown comes through; throws std::logic_error for a message that is
+/// long, not UTF-8, or another one in the second reading, as of memory that was never written.
 std::string ReadFuzzInput(const FuzzTarget& target, const std::string& bytes);
 
 }  // namespace volalign

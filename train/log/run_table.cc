@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "train/log/metrics.h"
 
 namespace volalign {
@@ -27,9 +28,10 @@ constexpr std::array<const char*, 6> kValidationMetrics = {"miou",
 
 Cell CellOf(const std::optional<double>& value) { return value ? Cell(*value) : Cell(); }
 
-Cell NumberOf(const LoggedRun& run, const std::string& key) {
+/// None where the run's configuration has no such number.
+std::optional<double> NumberOf(const LoggedRun& run, const std::string& key) {
   const auto found = run.config.find(key);
-  return found == run.config.end() ? Cell() : Cell(std::stod(found->second));
+  return found == run.config.end() ? std::nullopt : volalign::NumberOf(found->second);
 }
 
 /// The best value of a run's own metric.
@@ -75,8 +77,7 @@ std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
   const auto by_seeds = [&](const RunGroup& runs) {
     std::map<std::pair<double, double>, double> values;
     const auto seed = [](const LoggedRun& run, const char* key) {
-      const auto found = run.config.find(key);
-      return found == run.config.end() ? -1 : std::stod(found->second);
+      return NumberOf(run, key).value_or(-1);
     };
     for (const LoggedRun& run : runs.runs) {
       const auto value = run.Last("validation/" + metric);
@@ -105,8 +106,8 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
   for (const char* metric : kValidationMetrics) table.columns.emplace_back(metric);
   table.columns.insert(table.columns.end(), {"best_metric", "best", "samples_per_s"});
   for (const LoggedRun& run : runs) {
-    std::vector<Cell> row = {run.name, std::int64_t{run.samples}, NumberOf(run, "run.samples"),
-                             CellOf(run.Last("train/loss"))};
+    std::vector<Cell> row = {run.name, std::int64_t{run.samples},
+                             CellOf(NumberOf(run, "run.samples")), CellOf(run.Last("train/loss"))};
     for (const char* metric : kValidationMetrics) {
       row.push_back(CellOf(run.Last(std::string("validation/") + metric)));
     }

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/formats/poses/codecs.h"
 
 namespace volalign::poses_internal {
@@ -44,14 +45,14 @@ std::vector<std::vector<std::string>> Table(const std::string& text) {
 }
 
 Intrinsics CameraOf(const std::vector<std::string>& words) {
-  const std::string place = fmt::format("cameras.txt: camera {}", words[0]);
+  const std::string place = fmt::format("cameras.txt: camera {}", Shortened(words[0]));
   const std::size_t parameters = words[1] == "PINHOLE"       ? 4
                                  : words[1] == "OPENCV"      ? 8
                                  : words[1] == "FULL_OPENCV" ? 12
                                                              : 0;
   if (parameters == 0)
-    throw DataError(
-        fmt::format("{}: model {}; known are PINHOLE, OPENCV and FULL_OPENCV", place, words[1]));
+    throw DataError(fmt::format("{}: model {}; known are PINHOLE, OPENCV and FULL_OPENCV", place,
+                                Shortened(words[1])));
   if (words.size() != 4 + parameters)
     throw DataError(
         fmt::format("{}: {} parameters instead of {}", place, words.size() - 4, parameters));
@@ -105,14 +106,14 @@ Poses ReadColmap(const Files& files) {
   for (std::size_t l = 0; l < table.size(); l += 2) {
     const std::vector<std::string>& words = table[l];
     if (words.empty()) break;  // at the end
-    const std::string place = fmt::format("images.txt: image {}", words[0]);
+    const std::string place = fmt::format("images.txt: image {}", Shortened(words[0]));
     if (words.size() != 10)
       throw DataError(fmt::format("{}: {} words instead of 10", place, words.size()));
     std::vector<double> v;
     for (std::size_t i = 1; i < 8; ++i) v.push_back(ParseNumber(words[i], place));
     const auto camera = cameras.find(words[8]);
     if (camera == cameras.end())
-      throw DataError(fmt::format("{}: there is no camera {}", place, words[8]));
+      throw DataError(fmt::format("{}: there is no camera {}", place, Shortened(words[8])));
     poses.push_back(
         {words[9],
          PoseFromQuaternion(v[0], v[1], v[2], v[3], {v[4], v[5], v[6]}, place).inverse(),

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/error.h"
+#include "core/base/text.h"
 #include "core/json/strict_json.h"
 #include "infer/formats/poses/codecs.h"
 
@@ -106,8 +107,8 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
   const nlohmann::json document = ParseStrictJson(text, name);
   const JsonObject root(document, name);
   if (root.Text("format") != kPosesFormat)
-    throw DataError(fmt::format("{}: format \"{}\" instead of \"{}\"", name, root.Text("format"),
-                                kPosesFormat));
+    throw DataError(fmt::format("{}: format \"{}\" instead of \"{}\"", name,
+                                Shortened(root.Text("format")), kPosesFormat));
   root.Has("convention");
   Poses poses;
   for (const JsonObject& sensor : root.Children("sensors")) {
@@ -160,7 +161,7 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
   const JsonObject root(document, name);
   if (root.Text("class_name") != "PinholeCameraTrajectory")
     throw DataError(fmt::format("{}: class_name \"{}\" is no PinholeCameraTrajectory", name,
-                                root.Text("class_name")));
+                                Shortened(root.Text("class_name"))));
   const std::vector<std::string> names =
       root.Has("names") ? root.Texts("names") : std::vector<std::string>{};
   const auto numbers = [&](const char* key) {

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <locale>
 #include <sstream>
 
 #include "core/base/error.h"
@@ -46,6 +47,7 @@ Pose WorldFromCamera(const std::string& text, const std::string& file) {
   // matrix without blanks, and gets it back because each number but 1 begins with a zero that the
   // one before may take.
   std::istringstream stream(text);
+  stream.imbue(std::locale::classic());  // whatever the process's
   std::array<double, 12> v{};
   for (double& number : v) {
     if (!(stream >> number))

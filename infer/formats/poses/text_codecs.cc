@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
 #include "infer/formats/poses/codecs.h"
 
@@ -106,15 +107,9 @@ Intrinsics CsvIntrinsics(const std::vector<double>& v, const std::string& place)
 }  // namespace
 
 double ParseNumber(const std::string& word, const std::string& place) {
-  std::size_t used = 0;
-  double value = std::numeric_limits<double>::quiet_NaN();
-  try {
-    value = std::stod(word, &used);
-  } catch (const std::exception&) {
-  }
-  if (used != word.size() || !std::isfinite(value))
-    throw DataError(fmt::format("{}: \"{}\" is no number", place, word));
-  return value;
+  const std::optional<double> value = NumberOf(word);
+  if (!value) throw DataError(fmt::format("{}: \"{}\" is no number", place, Shortened(word)));
+  return *value;
 }
 
 std::string DepthComments(const Poses& poses) {

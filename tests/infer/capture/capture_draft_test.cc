@@ -175,5 +175,92 @@ TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
   EXPECT_TRUE(Mentions(draft_.unknown, "B", "which of its images"));
 }
 
+// An option that would do nothing is refused, and said where it does something for others alone.
+TEST_F(CaptureDraftTest, OptionsTakeEffectOrAreRefused) {
+  std::filesystem::copy("tests/infer/formats/recordings/realsense.bag", folder_ / "front.bag");
+  WriteText("k.json", kIntrinsics);
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  ExpectError<ConfigError>([&] { Draft(options); }, {"--depth-scale", "front has 0.0001 m"});
+  options = {};
+  options.depth_scale = 0.0001f;  // the same
+  EXPECT_EQ(Draft(options)[0]["depth_scale"], 0.0001);
+  options = {};
+  options.intrinsics = folder_ / "k.json";
+  ExpectError<ConfigError>([&] { Draft(options); },
+                           {"--intrinsics", "front has those of /device_0"});
+  options = {};
+  options.sensor = "kinect_v2";
+  ExpectError<ConfigError>([&] { Draft(options); }, {"--sensor", "front is a realsense_d415"});
+  WriteDepth("other_depth.png");
+  options.depth_scale = 0.001;
+  options.intrinsics = folder_ / "k.json";
+  const nlohmann::json sensors = Draft(options);
+  EXPECT_EQ(sensors[0]["name"], "other");
+  EXPECT_EQ(sensors[0]["sensor"], "kinect_v2");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.001);
+  EXPECT_EQ(sensors[1]["depth_scale"], 0.0001);
+  for (const char* option : {"--depth-scale", "--intrinsics", "--sensor"})
+    EXPECT_TRUE(Mentions(draft_.found, option, "front")) << option;
+}
+
+TEST_F(CaptureDraftTest, FilesOfIntrinsicsThatAreNotUnderstood) {
+  WriteDepth("A_depth.png");
+  WriteText("A_intrinsics.txt", std::string("\xff\xfew\0", 4));
+  WriteText("A.xml", "<?xml version=\"1.0\"?>");
+  WriteText("calibration.json", "{\"focal\": 1}");
+  Draft();
+  for (const char* part : {"A_intrinsics.txt: its text is UTF-16", "A.xml: it is XML",
+                           "calibration.json: it has none of the forms"})
+    EXPECT_TRUE(Mentions(draft_.unknown, "A: intrinsics", part)) << part;
+}
+
+TEST_F(CaptureDraftTest, FramesOfOneSensorInAFlatFolder) {
+  const auto write = [&](const std::string& name, int depth) {
+    Image16 image(4, 3);
+    for (std::size_t i = 0; i < image.size(); ++i)
+      image[i] = static_cast<std::uint16_t>(depth + 300 * static_cast<int>(i));
+    WritePng(folder_ / name, image);
+  };
+  // Whatever their numbers are, other views are other sensors.
+  write("001_depth.png", 1000);
+  write("002_depth.png", 3000);
+  EXPECT_EQ(Draft().size(), 2u);
+  write("002_depth.png", 1003);
+  nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 1u);
+  EXPECT_EQ(sensors[0]["name"], "depth");
+  EXPECT_EQ(sensors[0]["depth"].size(), 2u);
+  // Of rs-convert, and by the times of a logger.
+  write("cam_Depth_1623335560.12345.png", 1000);
+  write("cam_Depth_1623335560.45678.png", 1000);
+  write("1623335560123.png", 2000);
+  write("1623335560156.png", 2004);
+  write("frame-1.depth.png", 4000);
+  write("frame-2.depth.png", 4004);
+  // Numbers of sensors.
+  write("KA01_depth.png", 1500);
+  write("KA02_depth.png", 1500);
+  std::map<std::string, std::size_t> frames;
+  for (const nlohmann::json& sensor : Draft())
+    frames[sensor["name"]] = sensor["depth"].is_array() ? sensor["depth"].size() : 1;
+  EXPECT_EQ(frames["cam"], 2u);
+  EXPECT_EQ(frames["frame"], 2u);
+  EXPECT_EQ(frames["KA01"], 1u);
+  EXPECT_EQ(frames["KA02"], 1u);
+}
+
+TEST_F(CaptureDraftTest, PartsOfOneRecording) {
+  for (const char* part : {"r_0.db3", "r_1.db3", "other.db3"})
+    std::filesystem::copy("tests/infer/formats/recordings/realsense.db3", folder_ / part);
+  WriteText("metadata.yaml",
+            "rosbag2_bagfile_information:\n  relative_file_paths:\n    - r_0.db3\n    - r_1.db3\n");
+  const nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 1u);
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "r_1.db3: a later part of the recording r_0.db3"));
+  // Of the same device, with the same view.
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "sees the same"));
+}
+
 }  // namespace
 }  // namespace volalign::capture_draft_test

@@ -39,6 +39,16 @@ TEST(LookInto, TellsFilesApartByNameAndContent) {
   EXPECT_EQ(found.left_out, (Words{"a-colour.png", "cam_ir_1.png", "labels.png"}));
   EXPECT_EQ(Names(found.recordings), Words{"one.bag"});
   EXPECT_EQ(Names(found.intrinsics), Words{"k.json"});
+  ASSERT_EQ(found.not_understood.size(), 1u);
+  EXPECT_EQ(found.not_understood[0].rfind("notes.txt: ", 0), 0u);
+}
+
+TEST(IsNamedAsFrame, TellsFramesFromSensors) {
+  for (const char* frame : {"000001", "000001_depth", "frame_7", "img3", "1623335560123",
+                            "1305031102.160407", "frame-000000.depth"})
+    EXPECT_TRUE(IsNamedAsFrame(frame)) << frame;
+  for (const char* sensor : {"1", "01", "KA03", "cam_2", "918512071234", "918512071234_depth", "a"})
+    EXPECT_FALSE(IsNamedAsFrame(sensor)) << sensor;
 }
 
 TEST(ComesBefore, CountsNumbersAsNumbers) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <fstream>
 #include <string>
 
@@ -12,6 +13,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
+#include "tests/infer/formats/bag_writer.h"
 
 namespace volalign::capture_test {
 namespace {
@@ -187,6 +189,46 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheImages) {
         },
         {"sensor \"A\"", no_file});
   }
+}
+
+TEST_F(CaptureTest, HasAtMostAThousandSensors) {
+  std::string sensors;
+  for (int i = 0; i < 1001; ++i)
+    sensors +=
+        fmt::format(R"({}{{"name": "S{}", "depth": "a.pgm", {}}})", i ? ", " : "", i, kIntrinsics);
+  ExpectBad(Write("{\"depth_scale\": 0.001, \"sensors\": [" + sensors + "]}"),
+            {"1001 sensors", "at most 1000"});
+}
+
+TEST_F(CaptureTest, KeysOfRecordingsAreNotPassedOver) {
+  ExpectBad(WriteSensor("\"depth\": \"a.pgm\", \"frames\": 3, " + std::string(kIntrinsics)),
+            {"sensor \"A\"", "frames", "recording"});
+  ExpectBad(Write("\xff\xfe{"), {"capture.json", "UTF-16", "UTF-8"});
+}
+
+/// A bag whose camera has no calibration, of one frame of 4x3.
+std::string UncalibratedBag() {
+  using namespace bag_writer;
+  const std::string header = std::string(12, '\0') + Block("d");
+  const std::string size = Bytes<std::uint32_t>(3) + Bytes<std::uint32_t>(4);
+  const std::string image = header + size + Block("16UC1") + '\0' + Bytes<std::uint32_t>(8) +
+                            Block(std::string(24, '\1'));
+  const std::string camera =
+      header + size + Block("plumb_bob") + Bytes<std::uint32_t>(0) + std::string(30 * 8, '\0');
+  return Bag(Chunk(Connection(0, "/d/image", "sensor_msgs/Image") + Message(0, image) +
+                   Connection(1, "/d/camera_info", "sensor_msgs/CameraInfo") + Message(1, camera)));
+}
+
+// What the capture says is not asked of the recording; a convention is no statement.
+TEST_F(CaptureTest, OverridesWhatARecordingSays) {
+  folder_.Write("a.bag", UncalibratedBag());
+  const std::string depth = "\"depth\": \"a.bag\"";
+  const Capture capture = ReadCapture(WriteSensor(depth + ", " + kIntrinsics));
+  EXPECT_EQ(capture.sensors[0].intrinsics.fy, 5.5);
+  ExpectBad(WriteSensor(depth), {"sensor \"A\"", "/d/camera_info", "not calibrated", "intrinsics"});
+  const Capture tenths = ReadCapture(Write(R"({"depth_scale": 0.0001, "sensors": [{"name": "A", )" +
+                                           depth + ", " + kIntrinsics + "}]}"));
+  EXPECT_FLOAT_EQ(tenths.sensors[0].depth(0, 0), 0.0257f);
 }
 
 }  // namespace

@@ -96,5 +96,25 @@ TEST(SetMeanDepth, SigmaIsTheStandardError) {
   EXPECT_NEAR(std::sqrt(stated / kPixels), actual, 0.1 * actual);
 }
 
+// Beyond the frames that are kept, by the median and the deviation of these.
+TEST(MeanDepth, OfManyFramesIsARunningOne) {
+  MeanDepth mean(0.001);
+  constexpr int kFrames = 200;
+  for (int i = 0; i < kFrames; ++i) {
+    Image<float> values(3, 1);
+    values[0] = static_cast<float>(1995 + 5 * (i % 3));  // 1995, 2000, 2005
+    values[1] = i % 4 == 0 ? 5000.0f : 2000.0f;          // a quarter is another surface
+    values[2] = i < 100 ? 0.0f : 3000.0f;                // measured late
+    mean.Add({values, true});
+  }
+  SensorFrame frame;
+  mean.Set(&frame);
+  EXPECT_NEAR(frame.depth[0], 2.0, 1e-4);
+  EXPECT_NEAR(frame.depth_sigma[0], 0.005 / std::sqrt(kFrames), 1e-6);
+  EXPECT_NEAR(frame.depth[1], 2.0, 1e-6);
+  EXPECT_NEAR(frame.depth[2], 3.0, 1e-6);
+  EXPECT_NEAR(frame.depth_sigma[2], 0.0003 / std::sqrt(100), 1e-7);
+}
+
 }  // namespace
 }  // namespace volalign::mean_depth_test

@@ -234,6 +234,24 @@ TEST_F(DepthFileTest, ExrWithAnAttributeLargerThanTheFile) {
   ExpectError<DataError>([&] { ReadStoredDepth(folder_ / "a.exr"); }, {"a.exr", "truncated"});
 }
 
+// A dictionary of Python: each key once, and outside of strings.
+TEST_F(DepthFileTest, NpyHeadersThatAreNone) {
+  const std::string good = "'descr': '<u2', 'fortran_order': False, 'shape': (5, 7)";
+  const auto read = [&](const std::string& dictionary) {
+    std::string header = dictionary + "\n", data(70, '\1');
+    header = std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) + '\0' + header;
+    WriteFileAtomically(folder_ / "a.npy", header + data);
+    return ReadStoredDepth(folder_ / "a.npy");
+  };
+  EXPECT_EQ(read("{" + good + "}").values.width(), 7);
+  EXPECT_EQ(read("{ " + good + " , }").values.width(), 7);
+  for (const std::string& bad :
+       {"{'shape': (5, 6), " + good + "}", "{" + good + ", 'shape': (5, 6)}",
+        "{'x': \"'shape': (7, 5)\", " + good + "}", "{" + good + "} {" + good + "}", good,
+        std::string("{'descr': '<u2', 'shape': (5, 7)}"), "{" + good})
+    ExpectError<DataError>([&] { read(bad); }, {"a.npy", "bad NPY header"});
+}
+
 TEST_F(DepthFileTest, Npy) {
   std::string rows, columns, big, halves;
   for (int v = 0; v < kHeight; ++v) {

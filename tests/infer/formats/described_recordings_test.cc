@@ -10,6 +10,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
+#include <iterator>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,6 +19,7 @@
 #include "core/base/error.h"
 #include "infer/formats/recording.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/formats/bag_writer.h"
 
@@ -75,10 +78,10 @@ void ExpectDepth(const std::vector<RecordedDepth>& streams, const std::string& s
 // Bags of ROS 1.
 
 /// sensor_msgs/Image, serialised (wiki.ros.org/msg): little-endian, without padding.
-std::string RosMessage(const Picture& picture) {
+std::string RosMessage(const Picture& picture, const std::string& frame = "camera") {
   using bag_writer::Block;
   using bag_writer::Bytes;
-  return std::string(12, '\0') + Block("camera") + Bytes<std::uint32_t>(kHeight) +
+  return std::string(12, '\0') + Block(frame) + Bytes<std::uint32_t>(kHeight) +
          Bytes<std::uint32_t>(kWidth) + Block(picture.encoding) +
          static_cast<char>(picture.big_endian) + Bytes(Step(picture)) + Block(picture.data);
 }
@@ -100,9 +103,10 @@ std::string PackLz4(const std::string& content) {
   return packed;
 }
 
-std::vector<RecordedDepth> ReadBag(const Picture& picture, const std::string& compression) {
+std::vector<RecordedDepth> ReadBag(const Picture& picture, const std::string& compression,
+                                   const std::string& topic = "/camera/depth") {
   const TempFolder folder;
-  const std::string content = bag_writer::Connection(0, "/camera/depth", "sensor_msgs/Image") +
+  const std::string content = bag_writer::Connection(0, topic, "sensor_msgs/Image") +
                               bag_writer::Message(0, RosMessage(picture));
   const std::string packed = compression == "bz2"   ? PackBz2(content)
                              : compression == "lz4" ? PackLz4(content)
@@ -218,7 +222,9 @@ TEST(OrbbecBag, WhatItDoesNotKnowItNames) {
   ExpectError<DataError>([&] { read(OrbbecBag("RVL", {})); }, {"a.bag", "RVL", "frameType_3"});
   OrbbecProfileFields fisheye;
   fisheye.model = 5;
-  ExpectError<DataError>([&] { read(OrbbecBag("z16", fisheye)); }, {"a.bag", "lens model 5"});
+  const auto other_lens = read(OrbbecBag("z16", fisheye));
+  EXPECT_FALSE(other_lens[0].intrinsics);
+  EXPECT_NE(other_lens[0].intrinsics_problem.find("lens model 5"), std::string::npos);
   OrbbecProfileFields rectified;
   rectified.lens.assign(8, 0);
   rectified.model = 1;
@@ -291,6 +297,112 @@ std::string RosCamera(const std::string& frame, double fx,
          bag_writer::Block("plumb_bob") + d + Many<double>({fx, 0, 1, 0, fx, 0.5, 0, 0, 1}) +
          Many<double>({1, 0, 0, 0, 1, 0, 0, 0, 1}) +
          Many<double>({fx, 0, 1, 0, 0, fx, 0.5, 0, 0, 0, 1, 0});
+}
+
+/// What is read of a bag of images of depth, of `frame`, and a camera of (2, 3) on another topic.
+RecordedDepth ReadWithCamera(const std::string& topic, const std::string& frame,
+                             const std::string& camera_topic, const std::string& camera) {
+  using namespace bag_writer;
+  const TempFolder folder;
+  const std::string bag =
+      Bag(Chunk(Connection(0, topic, "sensor_msgs/Image") +
+                Message(0, RosMessage({"16UC1", false, Samples(false)}, frame)) +
+                Connection(1, camera_topic, "sensor_msgs/CameraInfo") + Message(1, camera)));
+  return ReadRecording(folder.Write("a.bag", bag), 1).at(0);
+}
+
+// Depth and colour of one device share the front of their topics, and often the size.
+TEST(DescribedBag, ACameraOfAnotherFrameIsNotTaken) {
+  const std::string image = "/camera/depth/image_rect_raw", colour = "/camera/color/camera_info";
+  for (const auto& [frame, other] :
+       {std::pair("depth_optical_frame", "color_optical_frame"), std::pair("", ""),
+        std::pair("camera_link", "camera_link")}) {  // as drivers that know one frame
+    const RecordedDepth depth = ReadWithCamera(image, frame, colour, RosCamera(other, 2));
+    EXPECT_FALSE(depth.intrinsics) << frame;
+    EXPECT_NE(depth.intrinsics_problem.find(colour), std::string::npos) << depth.intrinsics_problem;
+  }
+  EXPECT_FALSE(ReadWithCamera(image, "depth", "/camera/infra1/camera_info", RosCamera("infra1", 2))
+                   .intrinsics);
+  // Depth that is registered to the colour camera has its lens.
+  for (const auto& [topic, frame] :
+       {std::pair("/camera/aligned_depth_to_color/image_raw", "color_optical_frame"),
+        std::pair("/camera/depth_registered/image_raw", "camera_link")}) {
+    const RecordedDepth depth = ReadWithCamera(topic, frame, colour, RosCamera(frame, 2));
+    ASSERT_TRUE(depth.intrinsics) << topic;
+    EXPECT_EQ(depth.intrinsics_source, colour);
+  }
+  const RecordedDepth own =
+      ReadWithCamera("/kinect2/sd/image_depth", "ir_optical_frame", "/kinect2/sd/camera_info",
+                     RosCamera("ir_optical_frame", 2));
+  EXPECT_EQ(own.intrinsics->fx, 2);
+  EXPECT_EQ(own.intrinsics_source, "/kinect2/sd/camera_info");
+}
+
+// K[0] = 0 says that the camera is not calibrated (sensor_msgs/CameraInfo); P may say it all.
+TEST(DescribedBag, ALensThatCannotBeUsedIsNoError) {
+  const auto read = [](std::string camera, std::size_t zeros_at, std::size_t zeros) {
+    camera.replace(camera.size() - zeros_at, zeros, zeros, '\0');
+    return ReadWithCamera("/camera/depth/image_raw", "d", "/camera/depth/camera_info", camera);
+  };
+  constexpr std::size_t kP = 12 * 8, kAll = kP + 2 * 9 * 8;
+  const std::string camera = RosCamera("d", 2, {0.1, 0, 0, 0, 0});
+  EXPECT_TRUE(read(camera, 0, 0).intrinsics_stated);
+  const RecordedDepth of_p = read(camera, kAll, 9 * 8);
+  ASSERT_TRUE(of_p.intrinsics);
+  EXPECT_EQ(of_p.intrinsics->fx, 2);
+  EXPECT_EQ(of_p.intrinsics->distortion, std::vector<double>(5, 0.0));
+  EXPECT_FALSE(of_p.intrinsics_stated);
+  const RecordedDepth none = read(camera, kAll, kAll);
+  EXPECT_FALSE(none.intrinsics);
+  EXPECT_NE(none.intrinsics_problem.find("not calibrated"), std::string::npos);
+  EXPECT_EQ(none.frames.size(), 1u);
+}
+
+// Kinect v2's bridge has infrared in the same encoding as depth.
+TEST(DescribedBag, InfraredIsNoDepth) {
+  using namespace bag_writer;
+  const std::string image = RosMessage({"16UC1", false, Samples(false)});
+  const TempFolder folder;
+  const std::string bag =
+      Bag(Chunk(Connection(0, "/kinect2/sd/image_ir", "sensor_msgs/Image") + Message(0, image) +
+                Connection(1, "/kinect2/sd/image_depth", "sensor_msgs/Image") + Message(1, image)));
+  ExpectDepth(ReadRecording(folder.Write("a.bag", bag), 1), "/kinect2/sd/image_depth", 0.001, 1);
+  ExpectError<DataError>(
+      [&] {
+        ReadBag({"16UC1", false, Samples(false)}, "none", "/sd/image_ir_rect");
+      },
+      {"no depth stream", "image_ir_rect"});
+}
+
+// Each chunk is within its limit; their number is not.
+TEST(DescribedBag, ManyChunksOfZeros) {
+  using namespace bag_writer;
+  const std::string zeros =
+      Connection(0, "/x", "std_msgs/String") + Message(0, std::string(std::size_t{1} << 20, '\0'));
+  const std::string packed = PackBz2(zeros);
+  std::string chunks;
+  for (int i = 0; i < 60; ++i) chunks += PackedChunk(zeros, "bz2", packed);
+  const TempFolder folder;
+  ReadBudget budget(std::uint64_t{1} << 24);
+  ExpectError<DataError>([&] { ReadRecording(folder.Write("a.bag", Bag(chunks)), 1, &budget); },
+                         {"a.bag", "unpacked"});
+}
+
+// And so is each message.
+TEST(DescribedBag, ManyMessagesOfNothing) {
+  using namespace bag_writer;
+  std::string messages =
+      Connection(0, "/device_0/sensor_0/Depth_0/tf/0", "geometry_msgs/Transform");
+  const std::string transform = Message(0, Many<double>({0, 0, 0, 0, 0, 0, 1}));
+  for (int i = 0; i < 20000; ++i) messages += transform;
+  const TempFolder folder;
+  ReadBudget budget(std::uint64_t{1} << 22);
+  ExpectError<DataError>(
+      [&] {
+        ReadRecording(folder.Write("a.bag", Bag(PackedChunk(messages, "bz2", PackBz2(messages)))),
+                      1, &budget);
+      },
+      {"a.bag", "unpacked"});
 }
 
 /// geometry_msgs/TransformStamped.
@@ -436,29 +548,186 @@ std::string CdrLink(const std::string& parent, const std::string& child,
   return links.bytes();
 }
 
-/// A bag with one message of sensor_msgs/msg/Image on /camera/depth.
-std::vector<RecordedDepth> ReadDb3(const Picture& picture) {
-  const std::string message = CdrMessage(picture);
-  const TempFolder folder;
-  const std::string path = (folder / "a.db3").string();
+struct Db3Message {
+  std::string topic, type, data;
+};
+
+/// A bag of messages, each on a topic of its own.
+std::string WriteDb3(const TempFolder& folder, const std::vector<Db3Message>& messages,
+                     const std::string& before = "") {
+  std::string path = (folder / "a.db3").string();
+  std::filesystem::remove(path);
   sqlite3* database = nullptr;
   EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
-  constexpr char kTables[] =
+  const std::string tables =
+      before +
       "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
       "serialization_format TEXT NOT NULL);"
       "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
-      "timestamp INTEGER NOT NULL, data BLOB NOT NULL);"
-      "INSERT INTO topics VALUES(1, '/camera/depth', 'sensor_msgs/msg/Image', 'cdr');";
-  EXPECT_EQ(sqlite3_exec(database, kTables, nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_stmt* insert = nullptr;
-  EXPECT_EQ(
-      sqlite3_prepare_v2(database, "INSERT INTO messages VALUES(1, 1, 1, ?)", -1, &insert, nullptr),
-      SQLITE_OK);
-  sqlite3_bind_blob(insert, 1, message.data(), static_cast<int>(message.size()), SQLITE_STATIC);
-  EXPECT_EQ(sqlite3_step(insert), SQLITE_DONE);
-  sqlite3_finalize(insert);
+      "timestamp INTEGER NOT NULL, data BLOB NOT NULL);";
+  EXPECT_EQ(sqlite3_exec(database, tables.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+  const auto insert = [&](const char* sql, const std::vector<std::string>& values) {
+    sqlite3_stmt* statement = nullptr;
+    EXPECT_EQ(sqlite3_prepare_v2(database, sql, -1, &statement, nullptr), SQLITE_OK);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const int place = static_cast<int>(i) + 1, size = static_cast<int>(values[i].size());
+      if (values.size() == 1)
+        sqlite3_bind_blob(statement, place, values[i].data(), size, SQLITE_STATIC);
+      else
+        sqlite3_bind_text(statement, place, values[i].data(), size, SQLITE_STATIC);
+    }
+    EXPECT_EQ(sqlite3_step(statement), SQLITE_DONE);
+    sqlite3_finalize(statement);
+  };
+  for (const Db3Message& message : messages) {
+    insert("INSERT INTO topics(name, type, serialization_format) VALUES(?, ?, 'cdr')",
+           {message.topic, message.type});
+    insert("INSERT INTO messages(topic_id, timestamp, data) SELECT max(id), 1, ? FROM topics",
+           {message.data});
+  }
   sqlite3_close(database);
-  return ReadRecording(path, 2);
+  return path;
+}
+
+/// A bag with one message of sensor_msgs/msg/Image on /camera/depth.
+std::vector<RecordedDepth> ReadDb3(const Picture& picture) {
+  const TempFolder folder;
+  return ReadRecording(
+      WriteDb3(folder, {{"/camera/depth", "sensor_msgs/msg/Image", CdrMessage(picture)}}), 2);
+}
+
+std::string PackZstd(const std::string& content) {
+  std::string packed(ZSTD_compressBound(content.size()), '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), content.data(), content.size(), 3));
+  return packed;
+}
+
+std::string CdrText(const std::string& text) {
+  CdrWriter writer;
+  writer.AddText(text);
+  return writer.bytes();
+}
+
+/// As librealsense 2.58 writes it, whose lens is a text.
+std::vector<Db3Message> RealSense258() {
+  const std::string stream = "/device_0/sensor_0/Depth_0", text = "std_msgs/msg/String";
+  return {{stream + "/camera_info", text,
+           CdrText("width=3;height=2;fx=2.5;ppx=1.25;fy=2.25;ppy=0.5;model=Brown Conrady;"
+                   "coeffs=0,0,0,0,0")},
+          {"/device_0/info", text, CdrText("Name=Intel RealSense D415;Serial Number=7")},
+          {"/device_0/sensor_0/option/Depth_Units/value", text, CdrText("0.000100")},
+          {stream + "/image/data", "sensor_msgs/msg/Image",
+           CdrMessage({"mono16", false, Samples(false)})},
+          {stream + "/tf/ref_1", text,
+           CdrText("rotation=1,0,0,0,1,0,0,0,1;translation=0.000000,0.000000,0.000000")}};
+}
+
+TEST(DescribedDb3, MessagesAndFilesThatZstdPacked) {
+  const TempFolder folder;
+  std::vector<Db3Message> packed = RealSense258();
+  for (Db3Message& message : packed) message.data = PackZstd(message.data);
+  const std::string plain = ReadFile(WriteDb3(folder, RealSense258()));
+  const auto whole = folder.Write("a.db3.zstd", PackZstd(plain));
+  EXPECT_TRUE(IsRecording(whole));
+  for (const std::filesystem::path& path :
+       {whole, folder.Write("plain.db3", plain), std::filesystem::path(WriteDb3(folder, packed))}) {
+    SCOPED_TRACE(path.string());
+    const auto streams = ReadRecording(path, 2);
+    ExpectDepth(streams, "/device_0/sensor_0/Depth_0/image/data", 0.0001, 1);
+    ASSERT_TRUE(streams[0].intrinsics) << streams[0].intrinsics_problem;
+    EXPECT_EQ(*streams[0].intrinsics,
+              (Intrinsics{kWidth, kHeight, 2.5, 2.25, 1.25, 0.5, std::vector<double>(5, 0.0)}));
+    EXPECT_EQ(streams[0].kind, "realsense_d415");
+    EXPECT_EQ(streams[0].serial, "7");
+  }
+  // Cut off, it is none; a picture that zstd packed is none either.
+  folder.Write("cut.db3.zstd", ReadFile(whole).substr(0, ReadFile(whole).size() - 9));
+  ExpectError<DataError>([&] { ReadRecording(folder / "cut.db3.zstd", 2); },
+                         {"cut.db3.zstd", "zstd"});
+  EXPECT_FALSE(IsRecording(folder.Write("a.zst", PackZstd("P5 1 1 255 x"))));
+}
+
+// The images of one stream, before and after they were compressed.
+TEST(DescribedDb3, ImagesAreNotReadTwice) {
+  const TempFolder folder;
+  CdrWriter compressed;
+  AddCdrHeader("camera", &compressed);
+  compressed.AddText("16UC1; compressedDepth rvl");
+  compressed.AddBytes("none that is read");
+  const Db3Message images = {"/camera/depth/image", "sensor_msgs/msg/Image",
+                             CdrMessage({"16UC1", false, Samples(false)})};
+  const Db3Message others = {"/camera/depth/image/compressedDepth",
+                             "sensor_msgs/msg/CompressedImage", compressed.bytes()};
+  for (const auto& both : {std::vector{images, others}, std::vector{others, images}})
+    ExpectDepth(ReadRecording(WriteDb3(folder, both), 10), images.topic, 0.001, 1);
+  ExpectError<DataError>([&] { ReadRecording(WriteDb3(folder, {others}), 10); },
+                         {"a.db3", "/camera/depth/image", "rvl", "PNG"});
+  // Beside a camera that can be read, it is said of the stream.
+  Db3Message second = images;
+  second.topic = "/other/depth/image";
+  const auto streams = ReadRecording(WriteDb3(folder, {others, second}), 10);
+  ASSERT_EQ(streams.size(), 2u);
+  EXPECT_NE(streams[0].problem.find("rvl"), std::string::npos);
+  EXPECT_EQ(streams[1].frames.size(), 1u);
+}
+
+// What a recorder left that was stopped: a write-ahead log. Reading leaves nothing behind, and
+// needs no right to write.
+TEST(DescribedDb3, AWriteAheadLogIsReadAndLeftAsItIs) {
+  const TempFolder made, folder;
+  const std::string path = (folder / "a.db3").string();
+  {
+    const std::string with_log =
+        WriteDb3(made, {}, "PRAGMA journal_mode=WAL; PRAGMA wal_autocheckpoint=0;");
+    sqlite3* database = nullptr;
+    ASSERT_EQ(sqlite3_open(with_log.c_str(), &database), SQLITE_OK);
+    const std::string sql =
+        "PRAGMA wal_autocheckpoint=0;"
+        "INSERT INTO topics VALUES(1, '/x', 'std_msgs/msg/String', 'cdr');"
+        "INSERT INTO messages VALUES(1, 1, 1, x'00010000020000006100');";
+    ASSERT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+    // As they are while the recorder runs.
+    folder.Write("a.db3", ReadFile(with_log));
+    folder.Write("a.db3-wal", ReadFile(with_log + "-wal"));
+    sqlite3_close(database);
+  }
+  const std::string log = ReadFile(path + "-wal");
+  ASSERT_FALSE(log.empty());
+  std::filesystem::permissions(
+      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  ExpectError<DataError>([&] { ReadRecording(path, 2); }, {"no depth stream", "/x (std_msgs"});
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+  EXPECT_EQ(ReadFile(path + "-wal"), log);
+  const auto files = std::filesystem::directory_iterator(folder.path());
+  EXPECT_EQ(std::distance(begin(files), end(files)), 2);
+  // Where the log is gone, the database still says that it had one.
+  std::filesystem::remove(path + "-wal");
+  ExpectError<DataError>([&] { ReadRecording(path, 2); }, {"a.db3"});
+  EXPECT_FALSE(std::filesystem::exists(path + "-wal"));
+  // A journal would have to be played back.
+  folder.Write("a.db3-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7 and more");
+  ExpectError<DataError>([&] { ReadRecording(path, 2); }, {"a.db3", "journal", "sqlite3"});
+}
+
+TEST(DescribedDb3, ATextIsBounded) {
+  const TempFolder folder;
+  const Db3Message depth = RealSense258()[3];
+  std::string long_text = "rotation=";
+  for (int i = 0; i < 100000; ++i) long_text += "1,";
+  ExpectError<DataError>(
+      [&] {
+        ReadRecording(WriteDb3(folder, {depth,
+                                        {"/device_0/sensor_0/Depth_0/tf/ref_1",
+                                         "std_msgs/msg/String", CdrText(long_text)}}),
+                      2);
+      },
+      {"a.db3", "a text of"});
+  ExpectError<DataError>(
+      [&] {
+        ReadRecording(WriteDb3(folder, {{"/" + std::string(2000, 'a'), depth.type, depth.data}}),
+                      2);
+      },
+      {"a.db3", "a text of 2001 bytes"});
 }
 
 TEST(DescribedDb3, PlainImages) {
@@ -507,12 +776,6 @@ std::string McapChunk(const std::string& records, const std::string& compression
   return McapRecord(6, std::string(16, '\0') + Bytes(std::uint64_t{records.size()}) + Bytes(crc) +
                            bag_writer::Block(compression) + Bytes(std::uint64_t{packed.size()}) +
                            packed);
-}
-
-std::string PackZstd(const std::string& content) {
-  std::string packed(ZSTD_compressBound(content.size()), '\0');
-  packed.resize(ZSTD_compress(packed.data(), packed.size(), content.data(), content.size(), 3));
-  return packed;
 }
 
 TEST(DescribedMcap, MessagesOfBothRosAndChunksOfAllKinds) {
@@ -606,6 +869,17 @@ TEST(DescribedMcap, DamagedOrUnknown) {
   ExpectDepth(read(file.substr(0, file.size() - 9)), "/camera/depth", 0.001, 1);
 }
 
+TEST(DescribedMcap, ManyChunksOfZeros) {
+  const std::string zeros(std::size_t{1} << 20, '\0');
+  const std::string records = McapStream("x", "ros1", zeros, "/x");
+  std::string chunks;
+  for (int i = 0; i < 60; ++i) chunks += McapChunk(records, "zstd", PackZstd(records), 0);
+  const TempFolder folder;
+  ReadBudget budget(std::uint64_t{1} << 24);
+  ExpectError<DataError>([&] { ReadRecording(folder.Write("a.mcap", Mcap(chunks)), 1, &budget); },
+                         {"a.mcap", "unpacked"});
+}
+
 // Matroska (RFC 9559).
 
 /// An element with a size of eight bytes.
@@ -663,6 +937,16 @@ TEST(DescribedMkv, GreyOf16BitsInBothByteOrdersAndBlocks) {
       }
     }
   }
+}
+
+// libebml takes what it did not get for read.
+TEST(DescribedMkv, AnElementThatEndsBehindTheFile) {
+  const TempFolder folder;
+  const std::string whole =
+      Mkv("V_UNCOMPRESSED", "", Element("\x2E\xB5\x24", "b16g"), Samples(true), true);
+  const std::string cut = whole.substr(0, whole.find("b16g") + 1);
+  ExpectError<DataError>([&] { ReadRecording(folder.Write("a.mkv", cut), 2); },
+                         {"a.mkv", "damaged", "4 bytes ends behind the file"});
 }
 
 }  // namespace

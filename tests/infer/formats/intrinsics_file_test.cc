@@ -223,5 +223,15 @@ TEST(ParseIntrinsicsText, DepthAi) {
                DataError);
 }
 
+TEST(WhyNoText, NamesWhatNoReaderTakes) {
+  const std::string utf16("\xff\xfew\0i\0", 6);
+  EXPECT_NE(WhyNoText(utf16).find("UTF-8"), std::string::npos);
+  EXPECT_NE(WhyNoText(std::string("w\0i\0", 4)).find("UTF-8"), std::string::npos);
+  EXPECT_NE(WhyNoText("\xef\xbb\xbf <?xml version=\"1.0\"?>").find("XML"), std::string::npos);
+  for (const char* text : {"", "<OBCameraParam depth", "\xef\xbb\xbf{\"fx\": 1}", "K: [1]"})
+    EXPECT_EQ(WhyNoText(text), "") << text;
+  ExpectError<DataError>([&] { ParseIntrinsicsText(utf16, "k.txt", {4, 3}); }, {"k.txt", "UTF-16"});
+}
+
 }  // namespace
 }  // namespace volalign::intrinsics_file_test

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <locale>
+#include <string>
+
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
@@ -20,6 +23,22 @@ TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
   ExpectError<DataError>(
       [] { FromPyrealsense("[ 640x480  p[1 2]  f[1 2]  Ftheta [1 0 0 0 0] ]", "file"); },
       {"file", "Ftheta"});
+}
+
+/// A decimal comma, and points between thousands.
+struct CommaPoint : std::numpunct<char> {
+  char do_decimal_point() const override { return ','; }
+  char do_thousands_sep() const override { return '.'; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
+TEST(FromPyrealsense, WhateverTheLocale) {
+  const std::locale before = std::locale::global(std::locale(std::locale(), new CommaPoint));
+  const auto found = FromPyrealsense(
+      "[ 640x480  p[318.500 240.9]  f[383.300 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
+  std::locale::global(before);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
 }
 
 // Blanks and brackets without end, which a backtracking search would go through by recursion, or

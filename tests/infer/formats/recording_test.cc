@@ -130,7 +130,7 @@ TEST(RecordingTest, Db3OfViews) {
                                         "INSERT INTO messages VALUES(1, 1, 1);"),
                       3);
       },
-      {"made.db3", "too big"});
+      {"made.db3", "column data", "computed"});
 }
 
 TEST(RecordingTest, Db3HasLimits) {
@@ -138,8 +138,9 @@ TEST(RecordingTest, Db3HasLimits) {
   std::string sql = std::string(kTopics) + kMessages + "BEGIN;";
   for (int i = 0; i < 1000; ++i) sql += "INSERT INTO messages VALUES(1, 2, 3, 'x');";
   const std::string many = Db3Of(folder, sql + "COMMIT;");
-  const auto read = [&](std::int64_t steps) {
-    return formats_internal::ReadRos2Recording(many, 3, steps);
+  const auto read = [&](std::uint64_t steps) {
+    ReadBudget budget(steps);
+    return formats_internal::ReadRos2Recording(many, "made.db3", 3, &budget);
   };
   EXPECT_TRUE(read(1000000).streams.empty());
   ExpectError<DataError>([&] { read(2000); }, {"made.db3", "interrupted"});

@@ -37,7 +37,8 @@ TEST(RosBag, GivesTheMessagesOfItsChunksInOrder) {
   const std::vector<std::string> all = {"/depth sensor_msgs/Image one",
                                         "/info sensor_msgs/CameraInfo two",
                                         "/depth sensor_msgs/Image three"};
-  RosBag indexed(folder.Write("a.bag", Bag(chunks, depth + info)));
+  ReadBudget budget;
+  RosBag indexed(folder.Write("a.bag", Bag(chunks, depth + info)), "a.bag", &budget);
   ASSERT_EQ(indexed.connections().size(), 2u);
   EXPECT_EQ(indexed.connections().at(3).topic, "/info");
   EXPECT_EQ(MessagesOf(indexed), all);
@@ -45,7 +46,7 @@ TEST(RosBag, GivesTheMessagesOfItsChunksInOrder) {
   EXPECT_EQ(MessagesOf(indexed, 2), std::vector<std::string>(all.begin(), all.begin() + 2));
   // Cut off before the index and in the middle of a chunk: what is whole serves.
   const std::string bytes = Bag(chunks);
-  RosBag cut(folder.Write("b.bag", bytes.substr(0, bytes.size() - 3)));
+  RosBag cut(folder.Write("b.bag", bytes.substr(0, bytes.size() - 3)), "b.bag", &budget);
   EXPECT_TRUE(cut.connections().empty());
   EXPECT_EQ(MessagesOf(cut), std::vector<std::string>{all[0]});
 }
@@ -54,14 +55,16 @@ TEST(RosBag, LimitsConnections) {
   const TempFolder folder;
   std::string records;
   for (std::uint32_t i = 0; i < 1001; ++i) records += Connection(i, "/a", "b/C");
-  RosBag bag(folder.Write("a.bag", Bag(records)));
+  ReadBudget budget;
+  RosBag bag(folder.Write("a.bag", Bag(records)), "a.bag", &budget);
   ExpectError<DataError>([&] { MessagesOf(bag); }, {"a.bag", "1000 topics"});
 }
 
 TEST(RosBag, SaysWhatIsDamaged) {
   const TempFolder folder;
+  ReadBudget budget;
   const auto expect = [&](const std::string& records, const std::string& part) {
-    RosBag bag(folder.Write("c.bag", Bag(records)));
+    RosBag bag(folder.Write("c.bag", Bag(records)), "c.bag", &budget);
     ExpectError<DataError>([&] { MessagesOf(bag); }, {"c.bag", part});
   };
   expect(Chunk(Message(5, "one")), "unknown connection");
@@ -69,9 +72,12 @@ TEST(RosBag, SaysWhatIsDamaged) {
   expect(Chunk("no stream of bz2", "bz2"), "bz2");
   expect(Chunk("no frame of lz4", "lz4"), "lz4");
   expect(Chunk(Bytes<std::uint32_t>(1000)), "1000 bytes are announced");
-  EXPECT_THROW(RosBag(folder.Write("d.bag", "#ROSBAG V1.2\n")), DataError);
-  EXPECT_THROW(RosBag(folder.Write("e.bag", "#ROSBAG V2.0\n" + Chunk(""))), DataError);
-  EXPECT_THROW(RosBag(folder / "none.bag"), IoError);
+  const auto open = [&](const std::string& bytes) {
+    RosBag(folder.Write("d.bag", bytes), "d.bag", &budget);
+  };
+  EXPECT_THROW(open("#ROSBAG V1.2\n"), DataError);
+  EXPECT_THROW(open("#ROSBAG V2.0\n" + Chunk("")), DataError);
+  EXPECT_THROW(RosBag(folder / "none.bag", "none.bag", &budget), IoError);
 }
 
 }  // namespace

@@ -17,6 +17,12 @@ TEST(IsDepth, GoesByTheEncodingAndTheName) {
   EXPECT_TRUE(IsDepth("/camera/Depth/image", "mono16"));
   EXPECT_FALSE(IsDepth("/camera/infra1/image", "mono16"));
   EXPECT_FALSE(IsDepth("/camera/depth/image", "rgb8"));
+  for (const char* other : {"/kinect2/sd/image_ir", "/camera/infra1/image_rect_raw",
+                            "/depth_camera/ir/image_raw", "/camera/depth/confidence"})
+    EXPECT_FALSE(IsDepth(other, "16UC1")) << other;
+  for (const char* depth : {"/camera/aligned_depth_to_color/image_raw", "/depth_to_rgb/image_raw",
+                            "/ir_camera/depth/image", "/camera/rgb/image_depth", "/firing/z"})
+    EXPECT_TRUE(IsDepth(depth, "16UC1")) << depth;
 }
 
 TEST(DecodeImage, ReadsRowsOfAnyStepInEitherByteOrder) {
@@ -67,15 +73,23 @@ CameraInfo Info(double fx, const std::vector<double>& lens) {
           ""};
 }
 
+/// With a frame of the size that Info has.
+void AddStream(const std::string& topic, const std::string& frame, RosContent* content) {
+  RosStream& stream = content->streams[topic];
+  stream.stream = topic;
+  stream.frame = frame;
+  stream.frames.push_back({Image<float>(640, 480), true});
+}
+
 TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
   RosContent content;
-  content.streams["/device_0/sensor_0/Depth_0/image/data"].stream =
-      "/device_0/sensor_0/Depth_0/image/data";
-  content.streams["/other/depth"].stream = "/other/depth";
+  AddStream("/device_0/sensor_0/Depth_0/image/data", "Depth", &content);
+  AddStream("/other/depth", "", &content);
   content.infos["/device_0/sensor_0/Depth_0/info/camera_info"] = Info(500, {0, 0, 0, 0, 0});
   content.infos["/device_0/sensor_1/Color_0/info/camera_info"] = Info(900, {0, 0, 0, 0, 0});
   content.units["/device_0/sensor_0/option/Depth Units/value"] = 0.0010000000474974513;
-  content.devices["/device_0/info"] = {{"Name", "Intel RealSense D415"}, {"Serial Number", "123"}};
+  AddDevicePair("Name", "Intel RealSense D415", &content.devices["/device_0/info"]);
+  AddDevicePair("Serial Number", "123", &content.devices["/device_0/info"]);
   const std::vector<RecordedDepth> streams = DescribeStreams(content, "file").streams;
   ASSERT_EQ(streams.size(), 2u);
   ASSERT_TRUE(streams[0].intrinsics);
@@ -98,7 +112,7 @@ TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
 TEST(DescribeStreams, AUnitThatIsNoneIsNotTaken) {
   for (const double unit : {0.0, -1.0, std::nan(""), HUGE_VAL, 1e-320}) {
     RosContent content;
-    content.streams["/a/depth"].stream = "/a/depth";
+    AddStream("/a/depth", "", &content);
     content.streams["/a/depth"].depth_scale = 1;
     content.units["/a/option/Depth Units/value"] = unit;
     const std::optional<double> scale = DescribeStreams(content, "file").streams[0].depth_scale;
@@ -110,7 +124,7 @@ TEST(DescribeStreams, ARectifiedImageHasTheCameraWithoutTheLens) {
   for (const char* name : {"image_rect", "image_raw"}) {
     RosContent content;
     const std::string topic = std::string("/camera/depth/") + name;
-    content.streams[topic].stream = topic;
+    AddStream(topic, "", &content);
     content.infos["/camera/depth/camera_info"] = Info(500, {0.1, 0, 0, 0, 0});
     const Intrinsics found = DescribeStreams(content, "file").streams[0].intrinsics.value();
     const bool rectified = std::string(name) == "image_rect";

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <string_view>
+#include <system_error>
+
+namespace volalign {
+
+/// The finite number that the whole text is, with a point whatever the process's locale, or none.
+inline std::optional<double> NumberOf(std::string_view text) {
+  if (!text.empty() && text[0] == '+') text.remove_prefix(1);
+  double value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, value);
+  // "+-1" is none.
+  const bool whole = error == std::errc() && rest == end && !text.empty();
+  return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
+
+}  // namespace volalign
