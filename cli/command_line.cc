@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
@@ -74,19 +75,36 @@ std::string ShellWord(const std::string& word) {
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + ShellWord(argv[i]);
+  if (const char* parents = std::getenv(kCommandVariable)) line = parents;
   TheKept() = {line, program};
 }
 
 std::string CommandLine() { return TheKept().line; }
 
-void SaveCommand(const std::filesystem::path& result,
-                 const std::vector<std::pair<std::string, std::string>>& configs) {
+namespace {
+
+std::string CommandText(const std::vector<std::pair<std::string, std::string>>& configs) {
   std::string text =
       fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()), Text(CommandLine()));
   const CLI::App* app = Called(TheKept().program);
   for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
     text += OptionLine(option);
   for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
+  return text;
+}
+
+}  // namespace
+
+void SaveStart(const std::filesystem::path& folder) {
+  std::filesystem::path file = folder / "command.yaml";
+  for (int start = 2; std::filesystem::exists(file); ++start)
+    file = folder / fmt::format("command-{}.yaml", start);
+  WriteFileAtomically(file, CommandText({}));
+}
+
+void SaveCommand(const std::filesystem::path& result,
+                 const std::vector<std::pair<std::string, std::string>>& configs) {
+  std::string text = CommandText(configs);
   if (!std::filesystem::is_directory(result)) text += HashLine(result);
   WriteFileAtomically(CommandFile(result), text);
 }

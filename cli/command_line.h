@@ -16,6 +16,9 @@ std::string ShellWord(const std::string& word);
 /// How the program was called, as a shell reads it.
 std::string CommandLine();
 
+/// Names the line that CommandLine has in the processes that this one starts.
+inline constexpr char kCommandVariable[] = "VOLALIGN_COMMAND";
+
 /// Keeps the program's arguments for CommandLine, and what the parser made of them for SaveCommand;
 /// called once, by main, before a sub-command runs.
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv);
@@ -32,5 +35,9 @@ void WarnOf(const Structure& structure);
 
 /// Whether nobody has changed the file since SaveCommand told of it. Throws IoError.
 bool IsAsWritten(const std::filesystem::path& file);
+
+/// The same of the start of something that may be started again in its folder: command.yaml, then
+/// command-2.yaml, ... Throws IoError.
+void SaveStart(const std::filesystem::path& folder);
 
 }  // namespace volalign

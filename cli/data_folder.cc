@@ -39,8 +39,7 @@ std::string FindDataFolder(const std::string& given) {
     }
     return given;
   }
-  std::error_code error;
-  return DataFolderNear(fs::read_symlink("/proc/self/exe", error));
+  return DataFolder();
 }
 
 std::string WithPages(const std::string& message) {

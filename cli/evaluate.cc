@@ -1,6 +1,7 @@
 #include "infer/evaluate/evaluate.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -19,6 +20,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "infer/evaluate/suite/figures.h"
@@ -132,13 +134,28 @@ void SaveOptions(const ResultFolder& folder, const ConfigSource& source,
   folder.Publish("options.yaml", {"command.yaml"});
 }
 
+/// Whether all models of the suite are there; says which are not. Throws IoError where none is.
+bool HasItsModels(const SuiteConfig& suite) {
+  std::vector<std::string> missing;
+  bool any = false;
+  for (const SuiteMethod& method : suite.methods) {
+    if (method.model.empty()) continue;
+    any = any || HasModel(method);
+    if (!HasModel(method)) missing.push_back(fmt::format("{} ({})", method.name, method.model));
+  }
+  if (missing.empty()) return true;
+  const std::string said =
+      fmt::format("neither the working directory nor the data folder '{}' has the models of {}",
+                  DataFolder(), fmt::join(missing, ", "));
+  if (!any) throw IoError(said);
+  fmt::print(stderr, "{}: their rows stay empty\n", said);
+  return false;
+}
+
+/// The exit status: 2 where rows stay empty.
 int RunPaperSuite(const EvaluateOptions& options) {
   const SuiteConfig suite = SelectTables(ReadSuite(options.suite_config), options.suite);
-  for (const SuiteMethod& method : suite.methods) {
-    if (!HasModel(method)) {
-      fmt::print(stderr, "{}: {} does not exist; its rows stay empty\n", method.name, method.model);
-    }
-  }
+  const bool complete = HasItsModels(suite);
   const ResultFolder folder(options.output);
   SuiteRun run;
   run.output = options.output;
@@ -167,7 +184,7 @@ int RunPaperSuite(const EvaluateOptions& options) {
                (folder.dir() / figure.lexically_relative(folder.draft())).string());
   }
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
-  return 0;
+  return complete ? 0 : 2;
 }
 
 int RunEvaluate(const EvaluateOptions& options) {

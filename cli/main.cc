@@ -93,7 +93,6 @@ int Run(int argc, char** argv) {
   program.set_version_flag("--version", VersionText);
   program.require_subcommand(1);
   program.formatter(HelpFormatter());
-  SetDataFolder(FindDataFolder(""));
   program.footer("Pages: " + WithPages("docs/index.md"));
   const std::vector<Command> commands = AddCommands(program);
   std::string data_dir;

@@ -18,6 +18,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
+#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
@@ -26,6 +27,7 @@
 #include "render/rig.h"
 #include "render/sample.h"
 #include "train/compute.h"
+#include "train/run_inputs.h"
 #include "train/train_config.h"
 
 namespace volalign {
@@ -223,6 +225,10 @@ int RunRender(const RenderOptions& options) {
     return 0;
   }
   TrainConfig recipe = ReadTrainConfig(source);
+  const std::filesystem::path folder =
+      std::filesystem::path(FindInputFile(options.config)).parent_path();
+  for (const std::string& sentence : UseKeptInputs(folder, &recipe.data))
+    options.table.Say(sentence);
   const Renderers chosen =
       choose(options.renderer.empty() ? recipe.data.renderer : options.renderer);
   recipe.data.renderer = chosen.name;

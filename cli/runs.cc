@@ -21,7 +21,7 @@ namespace {
 
 struct RunsOptions {
   std::vector<std::string> folders;
-  std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"};
+  std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"}, keys;
   TableOutput table;
   std::string output;
 };
@@ -41,12 +41,28 @@ std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
   return runs;
 }
 
+void AddKeys(CLI::App* verb, RunsOptions* options) {
+  verb->add_option("--keys", options->keys,
+                   "keys of the recipes that tell the runs apart, e.g. model.attention,optim.lr; "
+                   "without it, the five that differ most")
+      ->delimiter(',');
+}
+
+/// With the keys that are to be shown; says of those that are not.
+std::vector<RunGroup> Shown(std::vector<RunGroup> groups, const RunsOptions& options) {
+  const std::size_t left_out = ShowKeys(options.keys, &groups);
+  if (left_out > 0 && options.keys.empty())
+    fmt::print(stderr, "{} more keys differ: choose with --keys KEY,KEY\n", left_out);
+  return groups;
+}
+
 void WritePlot(const RunsOptions& options) {
   if (std::filesystem::path(options.output).extension() != ".svg") {
     throw ConfigError(fmt::format(
         "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
   }
-  WriteFileAtomically(options.output, PlotRuns(GroupRuns(ReadThem(options)), options.metrics));
+  WriteFileAtomically(options.output, PlotRuns(Shown(GroupRuns(ReadThem(options)), options),
+                                               options.metrics));
   SaveCommand(options.output);
   fmt::print("written: {}\n", options.output);
 }
@@ -66,19 +82,28 @@ Command AddRunsCommand(CLI::App& program) {
       "standard deviation of the metrics over its seeds, differences from the first one",
       options.get());
   options->table.AddOptions(compare);
+  AddKeys(compare, options.get());
   CLI::App* plot =
       AddVerb(app, "plot", "Curves as SVG: a line for each configuration, its seeds as a band",
               options.get());
   plot->add_option("-o,--output", options->output, "picture, e.g. runs.svg")->required();
   plot->add_option("--metrics", options->metrics, "a panel each")->capture_default_str();
+  AddKeys(plot, options.get());
   return {app, [options, list, plot] {
             if (*plot) {
               WritePlot(*options);
               return 0;
             }
             const std::vector<LoggedRun> runs = ReadThem(*options);
-            const Table table = *list ? ListRuns(runs) : CompareRuns(GroupRuns(runs));
-            options->table.Print(FormatTable(table, TableFormat::kText), table);
+            if (*list) {
+              const Table table = ListRuns(runs);
+              options->table.Print(FormatTable(table, TableFormat::kText), table);
+              return 0;
+            }
+            // For people few keys, for a program all of them, unless some were asked for.
+            const std::vector<RunGroup> groups = GroupRuns(runs), shown = Shown(groups, *options);
+            options->table.Print(FormatTable(CompareRuns(shown), TableFormat::kText),
+                                 CompareRuns(options->keys.empty() ? groups : shown));
             return 0;
           }};
 }

@@ -1,23 +1,29 @@
 #include <fmt/format.h>
 
-#include <csignal>
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/base/error.h"
+#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/folder.h"
+#include "core/base/input_file.h"
 #include "core/base/interrupt.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
 #include "train/distributed/launch.h"
 #include "train/log/run_log.h"
 #include "train/log/run_table.h"
+#include "train/run_inputs.h"
 #include "train/sweep.h"
 #include "train/together.h"
 #include "train/train_config.h"
@@ -34,13 +40,37 @@ struct TrainCommandOptions {
   int processes = 1;
 };
 
+/// run.threads where the recipe leaves it open: what the run began with, or as many as are idle
+/// here for each of `processes` on this machine.
+void ChooseThreads(const std::filesystem::path& run_dir, int idle, int processes,
+                   TrainConfig* config) {
+  int& threads = config->run.threads;
+  const std::filesystem::path saved = run_dir / "config.yaml";
+  if (threads == 0 && std::filesystem::exists(saved))
+    threads = ReadSavedConfig(ReadFile(saved, kMaxTextBytes), saved.string()).run.threads;
+  if (threads == 0) threads = std::max(1, idle / processes);
+  if (threads > 1 && threads * processes > idle)
+    fmt::print(stderr,
+               "warning: run.threads = {} exceeds the number of idle processors, {} of {}: beside "
+               "other programs, run.threads=1 may be several times as fast\n",
+               threads, idle, std::thread::hardware_concurrency());
+}
+
 int TrainOne(const TrainCommandOptions& options) {
   WaitPassively();
   TrainOptions train_options;
   train_options.world = ReadWorld();
   train_options.run_dir = options.run_dir;
   train_options.resume = options.resume;
-  const TrainConfig config = ReadTrainConfig(ReadSource(options.config, options.assignments));
+  train_options.begun = [&] { SaveStart(options.run_dir); };
+  TrainConfig config = ReadTrainConfig(ReadSource(options.config, options.assignments));
+  std::vector<std::filesystem::path> keepers = {
+      std::filesystem::path(FindInputFile(options.config)).parent_path()};
+  if (options.resume) keepers.insert(keepers.begin(), options.run_dir);
+  for (const std::filesystem::path& dir : keepers) {
+    for (const std::string& sentence : UseKeptInputs(dir, &config.data))
+      fmt::print(stderr, "{}\n", sentence);
+  }
   if (options.processes > 1) {
     if (train_options.world.size > 1) {
       throw ConfigError(
@@ -48,30 +78,32 @@ int TrainOne(const TrainCommandOptions& options) {
           "one of them out");
     }
     RequireProcesses(config, options.processes);
-    const int status = LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
-    const bool stopped = status == StatusOfSignal(SIGINT) || status == StatusOfSignal(SIGTERM);
-    if (status == 0 || stopped) SaveCommand(options.run_dir);
-    return status;
+    ::setenv(kCommandVariable, CommandLine().c_str(), 1);
+    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
   }
+  const World& world = train_options.world;
+  ChooseThreads(options.run_dir, IdleProcessors(), world.store.empty() ? 1 : world.size, &config);
   SetTorchThreads(config.run.threads);
   KeepFreedMemory();
   const TrainResult result = Train(config, train_options);
-  if (train_options.world.rank == 0) SaveCommand(options.run_dir);
   return result.signal == 0 ? 0 : StatusOfSignal(result.signal);
 }
 
 int TrainMany(const TrainCommandOptions& options) {
   WaitPassively();
   KeepFreedMemory();
-  const std::vector<SweepRun> runs =
+  std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
+  const std::filesystem::path dir = options.run_dir;
+  MakeFolder(dir);
+  SaveStart(dir);
+  const int idle = IdleProcessors();
+  for (SweepRun& run : runs) ChooseThreads(dir / run.name, idle, 1, &run.config);
   const SweepResult result = TrainSweep(runs, options.run_dir, /*quiet=*/false);
   for (const std::string& failure : result.failures) fmt::print(stderr, "failed: {}\n", failure);
   const Table summary = CompareRuns(GroupRuns(ReadRuns({options.run_dir})));
-  const std::filesystem::path dir = options.run_dir;
   WriteFileAtomically(dir / "summary.csv", FormatTable(summary, TableFormat::kCsv));
   WriteFileAtomically(dir / "summary.json", FormatTable(summary, TableFormat::kJson));
-  SaveCommand(dir);
   fmt::print("{}", FormatTable(summary, TableFormat::kText));
   if (!result.finished) fmt::print(stderr, "stopped: the same command continues the sweep\n");
   if (result.signal != 0) return StatusOfSignal(result.signal);
@@ -95,7 +127,8 @@ Command AddTrainCommand(CLI::App& program) {
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")
       ->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one per core");
+  AddAssignment(app, "--threads", "run.threads", &options->assignments,
+                "threads; 0: one for each idle processor");
   AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("-o,--output,--run-dir", options->run_dir,
                   "folder for config, metrics and checkpoints")

@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,10 +13,14 @@
 #include "cli/options.h"
 #include "cli/table_output.h"
 #include "core/base/file_util.h"
+#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
+#include "core/formats/structure_gltf.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/checkpoint_validation.h"
+#include "train/compute.h"
+#include "train/run_inputs.h"
 
 namespace volalign {
 
@@ -35,14 +42,33 @@ ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& opt
       options.config.empty()
           ? ConfigSource::FromString(model.meta.config_yaml, file + " (its training configuration)")
           : ConfigSource::FromFile(options.config);
+  source.Set("run.threads=0");  // those of the training are another machine's
   for (const std::string& assignment : options.assignments) source.Set(assignment);
-  const TrainConfig config = ReadTrainConfig(source);
+  TrainConfig config = ReadTrainConfig(source);
+  const auto asked = [&](const std::string& key) {
+    return !options.config.empty() ||
+           std::any_of(options.assignments.begin(), options.assignments.end(),
+                       [&](const std::string& set) { return set.rfind(key + "=", 0) == 0; });
+  };
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  if (const std::string kept = KeptIntrinsics(folder);
+      !kept.empty() && std::filesystem::exists(folder / "config.yaml") && !asked("data.intrinsics"))
+    config.data.intrinsics = kept;
+  std::optional<Structure> structure;
+  if (asked("data.structure")) {
+    RequireInputFile("data.structure", config.data.structure);
+    structure = ReadStructure(config.data.structure);
+    if (structure->Hash() != model.meta.structure.Hash())
+      options.table.Say(fmt::format("{}: trained on other boxes than those of data.structure = {}",
+                                    file, config.data.structure));
+  }
   recipes->emplace_back("recipe of " + file, WriteConfig(config));
-  SetTorchThreads(config.run.threads);
+  SetTorchThreads(config.run.threads > 0 ? config.run.threads : IdleProcessors());
   ProgressLine line;
   ValidatedModel validated{
       file, model.meta.samples,
-      ValidateCheckpoint(model, config, options.samples, line.Counter("samples"))};
+      ValidateCheckpoint(model, config, options.samples, line.Counter("samples"),
+                         structure ? &*structure : nullptr)};
   line.Stop();
   const bool recorded = !config.data.real.validation.empty();
   options.table.Say(fmt::format(
@@ -62,7 +88,8 @@ Command AddValidateCommand(CLI::App& program) {
   app->add_option("--config", options->config,
                   "recipe that says what the samples are; each checkpoint's own without it");
   app->add_option("--set", options->assignments, "KEY=VALUE over the recipe")->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments, "threads; 0: one per core");
+  AddAssignment(app, "--threads", "run.threads", &options->assignments,
+                "threads; 0: one for each idle processor");
   AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("--samples", options->samples, "number of samples, rounded up to whole batches")
       ->check(CLI::Range(1, 100000000))

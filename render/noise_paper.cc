@@ -39,7 +39,7 @@ NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomS
   for (std::size_t i = 0; i < keep.size(); ++i) {
     if (!structure[i]) keep[i] = 1;
   }
-  const int holes = DrawPoisson(std::min(config.paper_hole_count, 90.0), random);
+  const int holes = DrawPoisson(config.paper_hole_count, random);
   for (int i = 0; i < holes; ++i) {
     const double u = random.Uniform(0, width), v = random.Uniform(0, height);
     const double a = config.paper_hole_radius_px * random.Uniform(0.3, 1.7);

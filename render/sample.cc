@@ -28,26 +28,26 @@ void RequireOrdered(const std::array<T, 2>& range, const std::string& key) {
 
 void Validate(const SampleConfig& config) {
   ValidateConfig(config);
-  RequireOrdered(config.pose.rho_cm, "pose.rho_cm");
-  RequireOrdered(config.pose.height_cm, "pose.height_cm");
-  RequireOrdered(config.scene.wall_distance_m, "scene.wall_distance_m");
-  RequireOrdered(config.scene.ceiling_height_m, "scene.ceiling_height_m");
-  RequireOrdered(config.scene.clutter_count, "scene.clutter_count");
-  RequireOrdered(config.scene.clutter_size_m, "scene.clutter_size_m");
-  RequireOrdered(config.scene.tripod_count, "scene.tripod_count");
-  RequireOrdered(config.scene.tripod_distance_m, "scene.tripod_distance_m");
+  RequireOrdered(config.pose.rho_cm, "data.pose.rho_cm");
+  RequireOrdered(config.pose.height_cm, "data.pose.height_cm");
+  RequireOrdered(config.scene.wall_distance_m, "data.scene.wall_distance_m");
+  RequireOrdered(config.scene.ceiling_height_m, "data.scene.ceiling_height_m");
+  RequireOrdered(config.scene.clutter_count, "data.scene.clutter_count");
+  RequireOrdered(config.scene.clutter_size_m, "data.scene.clutter_size_m");
+  RequireOrdered(config.scene.tripod_count, "data.scene.tripod_count");
+  RequireOrdered(config.scene.tripod_distance_m, "data.scene.tripod_distance_m");
   if (config.pose.phi_deg.empty() && config.pose.phi_jitter_deg > 0) {
     throw ConfigError(fmt::format(
-        "pose.phi_jitter_deg = {} needs pose.phi_deg, the azimuths to deviate from, e.g. "
+        "data.pose.phi_jitter_deg = {} needs data.pose.phi_deg, the azimuths to deviate from, e.g. "
         "[45, 135, 225, 315]",
         config.pose.phi_jitter_deg));
   }
   if (config.pose.roll_offsets_deg.empty()) {
     throw ConfigError(
-        "pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");
+        "data.pose.roll_offsets_deg = [] has no mounting roll; give at least one, e.g. [90]");
   }
   if (config.image_sizes.empty()) {
-    throw ConfigError("image_sizes = [] has no size; give at least one, e.g. [160x144]");
+    throw ConfigError("data.image_sizes = [] has no size; give at least one, e.g. [160x144]");
   }
 }
 
@@ -90,7 +90,8 @@ void RequireThatEverySensorIsDrawn(const SampleContext& context) {
 
 }  // namespace
 
-SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
+SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
+                                const Structure* structure) {
   if (batch_size < 1) {
     throw ConfigError(fmt::format("batch size {} violates batch size >= 1", batch_size));
   }
@@ -98,9 +99,9 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size) {
   SampleContext context;
   context.config = config;
   context.batch_size = batch_size;
-  RequireInputFile("data.structure", config.structure);
+  if (structure == nullptr) RequireInputFile("data.structure", config.structure);
   RequireInputFile("data.intrinsics", config.intrinsics);
-  context.structure = ReadStructure(config.structure);
+  context.structure = structure != nullptr ? *structure : ReadStructure(config.structure);
   const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(config.intrinsics);
   std::vector<std::string> names;
   for (const IntrinsicsPoolEntry& entry : pool) {

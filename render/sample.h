@@ -42,10 +42,11 @@ struct SampleContext {
   int batch_size = 16;  ///< the image size is a function of index / batch_size
 };
 
-/// Reads the structure and the pool. Throws ConfigError (an image size that no configured sensor
-/// has the aspect ratio of, a sensor that has the one of no image size, an unknown sensor), IoError
-/// or DataError.
-SampleContext MakeSampleContext(const SampleConfig& config, int batch_size);
+/// Reads the pool and, where `structure` is not given, config.structure. Throws ConfigError (an
+/// image size that no configured sensor has the aspect ratio of, a sensor that has the one of no
+/// image size, an unknown sensor), IoError or DataError.
+SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
+                                const Structure* structure = nullptr);
 
 /// A pure function of its arguments: same bytes whatever was drawn before and on
 /// whichever thread. A renderer of OpenGL needs its context current on the calling thread.

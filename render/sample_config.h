@@ -75,7 +75,7 @@ struct NoiseConfig {
        OneOf(NoiseModelNames()));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0));
-    ar("paper_hole_count", paper_hole_count, "mean number of holes in a sample", AtLeast(0));
+    ar("paper_hole_count", paper_hole_count, "mean number of holes in a sample", Between(0, 90));
     ar("paper_hole_radius_px", paper_hole_radius_px, "mean radius of a hole, px", AtLeast(0));
   }
 };

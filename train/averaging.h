@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "core/nn/network.h"
 #include "train/distributed/flat_module.h"
@@ -16,15 +15,13 @@ class WeightAverage {
   /// `net` has the options of the network in training, whose weights are `source`.
   WeightAverage(StructureNet net, double decay, FlatModule& source);
 
-  /// After each step; `steps` counts that one.
-  void Update(FlatModule& source, std::int64_t steps);
+  /// After each step; `steps` counts that one. Where `finite`, a bool scalar on the device, is
+  /// defined and false, nothing changes.
+  void Update(FlatModule& source, std::int64_t steps, const at::Tensor& finite = {});
   /// With decay 0, takes over the weights as they are now: before net() is used. Else nothing.
   void Refresh(FlatModule& source);
   /// Starts again from these weights.
   void Reset(FlatModule& source);
-
-  /// The flat vectors that an Update changes.
-  std::vector<at::Tensor> values() { return {flat_.parameters(), flat_.buffers()}; }
 
   StructureNet& net() { return net_; }
   const StructureNet& net() const { return net_; }

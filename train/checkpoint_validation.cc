@@ -18,9 +18,10 @@
 namespace volalign {
 
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
-                                    const CountDone& count) {
-  const auto context =
-      std::make_shared<const SampleContext>(MakeSampleContext(config.data, config.run.batch_size));
+                                    const CountDone& count, const Structure* structure) {
+  const auto context = std::make_shared<const SampleContext>(
+      MakeSampleContext(config.data, config.run.batch_size,
+                        structure != nullptr ? structure : &model.meta.structure));
   CheckStructure(model.meta, context->structure);
   const Compute compute = ChooseCompute(config.run);
   model.net->to(compute.device);

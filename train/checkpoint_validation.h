@@ -14,10 +14,11 @@ namespace volalign {
 /// Scores a network on `samples` rendered samples (rounded up to whole batches) of config.data,
 /// config.run.batch_size and the seed config.run.validation_seed, or on the recorded frames of
 /// config.data.real.validation, each once, in float32 on config.run.device; the losses are
-/// config.loss's. Throws DataError when the model has other labels than the
-/// configuration's structure. `count` is told of samples.
+/// config.loss's. The stack is the model's own, or `structure` in its place. Throws DataError when
+/// that has other labels than the model. `count` is told of samples.
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
-                                    const CountDone& count = nullptr);
+                                    const CountDone& count = nullptr,
+                                    const Structure* structure = nullptr);
 
 /// A checkpoint and its scores.
 struct ValidatedModel {

@@ -1,14 +1,20 @@
 #include "train/compute.h"
 
 #include <fmt/format.h>
+#include <sched.h>
 #include <torch/cuda.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <vector>
 #if defined(__GLIBC__)
 #include <malloc.h>
@@ -18,6 +24,7 @@
 #include <sys/auxv.h>
 #endif
 
+#include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/processor.h"
@@ -49,12 +56,71 @@ Compute DecideCompute(const RunConfig& run, const at::Device& device, const Mach
   return compute;
 }
 
+at::Device DeviceOf(const at::Device& device, const World& world, int visible) {
+  if (!device.is_cuda() || device.has_index() || world.size == 1) return device;
+  return {device.type(), static_cast<c10::DeviceIndex>(world.local_rank % std::max(visible, 1))};
+}
+
 Compute ChooseCompute(const RunConfig& run, const World& world) {
-  at::Device device = ParseDevice("run.device", run.device);
-  if (device.is_cuda() && !device.has_index() && world.size > 1) {
-    device.set_index(static_cast<c10::DeviceIndex>(world.local_rank));
-  }
+  const at::Device device = DeviceOf(ParseDevice("run.device", run.device), world,
+                                     static_cast<int>(torch::cuda::device_count()));
   return DecideCompute(run, device, {ProcessorHasBf16(), ConvolvesInBf16(device)});
+}
+
+namespace {
+
+/// Clock ticks that all processors have been idle, and ticks in all; and the processors' number.
+struct Ticks {
+  double idle = 0, all = 0;
+  int processors = 0;
+};
+
+Ticks ReadTicks(const std::string& stat) {
+  Ticks ticks;
+  std::istringstream lines(stat);
+  for (std::string line; std::getline(lines, line) && line.rfind("cpu", 0) == 0;) {
+    std::istringstream words(line);
+    std::string name;
+    words >> name;
+    if (name != "cpu") {
+      ++ticks.processors;
+      continue;
+    }
+    double value = 0;
+    for (int i = 0; i < 8 && words >> value; ++i) {  // what follows is part of these
+      ticks.all += value;
+      if (i == 3 || i == 4) ticks.idle += value;  // idle, and waiting for a disk
+    }
+  }
+  if (ticks.processors == 0 || ticks.all == 0) throw DataError("/proc/stat has no processor");
+  return ticks;
+}
+
+}  // namespace
+
+int IdleProcessors(const std::string& before, const std::string& after, int allowed) {
+  const Ticks a = ReadTicks(before), b = ReadTicks(after);
+  if (b.all <= a.all) return allowed;
+  const double idle = b.processors * (b.idle - a.idle) / (b.all - a.all);
+  return std::clamp(static_cast<int>(std::lround(idle)), 1, std::max(allowed, 1));
+}
+
+int WithinQuota(const std::string& cpu_max, int processors) {
+  double quota = 0, period = 0;
+  if (!(std::istringstream(cpu_max) >> quota >> period) || period <= 0) return processors;
+  return std::clamp(static_cast<int>(std::ceil(quota / period)), 1, std::max(processors, 1));
+}
+
+int IdleProcessors() {
+  int allowed = static_cast<int>(std::thread::hardware_concurrency());
+  if (cpu_set_t own; ::sched_getaffinity(0, sizeof(own), &own) == 0) allowed = CPU_COUNT(&own);
+  constexpr const char *kStat = "/proc/stat", *kQuota = "/sys/fs/cgroup/cpu.max";
+  if (std::filesystem::exists(kQuota))
+    allowed = WithinQuota(ReadFile(kQuota, kMaxTextBytes), allowed);
+  if (!std::filesystem::exists(kStat)) return std::max(allowed, 1);
+  const std::string before = ReadFile(kStat, kMaxTextBytes);
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  return IdleProcessors(before, ReadFile(kStat, kMaxTextBytes), allowed);
 }
 
 void KeepFreedMemory() {

@@ -28,14 +28,31 @@ struct Machine {
 /// bfloat16, as its tensor cores read them.
 Compute DecideCompute(const RunConfig& run, const at::Device& device, const Machine& machine);
 
+/// `cuda` without a number, in a process of several, is the device of its local rank among the
+/// `visible` ones; where each process sees devices of its own, there are fewer than local ranks.
+at::Device DeviceOf(const at::Device& device, const World& world, int visible);
+
 /// As run.device, run.precision and run.channels_last say; `auto` is decided for this machine, and
-/// `cuda` without a number is the device of the process's local rank. Throws ConfigError for a
+/// `cuda` without a number is that of DeviceOf. Throws ConfigError for a
 /// device that this LibTorch does not have.
 Compute ChooseCompute(const RunConfig& run, const World& world = World());
 
 /// Whether this processor has instructions for bfloat16 that LibTorch uses. Without them bfloat16
 /// takes longer than float32.
 bool ProcessorHasBf16();
+
+/// Processors that this process may use and nothing else does, at least 1: measured over a fifth of
+/// a second. Threads of LibTorch that have to share a processor wait for each other most of the
+/// time, above all in oneDNN's bfloat16 gradients, which spin while they wait.
+int IdleProcessors();
+
+/// The same of what /proc/stat says at two times, of `allowed` processors. Throws DataError for
+/// another text.
+int IdleProcessors(const std::string& before, const std::string& after, int allowed);
+
+/// Of `processors` those that a container may use: the quota of cgroup v2's cpu.max, "200000
+/// 100000" or "max 100000", rounded up.
+int WithinQuota(const std::string& cpu_max, int processors);
 
 /// From here on the process keeps the memory that it frees. glibc gives large blocks back to the
 /// system, which hands them out again a page at a time and cleared: a tenth of a training step,

@@ -2,12 +2,10 @@
 
 #include <ATen/Context.h>
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/where.h>
 #include <c10/core/GradMode.h>
 #include <fmt/format.h>
 
 #include <map>
-#include <vector>
 
 #include "core/base/error.h"
 #include "core/nn/checkpoint.h"
@@ -36,9 +34,9 @@ Learner::Learner(const TrainConfig& config, int num_classes, const Compute& comp
       optimizer(config.optim, &flat),
       average(MakeNet(net->options(), compute), config.optim.ema_decay, flat) {}
 
-void Learner::Step(double lr, const at::Tensor& gradient_norm) {
-  optimizer.Step(lr, gradient_norm);
-  average.Update(flat, optimizer.steps());
+void Learner::Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
+  optimizer.Step(lr, gradient_norm, finite);
+  average.Update(flat, optimizer.steps(), finite);
 }
 
 void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
@@ -53,16 +51,7 @@ void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tenso
 }
 
 void Learner::UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
-  c10::NoGradGuard no_grad;
-  std::vector<at::Tensor> changed = {flat.parameters()};
-  for (const auto& [name, moment] : optimizer.moments()) changed.push_back(moment);
-  for (const at::Tensor& values : average.values()) changed.push_back(values);
-  std::vector<at::Tensor> before;
-  before.reserve(changed.size());
-  for (const at::Tensor& values : changed) before.push_back(values.clone());
-  Step(lr, gradient_norm);
-  for (std::size_t i = 0; i < changed.size(); ++i)
-    changed[i].copy_(at::where(finite, changed[i], before[i]));
+  Step(lr, gradient_norm, finite);
 }
 
 std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner) {

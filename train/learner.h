@@ -25,7 +25,7 @@ class Learner {
   /// bool scalar, is false nothing else changes and no step is counted.
   void Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
   /// The same without a look at `finite`, for which the host would have to wait for the device:
-  /// what the step made is taken back on the device, and it is counted.
+  /// the step is taken back on the device, piece by piece, and it is counted.
   void UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
 
   StructureNet net;
@@ -34,7 +34,7 @@ class Learner {
   WeightAverage average;
 
  private:
-  void Step(double lr, const at::Tensor& gradient_norm);
+  void Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite = {});
 };
 
 /// Takes over the weights of the checkpoint `path` (run.init) and returns the number of samples

@@ -1,6 +1,7 @@
 #include "train/optimizer.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/where.h>
 #include <ATen/ops/zeros_like.h>
 #include <c10/core/GradMode.h>
 
@@ -16,6 +17,8 @@ constexpr double kAdamEpsilon = 1e-8;
 /// Values for which all operations of a step are done one after another: what they work on stays in
 /// the second-level cache.
 constexpr std::int64_t kPiece = 32768;
+/// Values of which a step that may be taken back keeps copies at a time.
+constexpr std::int64_t kUnseenPiece = 1 << 22;
 
 std::vector<std::string> MomentNames(OptimizerKind kind) {
   if (kind == OptimizerKind::kSgd) return {"momentum"};
@@ -33,19 +36,20 @@ Optimizer::Optimizer(const OptimConfig& config, FlatModule* module)
 
 at::Tensor Optimizer::GradientNorm() const { return module_->gradients().norm(); }
 
-void Optimizer::Step(double lr, const at::Tensor& gradient_norm) {
+void Optimizer::Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
   c10::NoGradGuard no_grad;
   ++steps_;
   at::Tensor clip;
   if (config_.clip_norm > 0) clip = (config_.clip_norm / (gradient_norm + 1e-6)).clamp_max(1.0);
   const std::int64_t all = module_->parameters().numel(), weights = module_->num_weights();
-  const std::int64_t piece = module_->parameters().is_cpu() ? kPiece : all;
+  std::int64_t piece = module_->parameters().is_cpu() ? kPiece : all;
+  if (finite.defined()) piece = kUnseenPiece;
   const auto step = [&](std::int64_t begin, std::int64_t end, bool decay) {
     const std::int64_t pieces = (end - begin + piece - 1) / piece;
     ForEachOnTorchThreads(pieces, [&](std::int64_t i) {
       c10::NoGradGuard no_grad_here;
       const std::int64_t first = begin + i * piece;
-      StepPiece(first, std::min(piece, end - first), lr, clip, decay);
+      StepPiece(first, std::min(piece, end - first), lr, clip, decay, finite);
     });
   };
   step(0, weights, config_.weight_decay > 0);
@@ -53,11 +57,16 @@ void Optimizer::Step(double lr, const at::Tensor& gradient_norm) {
 }
 
 void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, const at::Tensor& clip,
-                          bool decay) {
+                          bool decay, const at::Tensor& finite) {
   at::Tensor p = module_->parameters().narrow(0, begin, count),
              g = module_->gradients().narrow(0, begin, count);
   std::vector<at::Tensor> moments;
   for (const auto& [name, all] : moments_) moments.push_back(all.narrow(0, begin, count));
+  std::vector<at::Tensor> before;
+  if (finite.defined()) {
+    before.push_back(p.clone());
+    for (const at::Tensor& moment : moments) before.push_back(moment.clone());
+  }
   if (clip.defined()) g.mul_(clip);
   if (config_.optimizer == OptimizerKind::kSgd) {
     if (decay) g.add_(p, config_.weight_decay);
@@ -75,6 +84,10 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
     p.addcdiv_(mean, denominator, -lr / correction1);
   }
   g.zero_();
+  if (!finite.defined()) return;
+  p.copy_(at::where(finite, p, before[0]));
+  for (std::size_t i = 0; i < moments.size(); ++i)
+    moments[i].copy_(at::where(finite, moments[i], before[i + 1]));
 }
 
 }  // namespace volalign

@@ -20,8 +20,10 @@ class Optimizer {
 
   /// Norm of the gradient, before clipping: float32 scalar on the module's device.
   at::Tensor GradientNorm() const;
-  /// Clips the gradient to clip_norm given its norm, takes a step and zeroes the gradient.
-  void Step(double lr, const at::Tensor& gradient_norm);
+  /// Clips the gradient to clip_norm given its norm, takes a step and zeroes the gradient. Where
+  /// `finite`, a bool scalar on the device, is defined and false, weights and moments stay as they
+  /// are: the host does not look at it.
+  void Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite = {});
 
   std::int64_t steps() const { return steps_; }
   void set_steps(std::int64_t steps) { steps_ = steps; }
@@ -32,7 +34,7 @@ class Optimizer {
  private:
   /// Clips by the factor `clip`, if that is defined, and steps `count` values from `begin`.
   void StepPiece(std::int64_t begin, std::int64_t count, double lr, const at::Tensor& clip,
-                 bool decay);
+                 bool decay, const at::Tensor& finite);
 
   OptimConfig config_;
   FlatModule* module_;

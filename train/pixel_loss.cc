@@ -3,7 +3,6 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/empty.h>
 #include <ATen/ops/empty_like.h>
-#include <ATen/ops/ones.h>
 #include <ATen/ops/zeros.h>
 #include <torch/csrc/autograd/custom_function.h>
 
@@ -92,8 +91,7 @@ class PixelSumsFunction : public torch::autograd::Function<PixelSumsFunction> {
 }  // namespace
 
 PixelTerms ComputePixelTerms(const at::Tensor& log_probs, const at::Tensor& labels,
-                             const at::Tensor& depth, const at::Tensor& rays,
-                             const at::Tensor& weights) {
+                             const at::Tensor& depth, const at::Tensor& rays) {
   Require(log_probs.dim() == 4 && log_probs.size(1) >= 2 && log_probs.scalar_type() == at::kFloat &&
               log_probs.is_cpu(),
           "log_probs is no [B,K,H,W] of float32 on the CPU");
@@ -108,13 +106,9 @@ PixelTerms ComputePixelTerms(const at::Tensor& log_probs, const at::Tensor& labe
   const at::Tensor sums = PixelSumsFunction::apply(log_probs.contiguous(), labels.contiguous(),
                                                    depth.contiguous(), rays.contiguous());
   const at::Tensor soft = sums.narrow(1, 0, 4 * (k - 1)).view({b, k - 1, 4});
-  const at::Tensor likelihood = sums.narrow(1, 4 * (k - 1), k).sum(0),
-                   pixels = sums.narrow(1, 5 * k - 4, k).sum(0);  // [K]
-  const at::Tensor of_label =
-      weights.defined() ? weights.to(at::kDouble) : at::ones({k}, at::kDouble);
   PixelTerms terms;
   terms.segmentation =
-      ((likelihood * of_label).sum() / (pixels * of_label).sum().clamp_min(1e-12)).to(at::kFloat);
+      (sums.narrow(1, 4 * (k - 1), k).sum(0).sum() / static_cast<double>(b * h * w)).to(at::kFloat);
   terms.keypoints =
       (soft.narrow(2, 0, 3) / soft.narrow(2, 3, 1).clamp_min(kMinProbability)).to(at::kFloat);
   terms.measured = sums.detach().narrow(1, 6 * k - 4, k).to(at::kLong);

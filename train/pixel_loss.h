@@ -13,10 +13,8 @@ struct PixelTerms {
 };
 
 /// For log_probs [B,K,H,W] float32 on the CPU, labels [B,H,W] int64, depth [B,1,H,W] and rays
-/// [B,2,H,W] float32; `weights` [K] of the labels, or undefined. Throws Error for other shapes,
-/// types or labels outside [0, K).
+/// [B,2,H,W] float32. Throws Error for other shapes, types or labels outside [0, K).
 PixelTerms ComputePixelTerms(const at::Tensor& log_probs, const at::Tensor& labels,
-                             const at::Tensor& depth, const at::Tensor& rays,
-                             const at::Tensor& weights);
+                             const at::Tensor& depth, const at::Tensor& rays);
 
 }  // namespace volalign

@@ -15,6 +15,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "train/log/metrics.h"
+#include "train/run_inputs.h"
 #include "train/schedule.h"
 #include "train/together.h"
 
@@ -154,7 +155,9 @@ void Run::Lead(std::optional<SavedState> state, const TrainOptions& options) {
     progress_.init_samples = StartFrom(config_.run.init, data_.structure, &learner_);
   }
   folder_->BeginAfter(progress_.samples);
+  if (options.begun) options.begun();
   WriteFileAtomically(folder_->config(), WriteConfig(config_));
+  KeepInputs(folder_->dir(), config_, data_.structure);
   sinks_ = {&jsonl_.emplace(folder_->metrics(), progress_.samples)};
   if (config_.run.tensorboard) {
     sinks_.push_back(
@@ -205,25 +208,13 @@ bool Run::OwesValidation() const {
           Crossed(progress_.validated, progress_.samples, config_.run.validate_every));
 }
 
-LossShare Run::ShareOf(const Batch& slice) {
-  if (group_.size() == 1) return {};
-  LossShare share;
-  share.procrustes =
-      static_cast<double>(slice.depth.size(0)) / static_cast<double>(config_.run.batch_size);
-  const double own = loss_.WeightOf(slice.labels);
-  const at::Tensor all = at::zeros({1}, at::kDouble).fill_(own);
-  group_.Sum(all);
-  share.segmentation = own / std::max(all.item<double>(), 1e-12);
-  return share;
-}
-
 /// False where a process was interrupted.
 bool Run::Step(const FedBatch& fed) {
   const Batch& batch = fed.batch;
   // Micro-batches of several processes differ in number, so that they cannot agree between them.
   const bool alone = group_.size() == 1;
   const std::int64_t samples = alone ? batch.depth.size(0) : config_.run.batch_size;
-  const LossShare share = ShareOf(batch);
+  const double share = static_cast<double>(batch.depth.size(0)) / static_cast<double>(samples);
   StepTimes times;
   times.data = Seconds(ended_);
   // A device is not to be waited for, but for one step of each row.
@@ -317,7 +308,7 @@ std::string Run::LastState() const {
 /// Nothing where a process was interrupted.
 std::optional<ValidationResult> Run::ValidateNow() {
   Collect();
-  if (config_.run.validation_samples == 0) {
+  if (config_.run.validation_samples == 0 && data_.validation_frames == 0) {
     progress_.validated = progress_.samples;
     return ValidationResult();
   }
@@ -337,7 +328,7 @@ std::optional<ValidationResult> Run::ValidateNow() {
   for (MetricSink* sink : sinks_) {
     sink->Validation({learner_.optimizer.steps(), progress_.samples, result});
   }
-  if (progress_.best.Note(config_.run.best_metric, result, progress_.samples)) {
+  if (progress_.best.Note(result, progress_.samples)) {
     ShareCameras(group_, &progress_);
     if (folder_ != nullptr) {
       SaveModel(folder_->best(), config_, data_, learner_, progress_);

@@ -57,7 +57,6 @@ class Run {
   template <class F>
   bool Rescued(const F& f);
   bool Step(const FedBatch& fed);
-  LossShare ShareOf(const Batch& slice);
   void Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples);
   void Collect();
   void Foretell();

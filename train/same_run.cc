@@ -13,18 +13,19 @@ namespace {
 
 /// Keys that may differ when a run is resumed: they change no sample, and no step but for the
 /// rounding of its sums, which run.threads and run.device change. So does data.renderer, and few
-/// pixels at edges.
+/// pixels at edges. The contents of data.structure and data.intrinsics are compared by
+/// RequireSameInputs.
 const std::set<std::string>& FreeKeys() {
-  static const std::set<std::string> keys = {"data.real.validation",  "data.renderer",
-                                             "run.samples",           "run.validation_samples",
-                                             "run.validate_every",    "run.checkpoint_every",
-                                             "run.keep_states",       "run.best_metric",
-                                             "run.patience",          "run.tensorboard",
-                                             "run.log_every",         "run.half_checkpoint",
-                                             "run.threads",           "run.loader_threads",
-                                             "run.prefetch",          "run.device",
-                                             "run.lost_after_s",      "run.dataset",
-                                             "run.validation_dataset"};
+  static const std::set<std::string> keys = {"data.real.validation", "data.renderer",
+                                             "data.structure",       "data.intrinsics",
+                                             "run.samples",          "run.validation_samples",
+                                             "run.validate_every",   "run.checkpoint_every",
+                                             "run.keep_states",      "run.patience",
+                                             "run.tensorboard",      "run.log_every",
+                                             "run.half_checkpoint",  "run.threads",
+                                             "run.loader_threads",   "run.prefetch",
+                                             "run.device",           "run.lost_after_s",
+                                             "run.dataset",          "run.validation_dataset"};
   return keys;
 }
 
@@ -33,8 +34,8 @@ const std::set<std::string>& FreeKeys() {
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
                     const std::string& path) {
   // A key that did not exist yet when the state was saved had its default's effect.
-  const ConfigSource before = ConfigSource::FromString(
-      WriteConfig(ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, path))), path);
+  const ConfigSource before =
+      ConfigSource::FromString(WriteConfig(ReadSavedConfig(saved_yaml, path)), path);
   const ConfigSource now = ConfigSource::FromString(WriteConfig(config), "the given configuration");
   for (const auto& [key, leaf] : now.leaves()) {
     const std::vector<std::string>& values = before.leaves().at(key).values;
@@ -55,10 +56,8 @@ void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
 }
 
 bool SameValidation(const std::string& saved_yaml, const TrainConfig& config) {
-  const auto before =
-      ReadConfig<TrainConfig>(ConfigSource::FromString(saved_yaml, "the saved configuration"));
-  return before.run.best_metric == config.run.best_metric &&
-         before.run.validation_samples == config.run.validation_samples &&
+  const TrainConfig before = ReadSavedConfig(saved_yaml, "the saved configuration");
+  return before.run.validation_samples == config.run.validation_samples &&
          before.run.validation_dataset == config.run.validation_dataset &&
          before.data.real.validation == config.data.real.validation;
 }

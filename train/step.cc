@@ -22,9 +22,8 @@ double Seconds(Clock::time_point from, Clock::time_point to) {
 
 /// Adds the gradient of a part of a batch, and returns its total, segmentation and Procrustes loss
 /// as they count in the batch's, and its degenerate samples: [4] float64.
-at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& part,
-                       const LossShare& share, const Compute& compute, std::int64_t samples,
-                       StepTimes* times) {
+at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& part, double share,
+                       const Compute& compute, std::int64_t samples, StepTimes* times) {
   const auto now = [&] {
     if (times != nullptr) Synchronize(compute.device);
     return Clock::now();
@@ -41,10 +40,9 @@ at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& 
     times->loss += Seconds(forward, compared);
     times->backward += Seconds(compared, now());
   }
-  return at::stack({terms.total.detach().to(at::kDouble),
-                    share.OfSegmentation(terms.segmentation.detach().to(at::kDouble)),
-                    terms.procrustes.detach().to(at::kDouble) * share.procrustes,
-                    terms.degenerate.to(at::kDouble)});
+  return at::stack(
+      {terms.total.detach().to(at::kDouble), terms.segmentation.detach().to(at::kDouble) * share,
+       terms.procrustes.detach().to(at::kDouble) * share, terms.degenerate.to(at::kDouble)});
 }
 
 }  // namespace
@@ -71,7 +69,7 @@ StepReport ReadSums(const at::Tensor& sums) {
 
 StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                             const Compute& compute, std::int64_t samples, int micro_batch,
-                            StepTimes* times, const LossShare& share, GradientReducer* reducer,
+                            StepTimes* times, double share, GradientReducer* reducer,
                             const std::function<void()>& between) {
   learner.net->train();
   const std::int64_t size = batch.depth.size(0);
@@ -81,9 +79,7 @@ StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Ba
     if (first > 0 && between) between();
     const std::int64_t count = std::min(part, size - first);
     const bool whole = count == size;
-    LossShare of_part = whole ? LossShare() : loss.ShareOf(batch.labels, first, count);
-    of_part.segmentation *= share.segmentation;
-    of_part.procrustes *= share.procrustes;
+    const double of_part = share * static_cast<double>(count) / static_cast<double>(size);
     if (reducer != nullptr && first + count == size) reducer->Arm();
     const at::Tensor terms = AddGradient(learner, loss, whole ? batch : batch.Narrow(first, count),
                                          of_part, compute, samples, times);

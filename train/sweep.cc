@@ -11,6 +11,7 @@
 #include "core/base/error.h"
 #include "core/base/interrupt.h"
 #include "core/nn/cpu/torch_threads.h"
+#include "train/run_inputs.h"
 
 namespace volalign {
 namespace {
@@ -89,13 +90,21 @@ Sweep ReadSweep(const ConfigSource& source) {
   for (const auto& [key, leaf] : source.leaves()) {
     if (key == "recipes") {
       sweep.recipes = leaf.values;
+    } else if (key == "over") {
+      for (const std::string& file : leaf.values) {
+        const ConfigSource shared = ConfigSource::FromFile(file);
+        for (const auto& [name, value] : shared.leaves()) {
+          const std::string text = fmt::format("{}", fmt::join(value.values, ", "));
+          sweep.keys.push_back({name, {value.is_sequence ? "[" + text + "]" : text}, false});
+        }
+      }
     } else if (key == "seeds") {
       seeds.push_back({"run.seed", leaf.values});
     } else if (key.rfind(kSet, 0) == 0) {
       sweep.keys.push_back({key.substr(sizeof(kSet) - 1), leaf.values, leaf.is_sequence});
     } else {
-      throw ConfigError(
-          fmt::format("{}: unknown key '{}': a sweep has recipes, set and seeds", leaf.where, key));
+      throw ConfigError(fmt::format(
+          "{}: unknown key '{}': a sweep has recipes, over, set and seeds", leaf.where, key));
     }
     if (leaf.values.empty()) {
       throw ConfigError(fmt::format("{}: {} is empty", leaf.where, key));
@@ -143,6 +152,7 @@ SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir
       TrainJob job{run.config, {}};
       job.options.run_dir = fs::path(dir) / run.name;
       job.options.resume = fs::exists(job.options.run_dir / "config.yaml");
+      if (job.options.resume) UseKeptInputs(job.options.run_dir, &job.config.data);
       job.options.quiet = quiet;
       if (together.size() > 1) job.options.name = run.name;
       jobs.push_back(std::move(job));

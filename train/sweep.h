@@ -18,6 +18,7 @@ struct SweepKey {
 
 /// Runs of every recipe with every combination of values and every seed (docs/training.md):
 ///   recipes: [configs/m04.yaml, configs/m05.yaml]
+///   over: configs/lite.yaml
 ///   set: {model.base_channels: 8, optim.lr: [1e-4, 2e-4]}
 ///   seeds: [1, 2, 3]
 struct Sweep {

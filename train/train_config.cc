@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/base/error.h"
 #include "core/nn/network.h"
 
@@ -30,12 +32,7 @@ bool OptimConfig::DependsOnLength() const {
   return schedule == Schedule::kOneCycle || (schedule == Schedule::kCosine && period_samples == 0);
 }
 
-void OptimConfig::Validate(std::int64_t run_samples) const {
-  if (DependsOnLength() && warmup_samples >= run_samples) {
-    throw ConfigError(
-        fmt::format("optim.warmup_samples = {} violates optim.warmup_samples < run.samples = {}",
-                    warmup_samples, run_samples));
-  }
+void OptimConfig::Validate() const {
   if (schedule == Schedule::kStep && period_samples == 0) {
     throw ConfigError("optim.schedule = step needs optim.period_samples > 0");
   }
@@ -61,7 +58,7 @@ void TrainConfig::Validate() const {
                     "training samples",
                     run.validation_seed));
   }
-  optim.Validate(run.samples);
+  optim.Validate();
   if (loss.terms.size() != loss.term_weights.size()) {
     throw ConfigError(fmt::format(
         "loss.term_weights has {} numbers and loss.terms {} names: give one weight for each",
@@ -72,16 +69,59 @@ void TrainConfig::Validate() const {
         fmt::format("run.micro_batch = {} violates run.micro_batch <= run.batch_size = {}",
                     run.micro_batch, run.batch_size));
   }
-  if (run.patience > 0 && run.validation_samples == 0) {
+  if (run.patience > 0 && !Validates()) {
     throw ConfigError(fmt::format("run.patience = {} needs validations: set run.validation_samples",
                                   run.patience));
   }
 }
 
+bool TrainConfig::Validates() const {
+  return run.validation_samples > 0 || !data.real.validation.empty();
+}
+
+namespace {
+
+/// A key of earlier versions.
+struct RemovedKey {
+  const char* key;
+  std::vector<std::string> without;  ///< its value where it had no effect; saved ones have it
+  const char* now;
+};
+
+const std::vector<RemovedKey>& RemovedKeys() {
+  static const std::vector<RemovedKey> keys = {
+      {"loss.class_weights", {}, "all labels weigh the same; register a loss term for others"},
+      {"run.best_metric", {"miou"}, "best.pt is that of the best miou"}};
+  return keys;
+}
+
+/// Throws ConfigError for a removed key that had an effect.
+ConfigSource WithoutRemoved(const ConfigSource& source) {
+  std::vector<std::string> kept;
+  for (const auto& [key, leaf] : source.leaves()) {
+    const auto removed =
+        std::find_if(RemovedKeys().begin(), RemovedKeys().end(),
+                     [name = key](const RemovedKey& candidate) { return name == candidate.key; });
+    if (removed == RemovedKeys().end()) {
+      kept.push_back(key);
+    } else if (leaf.values != removed->without) {
+      throw ConfigError(
+          fmt::format("{} ({}) is no longer a key: {}", key, leaf.where, removed->now));
+    }
+  }
+  return source.Only(kept);
+}
+
+}  // namespace
+
 TrainConfig ReadTrainConfig(const ConfigSource& source) {
-  TrainConfig config = ReadConfig<TrainConfig>(source);
+  TrainConfig config = ReadConfig<TrainConfig>(WithoutRemoved(source));
   config.Validate();
   return config;
+}
+
+TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name) {
+  return ReadConfig<TrainConfig>(WithoutRemoved(ConfigSource::FromString(yaml, name)));
 }
 
 }  // namespace volalign

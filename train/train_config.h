@@ -10,7 +10,6 @@
 #include "core/config/config_word.h"
 #include "core/geometry/structure.h"
 #include "core/model/network_limits.h"
-#include "train/log/metrics.h"
 #include "train/training_data_config.h"
 
 namespace volalign {
@@ -31,7 +30,10 @@ struct ModelConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("kind", kind, "network: paper, or one that the program registers (core/nn/network.h)",
+    ar("kind", kind,
+       "network: paper, or one that your own program registers (core/nn/network.h); volalign "
+       "itself "
+       "cannot load such a checkpoint",
        OneOf(NetworkKinds()));
     ar("base_channels", base_channels, "width c of the first convolution",
        Between(1, kMostBaseChannels));
@@ -54,7 +56,6 @@ struct LossConfig {
   std::int64_t lambda_warmup_samples = 0;
   int min_side_pixels = 1;
   std::string keypoints = "centre";
-  std::vector<double> class_weights;
   std::vector<std::string> terms;
   std::vector<double> term_weights;
 
@@ -68,11 +69,6 @@ struct LossConfig {
        AtLeast(1));
     ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed",
        OneOf({"centre", "exposed"}));
-    ar("class_weights", class_weights,
-       "weight of each label's pixels in the segmentation loss, background first, or two numbers: "
-       "of the background and of every side; empty: all 1. The loss is divided by the sum of the "
-       "weights",
-       AtLeast(0));
     ar("terms", terms,
        "names of terms that the program registers (train/loss_term.h), added to the loss");
     ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0));
@@ -140,7 +136,7 @@ struct OptimConfig {
   /// Whether the number of samples in a run changes the learning rate on the way there.
   bool DependsOnLength() const;
   /// What no single key can say. Throws ConfigError.
-  void Validate(std::int64_t run_samples) const;
+  void Validate() const;
 };
 
 enum class Precision { kFp32, kBf16, kAuto };
@@ -164,7 +160,6 @@ struct RunConfig {
   std::int64_t validate_every = 50000;
   std::int64_t checkpoint_every = 20000;
   int keep_states = 2;
-  BestMetric best_metric = BestMetric::kMiou;
   int patience = 0;
   std::int64_t log_every = 160;
   bool tensorboard = true;
@@ -202,11 +197,8 @@ struct RunConfig {
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
     ar("checkpoint_every", checkpoint_every, "samples between saved states", AtLeast(1));
     ar("keep_states", keep_states, "number of the newest states that are kept", AtLeast(1));
-    DescribeWord(ar, "best_metric", best_metric, kBestMetrics,
-                 "of the validations: best.pt is the checkpoint of the best one");
     ar("patience", patience,
-       "validations in a row without a better run.best_metric after which the run ends; 0: never",
-       AtLeast(0));
+       "validations in a row without a better miou after which the run ends; 0: never", AtLeast(0));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
     ar("tensorboard", tensorboard,
        "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
@@ -219,7 +211,9 @@ struct RunConfig {
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
                  "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
-    ar("threads", threads, "threads of LibTorch in a process; 0: as LibTorch chooses", AtLeast(0));
+    ar("threads", threads,
+       "threads of LibTorch in a process; 0: one for each processor that is idle at the start",
+       AtLeast(0));
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
     ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
     ar("device", device,
@@ -255,9 +249,15 @@ struct TrainConfig {
   }
   /// What no single key can say. Throws ConfigError.
   void Validate() const;
+  /// Whether the run has validations, on rendered samples or on recorded frames.
+  bool Validates() const;
 };
 
-/// Reads, checks, validates.
+/// Reads, checks, validates. Throws ConfigError, for a key that there was once with what it meant.
 TrainConfig ReadTrainConfig(const ConfigSource& source);
+
+/// The same of what WriteConfig of this or an earlier version wrote, without Validate; `name` is
+/// where it stands, for messages.
+TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name);
 
 }  // namespace volalign

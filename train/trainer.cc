@@ -20,6 +20,7 @@
 #include "core/base/interrupt.h"
 #include "train/batch_feed.h"
 #include "train/run.h"
+#include "train/run_inputs.h"
 #include "train/same_run.h"
 #include "train/together.h"
 
@@ -39,6 +40,7 @@ std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& dat
     throw Error(fmt::format("{} holds a run already: use --resume, or another folder",
                             folder.dir().string()));
   }
+  RequireSameInputs(folder.dir(), config, data.structure);
   std::optional<SavedState> state = FindState(folder, config, data.identity, damaged);
   if (state) return state;
   // A run that was killed before its first state left its configuration alone.
@@ -61,23 +63,30 @@ class OpenRun {
     }
     std::optional<SavedState> state;
     std::vector<std::string> damaged;
-    compute_ = Agree(group_, {compute_, WriteConfig(config), data.identity}, [&](Compute chosen) {
-      if (options.resume && !std::filesystem::exists(options.run_dir)) {
-        NothingToResume(options.run_dir);
-      }
-      folder_.emplace(options.run_dir);
-      state = Begin(*folder_, data, config, options.resume, &damaged);
-      if (!state) return chosen;
-      chosen.type = state->type;
-      chosen.channels_last = state->channels_last;
-      return chosen;
-    });
+    compute_ = Agree(group_, {compute_, WriteConfig(config), data.identity + data.structure.Hash()},
+                     [&](Compute chosen) {
+                       if (options.resume && !std::filesystem::exists(options.run_dir)) {
+                         NothingToResume(options.run_dir);
+                       }
+                       folder_.emplace(options.run_dir);
+                       state = Begin(*folder_, data, config, options.resume, &damaged);
+                       if (!state) return chosen;
+                       chosen.type = state->type;
+                       chosen.channels_last = state->channels_last;
+                       return chosen;
+                     });
     run_.emplace(data, config, compute_, group_, folder_ ? &*folder_ : nullptr, std::move(state),
                  options, guard);
     run_->Say(ToString(compute_));
     if (!data.drawn_by.empty()) run_->Say("renderer: " + data.drawn_by);
     if (group_.size() > 1) run_->Say(fmt::format("{} processes", group_.size()));
     for (const std::string& sentence : damaged) run_->Say("warning: " + sentence);
+    const OptimConfig& optim = config.optim;
+    if (optim.DependsOnLength() && optim.warmup_samples >= config.run.samples)
+      run_->Say(
+          fmt::format("optim.warmup_samples = {} is not shorter than run.samples = {}: the "
+                      "learning rate does not reach optim.lr",
+                      optim.warmup_samples, config.run.samples));
   }
 
   Run& run() { return *run_; }

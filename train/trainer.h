@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,9 @@ struct TrainOptions {
   bool quiet = false;  ///< no progress on stderr
   std::string name;    ///< before each line of it, where several networks train
   World world;         ///< this process among those that train together
+  /// Called in rank 0 once run_dir is there and its run may begin or go on, before anything else is
+  /// written into it.
+  std::function<void()> begun;
 };
 
 struct TrainResult {
@@ -38,6 +42,7 @@ struct TrainResult {
 /// Trains a network on samples rendered as it goes, or on run.dataset, and
 /// fills the run folder:
 ///   config.yaml    the resolved configuration
+///   structure.yaml or structure.glb, intrinsics.yaml: what the samples come from beside it
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
 ///   states/        all that --resume needs, after so many samples as the name says (format
@@ -49,7 +54,8 @@ struct TrainResult {
 /// state saved; of several processes, after the current step. A run that was stopped or killed at
 /// any moment and is resumed ends with the weights of one that was not, bit for bit on a CPU with
 /// the same number of threads. A step whose loss or gradient is not finite is skipped and counted.
-/// Throws ConfigError (a resumed run's configuration differs in a key that changes it), Error (a
+/// Throws ConfigError (a resumed run's configuration, structure or intrinsics differ so that it
+/// would be another run), Error (a
 /// run is there already; no step between two rows was finite), IoError, DataError.
 TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 

@@ -23,24 +23,12 @@ namespace {
 
 constexpr int kMinPixels = 20;
 
-/// Area of a pixel on the plane z = 1, from its neighbours' rays; a lens spreads pixels unevenly.
-double AreaAtUnitDepth(const RayTable& rays, int u, int v) {
-  const auto slope = [&](int du, int dv) -> Eigen::Vector2d {
-    const int u0 = std::max(u - du, 0), u1 = std::min(u + du, rays.width - 1);
-    const int v0 = std::max(v - dv, 0), v1 = std::min(v + dv, rays.height - 1);
-    return (rays.at(u1, v1) - rays.at(u0, v0)).cast<double>() / (u1 - u0 + v1 - v0);
-  };
-  const Eigen::Vector2d a = slope(1, 0), b = slope(0, 1);
-  return std::abs(a.x() * b.y() - a.y() * b.x());
-}
-
 }  // namespace
 
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind) {
   const std::size_t classes = static_cast<std::size_t>(structure.num_classes());
   std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());
-  std::vector<double> weights(classes, 0.0);
   std::vector<int> counts(classes, 0);
   const RayTable rays = ComputeRays(sample.intrinsics);
   for (int v = 0; v < labels.height(); ++v) {
@@ -48,18 +36,15 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
       const double z = sample.depth(u, v);
       const Eigen::Vector2f& ray = rays.at(u, v);
       if (z <= 0 || !ray.allFinite()) continue;
-      const double weight = z * z * z * AreaAtUnitDepth(rays, u, v);
-      if (!(weight > 0)) continue;  // beside the fold of a lens
       const std::size_t label = labels(u, v);
-      sums[label] += weight * z * ray.cast<double>().homogeneous();
-      weights[label] += weight;
+      sums[label] += z * ray.cast<double>().homogeneous();
       ++counts[label];
     }
   }
   SideKeypoints keypoints;
   for (std::size_t label = 1; label < classes; ++label) {
     if (counts[label] < kMinPixels) continue;
-    keypoints.sensor.push_back(sums[label] / weights[label]);
+    keypoints.sensor.push_back(sums[label] / counts[label]);
     keypoints.structure.push_back(structure.Keypoint(static_cast<int>(label), kind));
   }
   return keypoints;

@@ -23,8 +23,8 @@ struct SideKeypoints {
   std::vector<Eigen::Vector3d> structure;
 };
 
-/// A side counts from 20 pixels on; its keypoint in the sensor frame is the mean of its pixels'
-/// points, weighted by their area on a plane up to a constant: z^3 times the pixel's on z = 1.
+/// A side counts from 20 pixels on; its keypoint in the sensor frame is the plain mean of its
+/// pixels' points, as in the paper and in L_3D.
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind);
 

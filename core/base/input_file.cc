@@ -16,7 +16,8 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string& Folder() {
-  static std::string folder;
+  std::error_code error;
+  static std::string folder = DataFolderNear(fs::read_symlink("/proc/self/exe", error));
   return folder;
 }
 
@@ -57,12 +58,12 @@ void RequireInputFile(const std::string& key, const std::string& path) {
   std::string where = "no such file";
   if (!fs::path(path).is_absolute()) {
     where += fmt::format(" in the working directory {}", fs::current_path(error).string());
-    where += Folder().empty() ? ", and no data folder was found"
+    where += Folder().empty() ? ", and no data folder was found, which VOLALIGN_DATA_DIR names"
                               : fmt::format(" or the data folder {}", Folder());
   }
-  throw IoError(fmt::format(
-      "{} = {}: {}: run volalign in the folder that holds it, or name another file: --set {}=FILE",
-      key, ShownPath(path), where, key));
+  throw IoError(
+      fmt::format("{} = {}: {}: run in the folder that holds it, or name another file by this key",
+                  key, ShownPath(path), where));
 }
 
 }  // namespace volalign

@@ -6,8 +6,8 @@
 namespace volalign {
 
 /// The folder that has `configs` and `models`: relative paths of inputs that are not in the working
-/// directory are looked for there. Empty at first: nowhere else. A program sets it before it starts
-/// a thread.
+/// directory are looked for there. At first DataFolderNear of the running program; "": nowhere
+/// else. A program sets it before it starts a thread.
 void SetDataFolder(const std::string& folder);
 const std::string& DataFolder();
 

@@ -8,7 +8,8 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <limits>
+#include <functional>
+#include <mutex>
 #include <set>
 #include <system_error>
 
@@ -200,31 +201,31 @@ ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string
 
 ConfigSource ConfigSource::FromFile(const std::string& path) {
   std::vector<std::string> chain;
-  std::vector<ConfigSource> sources;
-  for (std::string next = FindInputFile(path); !next.empty();) {
+  const std::function<ConfigSource(const std::string&)> read = [&](const std::string& file) {
     std::error_code error;
-    const std::string canonical = std::filesystem::weakly_canonical(next, error).string();
+    const std::string canonical = std::filesystem::weakly_canonical(file, error).string();
     if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
-      throw ConfigError(fmt::format("{}: `inherits` comes back to this file", next));
+      throw ConfigError(fmt::format("{}: `inherits` comes back to this file", file));
     }
     chain.push_back(canonical);
-    ConfigSource source = FromString(ReadFile(next, kMaxTextBytes), next);
-    std::string base;
-    const auto inherits = source.leaves_.find("inherits");
-    if (inherits != source.leaves_.end()) {
-      if (inherits->second.is_sequence) {
-        throw ConfigError(
-            fmt::format("inherits wants one file, not a list ({})", inherits->second.where));
+    ConfigSource own = FromString(ReadFile(file, kMaxTextBytes), file), merged;
+    if (const auto inherits = own.leaves_.extract("inherits"); !inherits.empty()) {
+      const Leaf& bases = inherits.mapped();
+      if (bases.values.empty())
+        throw ConfigError(fmt::format("inherits names no file ({})", bases.where));
+      for (const std::string& base : bases.values) {
+        std::string path = (std::filesystem::path(file).parent_path() / base).string();
+        if (const std::string there = FindInputFile(base);
+            there != base && !std::filesystem::exists(path, error))
+          path = there;
+        merged.Merge(read(path));
       }
-      base = (std::filesystem::path(next).parent_path() / inherits->second.values.at(0)).string();
-      source.leaves_.erase(inherits);
     }
-    sources.push_back(std::move(source));
-    next = base;
-  }
-  ConfigSource merged = sources.back();
-  for (auto it = sources.rbegin() + 1; it != sources.rend(); ++it) merged.Merge(*it);
-  return merged;
+    merged.Merge(own);
+    chain.pop_back();
+    return merged;
+  };
+  return read(FindInputFile(path));
 }
 
 void ConfigSource::Set(const std::string& assignment, const std::string& where) {
@@ -317,7 +318,12 @@ std::string ConfigReader::NameInSource(const std::string& name,
       throw ConfigError(fmt::format("{} ({}) is the former name of {} ({}): leave one of them out",
                                     was, former->second.where, is, present->second.where));
     }
-    fmt::print(stderr, "warning: {} ({}) is now called {}\n", was, former->second.where, is);
+    // A configuration that a file holds is read again from what was saved of it.
+    static std::mutex mutex;
+    static std::set<std::string> warned;
+    const std::lock_guard<std::mutex> lock(mutex);
+    if (warned.insert(was + " " + is).second)
+      fmt::print(stderr, "warning: {} ({}) is now called {}\n", was, former->second.where, is);
     return check.former_name;
   }
   return name;
@@ -385,38 +391,67 @@ void ConfigReader::RejectUnknown() const {
   const std::vector<std::string> known(known_.begin(), known_.end());
   for (const auto& [key, leaf] : source_.leaves_) {
     if (known_.count(key)) continue;
-    const std::string nearest = NearestKey(key, known);
-    throw ConfigError(
-        fmt::format("unknown key '{}' ({}){}", Shortened(key), leaf.where,
-                    nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
+    std::string hint;
+    if (const std::string nearest = NearestKey(key, known); !nearest.empty()) {
+      hint = fmt::format("; did you mean '{}'?", nearest);
+    } else if (const std::size_t dot = key.rfind('.'); dot != std::string::npos) {
+      const std::string group = key.substr(0, dot);
+      std::vector<std::string> members;
+      for (const std::string& other : known) {
+        if (other.rfind('.') == dot && other.compare(0, dot, group) == 0)
+          members.push_back(other.substr(dot + 1));
+      }
+      if (!members.empty()) hint = fmt::format("; {} has {}", group, fmt::join(members, ", "));
+    }
+    throw ConfigError(fmt::format("unknown key '{}' ({}){}", Shortened(key), leaf.where, hint));
   }
 }
+
+namespace {
+
+std::size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j < row.size(); ++j) {
+      const std::size_t change = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
+    }
+  }
+  return row.back();
+}
+
+}  // namespace
 
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known) {
   constexpr std::size_t kLongestKey = 200;  // the time goes with the length
   if (key.size() > kLongestKey) return "";
-  std::string best;
-  std::size_t best_distance = std::numeric_limits<std::size_t>::max();
   const auto last_part = [](const std::string& k) { return k.substr(k.rfind('.') + 1); };
+  const std::string name = last_part(key);
+  const bool grouped = name.size() < key.size();
+  std::string best;
+  // Of the last part or one of its words; then of the whole key.
+  std::pair<std::size_t, std::size_t> least;
   for (const std::string& candidate : known) {
-    if (last_part(candidate) == last_part(key)) return candidate;
-    std::vector<std::size_t> row(candidate.size() + 1);
-    for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
-    for (std::size_t i = 1; i <= key.size(); ++i) {
-      std::size_t diagonal = row[0];
-      row[0] = i;
-      for (std::size_t j = 1; j < row.size(); ++j) {
-        const std::size_t change = diagonal + (key[i - 1] == candidate[j - 1] ? 0 : 1);
-        diagonal = row[j];
-        row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
-      }
-    }
-    if (row.back() < best_distance) {
-      best_distance = row.back();
+    const std::string other = last_part(candidate);
+    if (other == name) return candidate;
+    std::size_t distance = EditDistance(name, other);
+    for (const std::string& word : Split(other, '_'))
+      distance = std::min(distance, EditDistance(name, word));
+    if (distance > name.size() / 2) continue;
+    const std::pair<std::size_t, std::size_t> both{distance,
+                                                   grouped ? EditDistance(key, candidate) : 0};
+    if (best.empty() || both < least) {
+      least = both;
       best = candidate;
+    } else if (both == least) {
+      best += "' or '" + candidate;
     }
   }
-  return best_distance <= std::max<std::size_t>(2, key.size() / 2) ? best : "";
+  return best;
 }
 
 namespace {

@@ -61,9 +61,9 @@ class ConfigSource {
   };
 
   ConfigSource() = default;
-  /// Reads a YAML file; a top-level key `inherits: other.yaml` (relative to the file) is read first
-  /// and overridden leaf by leaf. Throws IoError, or ConfigError on bad YAML, duplicate keys or a
-  /// cycle of inheritance.
+  /// Reads a YAML file. The file or files of a top-level key `inherits`, relative to the file or in
+  /// the data folder, are read first, in order; what comes later overrides leaf by leaf. Throws
+  /// IoError, or ConfigError on bad YAML, duplicate keys or a cycle of inheritance.
   static ConfigSource FromFile(const std::string& path);
   static ConfigSource FromString(const std::string& yaml, const std::string& name);
   /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]". Throws
@@ -317,7 +317,7 @@ void ValidateConfig(T config) {
   config.Describe(reader);
 }
 
-/// The known key nearest to `key` by edit distance, or "" when none is near.
+/// The known keys, joined by "' or '", whose last part or a word of it is nearest to that of `key`.
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known);
 
 }  // namespace volalign

@@ -2,10 +2,13 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/base/file_util.h"
 #include "core/nn/checkpoint.h"
@@ -21,7 +24,14 @@ void ExportSafetensors(const std::filesystem::path& checkpoint, const std::files
                             {"orientation", OrientationOf(model.meta)},
                             {"structure_sha256", model.meta.structure.Hash()}};
   std::string values;
-  for (const auto& [name, tensor] : NetworkTensors(model.net, half, checkpoint.string())) {
+  const std::map<std::string, at::Tensor> tensors =
+      NetworkTensors(model.net, half, checkpoint.string());
+  std::vector<std::pair<std::string, at::Tensor>> ordered(tensors.begin(), tensors.end());
+  // Wider elements first, so that each tensor begins at a multiple of its own.
+  std::stable_sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) {
+    return a.second.element_size() > b.second.element_size();
+  });
+  for (const auto& [name, tensor] : ordered) {
     const at::Tensor plain = tensor.detach().contiguous();
     const std::size_t begin = values.size();
     values.append(static_cast<const char*>(plain.data_ptr()), plain.nbytes());

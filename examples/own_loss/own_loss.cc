@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "core/base/input_file.h"
 #include "core/nn/network.h"
 #include "train/loss_term.h"
 #include "train/trainer.h"
@@ -77,6 +78,7 @@ int main(int argc, char** argv) {
     volalign::RegisterNetwork("dilated", [](const volalign::StructureNetOptions& options) {
       return std::make_shared<DilatedNet>(options);
     });
+    if (volalign::DataFolder().empty()) volalign::SetDataFolder(VOLALIGN_DATA);
     volalign::TrainOptions options;
     options.run_dir = argv[2];
     volalign::Train(volalign::ReadTrainConfig(volalign::ConfigSource::FromFile(argv[1])), options);

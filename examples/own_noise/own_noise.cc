@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "core/base/input_file.h"
 #include "render/noise.h"
 #include "train/trainer.h"
 
@@ -35,6 +36,7 @@ int main(int argc, char** argv) {
   }
   try {
     volalign::RegisterNoiseModel("quadratic", QuadraticNoise);
+    if (volalign::DataFolder().empty()) volalign::SetDataFolder(VOLALIGN_DATA);
     volalign::TrainOptions options;
     options.run_dir = argv[2];
     volalign::Train(volalign::ReadTrainConfig(volalign::ConfigSource::FromFile(argv[1])), options);

@@ -67,7 +67,7 @@ def rigs_table(rows, block):
         column = measured["column"]
         floors.append(measured["floor"])
         lines.append([row["label"], with_paper(f"{column['mean']:.4f}", paper, 0), f"{column['std']:.4f}",
-                      with_paper(percent(column["rsd"]), paper, 2), percent(column["rsd_within"]),
+                      with_paper(percent(column["rsd"]), paper, 2), percent(column["rsd_within"]) if "rsd_within" in column else "-",
                       with_paper(f"{100 * measured['to_best']:+.1f} %", paper, 3), *truth_cells(row["truth"][block])])
     return f"Floor: {statistics.median(floors):.4f} m.\n\n" + table(
         ["", "RMS (paper)", "STD", "RSD (paper)", "RSD within set-ups", "to best (paper)", "lost", "wrong", "mm, mean / median", "deg, mean / median"], lines)

@@ -232,6 +232,52 @@ TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   EXPECT_EQ(meta.structure.Hash(), ReadStructureYaml("configs/structure.yaml").Hash());
 }
 
+TEST_F(Program, ARunHoldsWhatItIsTrainedOnAndHowEachStartWasCalled) {
+  const std::string stack = Path("stack.yaml"), run = Path("run");
+  WriteFileAtomically(stack, ReadFile("configs/structure.yaml"));
+  const std::string train =
+      "train --config configs/m01.yaml --set data.structure=" + stack +
+      " --set data.image_sizes=[32x18] --set data.renderer=cpu --set model.base_channels=1"
+      " --set run.batch_size=2 --set run.validation_samples=0 --set run.checkpoint_every=2 -o " +
+      run;
+  RunningProgram killed(train);
+  while (!fs::exists(run + "/states/000000000002.state"))
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  killed.Signal(SIGKILL);
+  killed.Wait();
+  EXPECT_NE(ReadFile(run + "/command.yaml").find("run.validation_samples=0"), std::string::npos);
+  EXPECT_EQ(ReadFile(run + "/structure.yaml"), ReadFile(stack));
+  EXPECT_EQ(ReadFile(run + "/intrinsics.yaml"), ReadFile("configs/intrinsics.yaml"));
+  EXPECT_EQ(ReadFile(run + "/config.yaml").find("threads: 0"), std::string::npos)
+      << "how many were chosen";
+  // The stack's file is gone; the run has a copy.
+  fs::remove(stack);
+  const Outcome again = Volalign(train + " --resume --set run.samples=3000");
+  EXPECT_EQ(again.status, 0) << again.output;
+  EXPECT_NE(again.output.find("stack.yaml is not there"), std::string::npos) << again.output;
+  EXPECT_NE(ReadFile(run + "/command-2.yaml").find("run.samples=3000"), std::string::npos);
+  EXPECT_EQ(ReadFile(run + "/command.yaml").find("run.samples=3000"), std::string::npos);
+  EXPECT_EQ(Volalign("validate --samples 2 --model " + run + "/model.pt").status, 0);
+  // So has another run of the same recipe.
+  const Outcome other =
+      Volalign("train --config " + run + "/config.yaml --set run.samples=2 -o " + Path("other"));
+  EXPECT_EQ(other.status, 0) << other.output;
+}
+
+TEST_F(Program, ASuiteSaysWhichModelsItHasNotAndEndsWithStatusTwo) {
+  const std::string methods =
+      "datasets: [{name: none}]\ntables: [{name: one, rows: [{label: a, method: a}]}]\n"
+      "methods: [{name: a, model: nowhere/a.pt}, {name: b, model: ";
+  WriteFileAtomically(Path("none.yaml"), methods + "nowhere/b.pt}]\n");
+  WriteFileAtomically(Path("some.yaml"),
+                      methods + fs::absolute("models/m05-lite.pt").string() + "}]\n");
+  const std::string suite = "evaluate --suite all -o " + Path("suite") + " --suite-config ";
+  ExpectError(Volalign(suite + Path("none.yaml")), {"a (", "nowhere/a.pt", "data folder"});
+  const Outcome some = Volalign(suite + Path("some.yaml"));
+  EXPECT_EQ(some.status, 2) << some.output;
+  EXPECT_NE(some.output.find("nowhere/a.pt"), std::string::npos) << some.output;
+}
+
 /// Number of points that a PLY file's header announces, where its body has as many of `size` bytes.
 std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
   const std::string file = ReadFile(path);

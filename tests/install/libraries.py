@@ -114,7 +114,9 @@ class Libraries(unittest.TestCase):
             self.build(folder)
             run = os.path.join(self.folder, name + "_run")
             command = [os.path.join(folder, name), os.path.join(source, "recipe.yaml"), run]
-            done = subprocess.run(command, cwd=SOURCE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+            elsewhere = os.path.join(self.folder, name + "_elsewhere")
+            os.mkdir(elsewhere)
+            done = subprocess.run(command, cwd=elsewhere, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
                                   env={**os.environ, "LP_NUM_THREADS": "0"})
             self.assertEqual(done.returncode, 0, done.stdout)
             self.assertIn(word, text_of(os.path.join(run, "config.yaml")))

@@ -691,7 +691,8 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
   }
   ExpectError<IoError>(
       [&] { RenderOne(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },
-      {"structure = none.yaml", std::filesystem::current_path().string(), "--set structure=FILE"});
+      {"structure = none.yaml", std::filesystem::current_path().string(),
+       "name another file by this key"});
   EXPECT_THROW(RenderOne(Parse("sensors: [{name: A, sensor: lidar}]\n"), renderer_), ConfigError);
   ExpectError<ConfigError>(
       [&] {

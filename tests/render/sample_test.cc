@@ -175,12 +175,11 @@ TEST(SampleContextTest, AMissingFileSaysWhereItWasLookedForAndHowToGiveAnother) 
   config.structure = "configs/no_structure.yaml";
   ExpectError<IoError>([&] { MakeSampleContext(config, 1); },
                        {"data.structure = configs/no_structure.yaml",
-                        std::filesystem::current_path().string(), "--set data.structure=FILE"});
+                        std::filesystem::current_path().string(), "name another file by this key"});
   config = SampleConfig();
   config.intrinsics = "/nowhere/intrinsics.yaml";
-  ExpectError<IoError>(
-      [&] { MakeSampleContext(config, 1); },
-      {"data.intrinsics = /nowhere/intrinsics.yaml: no such file", "--set data.intrinsics=FILE"});
+  ExpectError<IoError>([&] { MakeSampleContext(config, 1); },
+                       {"data.intrinsics = /nowhere/intrinsics.yaml: no such file: run in"});
 }
 
 // The batch's size decides which sensors may be drawn; among them they are drawn evenly.
@@ -242,7 +241,11 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
   EXPECT_NE(message(config).find("big"), std::string::npos) << message(config);
   config = SampleConfig();
   config.pose.rho_cm = {200, 100};
-  EXPECT_NE(message(config).find("rho_cm"), std::string::npos) << message(config);
+  EXPECT_EQ(message(config).rfind("data.pose.rho_cm = [200, 100]", 0), 0U) << message(config);
+  config = SampleConfig();
+  config.noise.paper_hole_count = 91;  // more would need another way to draw their number
+  EXPECT_NE(message(config).find("paper_hole_count in [0, 90]"), std::string::npos)
+      << message(config);
   config = SampleConfig();
   config.pose.phi_jitter_deg = 10;
   EXPECT_NE(message(config).find("phi_deg"), std::string::npos) << message(config);

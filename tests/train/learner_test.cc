@@ -13,6 +13,7 @@
 #include "core/base/error.h"
 #include "core/nn/checkpoint.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/train/watched_memory.h"
 
 namespace volalign::learner_test {
 namespace {
@@ -64,7 +65,7 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
   const auto state = [](Learner& l) {
     std::vector<at::Tensor> all = {l.flat.parameters().clone()};
     for (const auto& [name, moment] : l.optimizer.moments()) all.push_back(moment.clone());
-    for (const at::Tensor& values : l.average.values()) all.push_back(values.clone());
+    for (const at::Tensor& values : l.average.net()->parameters()) all.push_back(values.clone());
     return all;
   };
   const auto equal = [](const std::vector<at::Tensor>& a, const std::vector<at::Tensor>& b) {
@@ -92,6 +93,21 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
   EXPECT_TRUE(equal(state(seen), once));
   EXPECT_TRUE(equal(state(unseen), once));
   EXPECT_EQ(seen.optimizer.steps(), 1);
+}
+
+// A copy of everything would be 0.8 GB at the paper's width.
+TEST(Learner, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
+  TrainConfig config = SmallConfig();
+  config.model.base_channels = 16;
+  config.optim.optimizer = OptimizerKind::kAdam;
+  Learner learner(config, 3, Compute());
+  const std::size_t all = learner.flat.parameters().nbytes();
+  const at::Tensor norm = learner.optimizer.GradientNorm(), good = at::full({}, true, at::kBool);
+  std::size_t asked = 0;
+  const WatchedMemory memory([&](std::size_t bytes) { asked = std::max(asked, bytes); });
+  learner.UpdateUnseen(0.1, norm, good);
+  EXPECT_GT(asked, 0U);
+  EXPECT_LT(asked, all / 2);
 }
 
 class StartFromTest : public testing::Test {

@@ -127,45 +127,12 @@ TEST(TrainingLoss, AddsRegisteredTerms) {
   double parts = 0;
   for (std::int64_t i = 0; i < 2; ++i) {
     const Batch part = batch.Narrow(i, 1);
-    parts += loss(log_probs.narrow(0, i, 1), part.depth, part.labels, part.rays, 0,
-                  loss.ShareOf(batch.labels, i, 1))
+    parts += loss(log_probs.narrow(0, i, 1), part.depth, part.labels, part.rays, 0, 0.5)
                  .total.item<double>();
   }
   EXPECT_NEAR(parts, whole.total.item<double>(), 1e-6);
   whole.total.backward();
   EXPECT_GT(log_probs.grad().select(1, 0).abs().sum().item<double>(), 0);
-}
-
-TEST(SegmentationLoss, WeighsEachLabel) {
-  const at::Tensor log_probs = at::log_softmax(at::rand({2, 3, 4, 5}), 1);
-  const at::Tensor labels = at::randint(0, 3, {2, 4, 5}, at::kLong);
-  const at::Tensor weights = at::arange(3).to(at::kFloat);  // 0, 1, 2
-  double sum = 0, weight = 0;
-  for (int b = 0; b < 2; ++b) {
-    for (int v = 0; v < 4; ++v) {
-      for (int u = 0; u < 5; ++u) {
-        const auto k = labels[b][v][u].item<std::int64_t>();
-        sum -= static_cast<double>(k) * log_probs[b][k][v][u].item<double>();
-        weight += static_cast<double>(k);
-      }
-    }
-  }
-  EXPECT_NEAR(SegmentationLoss(log_probs, labels, weights).item<double>(), sum / weight, 1e-6);
-  EXPECT_EQ(SegmentationLoss(log_probs, at::zeros_like(labels), weights).item<double>(), 0);
-}
-
-TEST(ClassWeights, AreOneForEachLabelOrTwo) {
-  LossConfig config;
-  EXPECT_FALSE(ClassWeights(config, 4).defined());
-  config.class_weights = {0.5, 2};
-  const at::Tensor weights = ClassWeights(config, 4);
-  ASSERT_EQ(weights.numel(), 4);
-  EXPECT_EQ(weights[0].item<double>(), 0.5);
-  for (int k = 1; k < 4; ++k) EXPECT_EQ(weights[k].item<double>(), 2);
-  config.class_weights = {1, 2, 3};
-  ExpectError<ConfigError>([&] { ClassWeights(config, 4); }, {"loss.class_weights", "3", "4"});
-  config.class_weights = {0, 0};
-  ExpectError<ConfigError>([&] { ClassWeights(config, 4); }, {"loss.class_weights"});
 }
 
 }  // namespace

@@ -2,12 +2,14 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/full.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <fstream>
 #include <string>
 
+#include "core/base/error.h"
 #include "tests/train/synthetic_source.h"
 
 namespace volalign::step_test {
@@ -19,37 +21,34 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
   Batch batch = Collate(data.open_training(0)->Next());
   // Where neighbours are equal, rounding decides which of them the pooling takes the gradient to.
   batch.depth += 0.02 * at::rand(batch.depth.sizes(), at::detail::createCPUGenerator(1));
-  for (const bool weighted : {false, true}) {
-    TrainConfig config;
-    config.model.base_channels = 2;
-    config.model.residual_blocks = 1;
-    config.model.normalization = "group";
-    if (weighted) config.loss.class_weights = {0.2, 1};
-    const Compute compute;
-    const TrainingLoss loss(config.loss, data.structure, at::kCPU);
-    at::Tensor expected;
-    StepReport whole;
-    for (const int micro_batch : {0, 1, 2}) {
-      Learner learner(config, data.structure.num_classes(), compute);
-      const StepNumbers numbers = ComputeGradient(learner, loss, batch, compute, 0, micro_batch);
-      const StepReport report = ReadSums(numbers.Sums());
-      EXPECT_EQ(report.steps, 1);
-      EXPECT_EQ(report.skipped, 0);
-      EXPECT_NEAR(numbers.norm.item<double>(), report.gradient_norm, 1e-12);
-      const at::Tensor gradient = learner.flat.gradients().clone();
-      if (micro_batch == 0) {
-        expected = gradient;
-        whole = report;
-        EXPECT_GT(report.loss_3d, 0);
-        continue;
-      }
-      SCOPED_TRACE(micro_batch);
-      EXPECT_LT((gradient - expected).norm().item<double>(), 1e-4 * expected.norm().item<double>());
-      EXPECT_NEAR(report.loss, whole.loss, 1e-5 * whole.loss);
-      EXPECT_NEAR(report.loss_seg, whole.loss_seg, 1e-5 * whole.loss_seg);
-      EXPECT_NEAR(report.loss_3d, whole.loss_3d, 1e-5 * whole.loss_3d);
-      EXPECT_EQ(report.degenerate, whole.degenerate);
+  TrainConfig config;
+  config.model.base_channels = 2;
+  config.model.residual_blocks = 1;
+  config.model.normalization = "group";
+  const Compute compute;
+  const TrainingLoss loss(config.loss, data.structure, at::kCPU);
+  at::Tensor expected;
+  StepReport whole;
+  for (const int micro_batch : {0, 1, 2}) {
+    Learner learner(config, data.structure.num_classes(), compute);
+    const StepNumbers numbers = ComputeGradient(learner, loss, batch, compute, 0, micro_batch);
+    const StepReport report = ReadSums(numbers.Sums());
+    EXPECT_EQ(report.steps, 1);
+    EXPECT_EQ(report.skipped, 0);
+    EXPECT_NEAR(numbers.norm.item<double>(), report.gradient_norm, 1e-12);
+    const at::Tensor gradient = learner.flat.gradients().clone();
+    if (micro_batch == 0) {
+      expected = gradient;
+      whole = report;
+      EXPECT_GT(report.loss_3d, 0);
+      continue;
     }
+    SCOPED_TRACE(micro_batch);
+    EXPECT_LT((gradient - expected).norm().item<double>(), 1e-4 * expected.norm().item<double>());
+    EXPECT_NEAR(report.loss, whole.loss, 1e-5 * whole.loss);
+    EXPECT_NEAR(report.loss_seg, whole.loss_seg, 1e-5 * whole.loss_seg);
+    EXPECT_NEAR(report.loss_3d, whole.loss_3d, 1e-5 * whole.loss_3d);
+    EXPECT_EQ(report.degenerate, whole.degenerate);
   }
 }
 
@@ -90,6 +89,41 @@ TEST(Compute, AutoIsDecidedByTheDevice) {
   EXPECT_FALSE(DecideCompute(run, cuda, {true, true}).channels_last);
   run.channels_last = Layout::kChannelsLast;
   EXPECT_TRUE(DecideCompute(run, cuda, {false, false}).channels_last);
+}
+
+TEST(IdleProcessors, AreThoseThatNobodyUsed) {
+  // user nice system idle iowait irq softirq steal guest
+  const std::string before =
+      "cpu  100 0 100 1000 0 0 0 0 50\ncpu0 50 0 50 500 0 0 0 0 50\ncpu1 50 0 50 500 0 0 0 0 0\n"
+      "cpu2 0 0 0 0 0 0 0 0 0\ncpu3 0 0 0 0 0 0 0 0 0\nintr 1 2 3\n";
+  const auto after = [](int busy, int idle) {
+    return fmt::format("cpu  {} 0 100 {} 0 0 0 0 50\ncpu0\ncpu1\ncpu2\ncpu3\n", 100 + busy,
+                       1000 + idle);
+  };
+  EXPECT_EQ(IdleProcessors(before, after(0, 80), 4), 4);
+  EXPECT_EQ(IdleProcessors(before, after(7, 73), 4), 4);
+  EXPECT_EQ(IdleProcessors(before, after(60, 20), 4), 1);
+  EXPECT_EQ(IdleProcessors(before, after(80, 0), 4), 1);
+  EXPECT_EQ(IdleProcessors(before, after(0, 80), 2), 2) << "a process that may use two";
+  EXPECT_THROW(IdleProcessors("", "", 4), DataError);
+  EXPECT_EQ(WithinQuota("150000 100000\n", 64), 2);
+  EXPECT_EQ(WithinQuota("max 100000\n", 64), 64);
+  EXPECT_EQ(WithinQuota("10000 100000\n", 64), 1);
+  EXPECT_GE(IdleProcessors(), 1);
+}
+
+// Slurm with --gpus-per-task=1 shows each process one device, which is number 0 to it.
+TEST(Compute, OfSeveralProcessesEachTakesADeviceThatItSees) {
+  World world;
+  world.size = 4;
+  world.local_rank = 3;
+  const at::Device cuda(at::kCUDA);
+  EXPECT_EQ(DeviceOf(cuda, world, 4).index(), 3);
+  EXPECT_EQ(DeviceOf(cuda, world, 1).index(), 0);
+  EXPECT_EQ(DeviceOf(cuda, world, 2).index(), 1);
+  EXPECT_EQ(DeviceOf(at::Device("cuda:2"), world, 4).index(), 2);
+  EXPECT_FALSE(DeviceOf(cuda, World(), 4).has_index());
+  EXPECT_TRUE(DeviceOf(at::kCPU, world, 0).is_cpu());
 }
 
 TEST(Compute, AutoIsBf16WhereTheKernelListsIt) {

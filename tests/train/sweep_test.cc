@@ -45,6 +45,18 @@ TEST(Sweep, HasEveryCombination) {
             "m04_run.seed=3");
 }
 
+TEST(Sweep, SetsARecipeOverAllOthers) {
+  const SweepRun run = ExpandSweep(
+      Read("recipes: [configs/m03.yaml]\nover: configs/lite.yaml\nset: {run.samples: 7}\n"),
+      {"run.batch_size=3"})[0];
+  EXPECT_EQ(run.name, "m03");
+  EXPECT_TRUE(run.config.loss.procrustes);
+  EXPECT_EQ(run.config.model.base_channels, 8);
+  EXPECT_EQ(run.config.data.image_sizes, (std::vector<std::string>{"160x144", "160x90"}));
+  EXPECT_EQ(run.config.run.samples, 7);
+  EXPECT_EQ(run.config.run.batch_size, 3);
+}
+
 TEST(Sweep, SaysWhatIsWrong) {
   ExpectError<ConfigError>([] { Read("seeds: [1]\n"); }, {"recipes"});
   ExpectError<ConfigError>([] { Read("recipes: [a.yaml]\nseed: [1]\n"); }, {"seed", "sweep:2"});

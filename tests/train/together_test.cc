@@ -41,7 +41,6 @@ TrainConfig TogetherConfig(const std::string& normalization) {
   config.model.residual_blocks = 1;
   config.model.normalization = normalization;
   config.model.input = "depth_mask";  // uncentred depth makes group normalisation ill-conditioned
-  config.loss.class_weights = {0.3, 1};
   config.loss.min_side_pixels = 3;
   config.optim.optimizer = OptimizerKind::kSgd;  // which passes differences on as they are
   config.optim.lr = 1e-4;
@@ -276,18 +275,13 @@ TEST_F(Processes, AddUpGradientsInBuckets) {
       const Batch batch = Collate(data.open_training(0)->Next());
       const TrainingLoss loss(config.loss, data.structure, at::kCPU);
       Learner learner(config, data.structure.num_classes(), Compute());
-      LossShare share;
       if (group == nullptr) {
         ComputeGradient(learner, loss, batch, Compute(), 0, 0);
       } else {
-        at::Tensor weight = at::zeros({1}, at::kDouble).fill_(loss.WeightOf(batch.labels));
-        share.segmentation = weight.item<double>();
-        group->Sum(weight);
-        share.segmentation /= weight.item<double>();
-        share.procrustes = slice.count / 5.0;
         GradientReducer reducer(&learner.flat, group, 5000);
         if (reducer.num_buckets() < 4) throw Error("one bucket is no test");
-        ComputeGradient(learner, loss, batch, Compute(), 0, 0, nullptr, share, &reducer);
+        ComputeGradient(learner, loss, batch, Compute(), 0, 0, nullptr, slice.count / 5.0,
+                        &reducer);
       }
       return learner.flat.gradients().clone();
     };

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
 #include "render/sample.h"
+#include "tests/core/base/temp_folder.h"
 
 namespace volalign::train_config_test {
 namespace {
@@ -64,7 +67,6 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.run.batch_size, 16);
     EXPECT_EQ(c.run.samples, 3200000);
     EXPECT_EQ(c.run.precision, Precision::kFp32);
-    EXPECT_TRUE(c.loss.class_weights.empty());
     EXPECT_EQ(c.run.micro_batch, 0);
     EXPECT_EQ(c.run.patience, 0);
   }
@@ -83,6 +85,21 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.data.assembly.yaw_deg, 0.5);
   EXPECT_EQ(c.data.assembly.size_scale_percent, 1);
   EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0.5);
+}
+
+TEST(TrainConfig, ASmallRecipeIsComposedOfTwoFiles) {
+  const TempFolder folder;
+  const std::string configs = std::filesystem::absolute("configs").string();
+  const TrainConfig c = Read(
+      folder.Write("mine.yaml", "inherits: [" + configs + "/m06.yaml, " + configs + "/lite.yaml]\n")
+          .string());
+  EXPECT_TRUE(c.model.attention);
+  EXPECT_FALSE(c.loss.procrustes);
+  EXPECT_EQ(c.data.pose.rho_cm, (std::array<double, 2>{150, 350}));
+  EXPECT_EQ(c.model.base_channels, 8);
+  EXPECT_EQ(c.model.normalization, "batch");
+  EXPECT_EQ(c.optim.optimizer, OptimizerKind::kAdamW);
+  EXPECT_EQ(c.run.samples, 20000);
 }
 
 // The paper's predecessor differs from the shipped small recipe as m01 does from m05, and by where
@@ -109,7 +126,7 @@ TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
 
 TEST(TrainConfig, ResolvedYamlReadsBackEqual) {
   TrainConfig c = Read("configs/m05-lite.yaml");
-  c.loss.class_weights = {0.5, 1};
+  c.loss.min_side_pixels = 7;
   c.run.channels_last = Layout::kContiguous;
   const std::string yaml = WriteConfig(c);
   const TrainConfig again = ReadTrainConfig(ConfigSource::FromString(yaml, "resolved"));
@@ -133,6 +150,19 @@ std::string SetError(const std::string& assignment) {
   }
   ADD_FAILURE() << assignment << " was accepted";
   return "";
+}
+
+// Every saved configuration of earlier versions has them.
+TEST(TrainConfig, KeysThatAreGoneAreReadWhereTheyHadNoEffect) {
+  ConfigSource source = ConfigSource::FromFile("configs/m01.yaml");
+  source.Set("loss.class_weights=[]");
+  source.Set("run.best_metric=miou");
+  EXPECT_NO_THROW(ReadTrainConfig(source));
+  EXPECT_EQ(ReadSavedConfig("loss: {class_weights: []}\n", "old.state").run.samples, 3200000);
+  EXPECT_EQ(
+      SetError("loss.class_weights=[1, 2]").rfind("loss.class_weights (--set) is no longer", 0),
+      0u);
+  EXPECT_NE(SetError("run.best_metric=loss_seg").find("best miou"), std::string::npos);
 }
 
 TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {

@@ -2,12 +2,10 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/isfinite.h>
-#include <c10/core/CPUAllocator.h>
 #include <c10/core/GradMode.h>
 #include <c10/util/Exception.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <torch/version.h>
 
 #include <algorithm>
 #include <atomic>
@@ -33,6 +31,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
+#include "tests/train/watched_memory.h"
 #include "train/compute.h"
 #include "train/state.h"
 
@@ -174,7 +173,6 @@ TEST_P(Resume, EndsAsARunThatWasNotStopped) {
   config.run.samples = 24;
   config.optim.warmup_samples = 4;
   config.run.micro_batch = 1;
-  config.loss.class_weights = {0.5, 1};
   TrainOn(data, config, Options(folder / "whole"));
   TrainOptions options = Options(folder / "parts");
   options.stop_at_samples = 10;
@@ -250,8 +248,8 @@ TEST(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
       Names(folder / "run" / "states"),
       (std::vector<std::string>{"000000000060.state", "000000000070.state", "000000000080.state"}));
   EXPECT_EQ(Names(folder / "run"),
-            (std::vector<std::string>{"best.pt", "config.yaml", "metrics.jsonl", "model.pt",
-                                      "states", "tensorboard"}));
+            (std::vector<std::string>{"best.pt", "config.yaml", "intrinsics.yaml", "metrics.jsonl",
+                                      "model.pt", "states", "structure.yaml", "tensorboard"}));
   config.run.keep_states = 2;
   for (const char* name : {"best.pt", "model.pt"}) {
     const auto a = ReadTensorFile(folder / "whole" / name, kCheckpointFormat).tensors;
@@ -266,21 +264,20 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
     const TempFolder folder;
     TrainConfig config = TinyConfig();
     config.run.validate_every = 10;
-    config.run.best_metric = BestMetric::kLossSeg;
     config.model.normalization = "none";
     config.optim.schedule = Schedule::kConstant;
     config.optim.lr = lr;
     config.optim.weight_decay = 0;
     TrainOn(SyntheticData(2, 32, 1u << 20), config, Options(folder / "run"));
-    double best = 1e9;
+    double best = -1;
     std::int64_t at = 0;
     const std::vector<json> rows = Rows(folder / "run", "validation");
     for (const json& row : rows)
       EXPECT_EQ(row.contains("median_translation_error_m"), row.at("posed") > 0);
     ASSERT_EQ(rows.size(), 8u);
     for (const json& row : rows) {
-      if (row.at("loss_seg").get<double>() >= best) continue;
-      best = row.at("loss_seg").get<double>();
+      if (row.at("miou").get<double>() <= best) continue;
+      best = row.at("miou").get<double>();
       at = row.at("samples").get<std::int64_t>();
     }
     if (lr < 0.01) {
@@ -291,11 +288,41 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
   }
 }
 
+// Frames that are held out are there without rendered samples.
+TEST(Trainer, ValidatesOnHeldOutFramesWhereNoSampleIsRenderedForIt) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.samples = 4;
+  config.run.validation_samples = 0;
+  TrainingData data = SyntheticData(2, 32, 1u << 20);
+  data.validation_frames = 2;
+  const TrainResult result = TrainOn(data, config, Options(folder / "run"));
+  EXPECT_EQ(result.validation.samples, 2);
+  EXPECT_EQ(Rows(folder / "run", "validation").size(), 1u);
+  EXPECT_TRUE(std::filesystem::exists(folder / "run" / "best.pt"));
+}
+
+// So is a short trial of a recipe: its beginning.
+TEST(Trainer, SaysThatAWarmUpIsLongerThanTheRun) {
+  const TempFolder folder;
+  TrainConfig config = TinyConfig();
+  config.run.samples = config.optim.warmup_samples = 4;
+  TrainOptions options = Options(folder / "run");
+  options.quiet = false;
+  testing::internal::CaptureStderr();
+  EXPECT_TRUE(TrainOn(SyntheticData(2, 32, 1u << 20), config, options).finished);
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_NE(said.find("optim.warmup_samples = 4 is not shorter than run.samples = 4"),
+            std::string::npos)
+      << said;
+  const double lr = Rows(folder / "run", "train").back().at("lr");
+  EXPECT_LT(lr, config.optim.lr);
+}
+
 TEST(Trainer, EndsEarlyWhereValidationsGetNoBetter) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
   config.run.validate_every = 10;
-  config.run.best_metric = BestMetric::kLossSeg;
   config.run.patience = 2;
   config.optim.schedule = Schedule::kConstant;
   config.optim.lr = 1e-20;  // changes no weight: each validation is as the first one
@@ -304,8 +331,8 @@ TEST(Trainer, EndsEarlyWhereValidationsGetNoBetter) {
   EXPECT_TRUE(result.finished && result.early);
   ASSERT_LT(result.samples, 80);
   const std::vector<json> rows = Rows(folder / "run", "validation");
-  const auto best = std::min_element(rows.begin(), rows.end(), [](const json& a, const json& b) {
-    return a.at("loss_seg").get<double>() < b.at("loss_seg").get<double>();
+  const auto best = std::max_element(rows.begin(), rows.end(), [](const json& a, const json& b) {
+    return a.at("miou").get<double>() < b.at("miou").get<double>();
   });
   EXPECT_EQ(rows.end() - best, 3);  // two came after it
   // It has ended: to resume changes nothing, with more patience it goes on.
@@ -677,46 +704,22 @@ TEST(Trainer, StopsWhereNoStepIsFinite) {
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
 }
 
-/// In place of the device's allocator: once it is armed, the next request of this thread for more
+/// As a device whose memory is short: once it is armed, the next request of this thread for more
 /// than a kilobyte fails as CUDA's do.
-class Scarce : public at::Allocator {
- public:
-  Scarce() : real_(c10::GetCPUAllocator()) { c10::SetCPUAllocator(this); }
-  ~Scarce() override { c10::SetCPUAllocator(real_); }
-  Scarce(const Scarce&) = delete;
-  Scarce& operator=(const Scarce&) = delete;
-#if TORCH_VERSION_MAJOR * 100 + TORCH_VERSION_MINOR >= 203
-  at::DataPtr allocate(std::size_t bytes) override { return Allocate(bytes); }
-  void copy_data(void* to, const void* from, std::size_t bytes) const override {
-    real_->copy_data(to, from, bytes);
-  }
-#else
-  at::DataPtr allocate(std::size_t bytes) const override { return Allocate(bytes); }
-#endif
-  at::DeleterFnPtr raw_deleter() const override { return real_->raw_deleter(); }
-
-  mutable std::atomic<bool> armed{false};
-
- private:
-  at::DataPtr Allocate(std::size_t bytes) const {
-    TORCH_CHECK_WITH(
-        OutOfMemoryError,
-        bytes <= 1000 || std::this_thread::get_id() != trains_ || !armed.exchange(false),
-        "CUDA out of memory. Tried to allocate ", bytes, " bytes");
-    return real_->allocate(bytes);
-  }
-
-  at::Allocator* real_;
-  const std::thread::id trains_ = std::this_thread::get_id();
-};
-
 TEST(Trainer, SaysWhatToDoWhereMemoryIsShort) {
   const TempFolder folder;
-  const Scarce memory;
+  std::atomic<bool> armed{false};
+  const std::thread::id trains = std::this_thread::get_id();
+  const WatchedMemory memory([&](std::size_t bytes) {
+    TORCH_CHECK_WITH(
+        OutOfMemoryError,
+        bytes <= 1000 || std::this_thread::get_id() != trains || !armed.exchange(false),
+        "CUDA out of memory. Tried to allocate ", bytes, " bytes");
+  });
   const TrainConfig config = TinyConfig();
   // Two batches may be drawn ahead of the one that is trained with.
   const TrainingData data = Changed([&](auto*, int number) {
-    if (number == 20) memory.armed = true;
+    if (number == 20) armed = true;
   });
   ExpectError<Error>([&] { TrainOn(data, config, Options(folder / "run")); },
                      {"cpu is out of memory with 2 samples at once", "run.micro_batch",

@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-
-#include "core/config/config_word.h"
 
 namespace volalign {
 
@@ -47,22 +46,13 @@ std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& r
   return means;
 }
 
-bool BestValidation::Note(BestMetric metric, const ValidationResult& result,
-                          std::int64_t at_samples) {
-  const char* const name = WordOf(kBestMetrics, metric);
-  for (const auto& [mean, found] : NamedMeans(result)) {
-    if (mean != name || !std::isfinite(found)) continue;
-    const bool better = LargerIsBetter(metric) ? found > value : found < value;
-    if (samples >= 0 && !better) continue;
-    *this = {at_samples, found, 0};
-    return true;
+bool BestValidation::Note(const ValidationResult& result, std::int64_t at_samples) {
+  if (!std::isfinite(result.miou) || (samples >= 0 && result.miou <= value)) {
+    ++since;
+    return false;
   }
-  ++since;
-  return false;
-}
-
-bool LargerIsBetter(BestMetric metric) {
-  return metric == BestMetric::kMiou || metric == BestMetric::kMiouAuthors;
+  *this = {at_samples, result.miou, 0};
+  return true;
 }
 
 double Total(const StepTimes& t) { return t.data + t.forward + t.loss + t.backward + t.optim; }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -67,36 +66,17 @@ struct ValidationResult {
 /// none.
 std::string MedianPoseError(const ValidationResult& result);
 
-/// Metric of a validation by which runs and their checkpoints are compared.
-enum class BestMetric {
-  kLossSeg,
-  kMiou,
-  kMiouAuthors,
-  kKeypointRmse,
-  kTranslationError,
-  kRotationError
-};
-inline constexpr std::array<std::pair<const char*, BestMetric>, 6> kBestMetrics{
-    {{"loss_seg", BestMetric::kLossSeg},
-     {"miou", BestMetric::kMiou},
-     {"miou_authors", BestMetric::kMiouAuthors},
-     {"keypoint_rmse_m", BestMetric::kKeypointRmse},
-     {"median_translation_error_m", BestMetric::kTranslationError},
-     {"median_rotation_error_deg", BestMetric::kRotationError}}};
-
-bool LargerIsBetter(BestMetric metric);
-
 /// The means by the names that files give them; those of poses where a sample has one.
 std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result);
 
-/// The best of the validations so far.
+/// The best of the validations so far, by miou.
 struct BestValidation {
   std::int64_t samples = -1;  ///< after which it was; -1: there is none
   double value = 0;
   int since = 0;  ///< validations that came after it
 
   /// Takes a validation into account; true: it is the best. The earlier of equal ones stays.
-  bool Note(BestMetric metric, const ValidationResult& result, std::int64_t at_samples);
+  bool Note(const ValidationResult& result, std::int64_t at_samples);
 };
 
 /// A row of the training's log: means over the steps since the row before.

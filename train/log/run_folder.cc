@@ -71,10 +71,11 @@ void RunFolder::BeginAfter(std::int64_t samples) const {
   }
   RemoveTemporaries(dir_ / "states");
   for (const std::filesystem::path& file : FilesIn(dir_)) {
-    for (const std::filesystem::path& own : {config(), metrics(), model(), best()}) {
-      if (file.string().rfind(own.string() + ".tmp-", 0) == 0) {
+    const std::string name = file.filename().string();
+    for (const char* own : {"command", "config.yaml", "metrics.jsonl", "model.pt", "best.pt",
+                            "structure.", "intrinsics.yaml"}) {
+      if (name.rfind(own, 0) == 0 && name.find(".tmp-") != std::string::npos)
         std::filesystem::remove(file, ignored);
-      }
     }
   }
 }

@@ -148,11 +148,47 @@ std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs) {
   return groups;
 }
 
+std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGroup>* groups) {
+  constexpr std::size_t kShown = 5;
+  if (groups->empty()) return 0;
+  const std::map<std::string, std::string> all = groups->front().differences;
+  std::vector<std::string> shown = wanted;
+  if (wanted.empty()) {
+    std::map<std::string, std::set<std::string>> values;
+    for (const RunGroup& group : *groups) {
+      for (const auto& [key, value] : group.differences) values[key].insert(value);
+    }
+    for (const auto& [key, unused] : all) shown.push_back(key);
+    std::stable_sort(shown.begin(), shown.end(), [&](const std::string& a, const std::string& b) {
+      return values[a].size() > values[b].size();
+    });
+    shown.resize(std::min(shown.size(), kShown));
+  }
+  for (const std::string& key : shown) {
+    const bool known = std::any_of(groups->begin(), groups->end(), [&](const RunGroup& group) {
+      return group.runs.front().config.count(key) > 0;
+    });
+    if (!known) throw ConfigError(fmt::format("--keys {}: no run has this key", key));
+  }
+  for (RunGroup& group : *groups) {
+    group.differences.clear();
+    for (const std::string& key : shown) {
+      const auto found = group.runs.front().config.find(key);
+      group.differences[key] = found == group.runs.front().config.end() ? "" : found->second;
+    }
+  }
+  return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const auto& item) {
+    return groups->front().differences.count(item.first) == 0;
+  }));
+}
+
 std::string RunGroup::Label() const {
-  if (differences.empty()) return "all";
-  std::string label;
+  std::string label = runs.front().name;
+  if (runs.size() > 1) label += fmt::format(" ({} runs)", runs.size());
+  const char* before = ": ";
   for (const auto& [key, value] : differences) {
-    label += fmt::format("{}{}={}", label.empty() ? "" : ", ", key, value);
+    label += fmt::format("{}{}={}", before, key, value);
+    before = ", ";
   }
   return label;
 }

@@ -43,10 +43,16 @@ std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders,
 struct RunGroup {
   std::map<std::string, std::string> differences;  ///< keys that differ between groups
   std::vector<LoggedRun> runs;
-  std::string Label() const;  ///< "optim.lr=0.001, run.batch_size=8", or "all" of a single group
+  /// "runs/a (3 runs): optim.lr=0.001, run.batch_size=8"
+  std::string Label() const;
 };
 
 /// In the order of each group's first run.
 std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs);
+
+/// Leaves of all groups' `differences` those of the `wanted` keys, which need not differ, or, where
+/// none is wanted, the five by which most groups differ. Returns the number of those left out.
+/// Throws ConfigError for a key that no run has.
+std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGroup>* groups);
 
 }  // namespace volalign

@@ -102,11 +102,8 @@ void DrawPanel(const std::vector<RunGroup>& groups, const std::string& metric, d
 
 /// What a group is called, in lines that fit beside its colour, broken behind commas.
 std::vector<std::string> LegendLines(const RunGroup& group) {
-  const std::size_t runs = group.runs.size();
-  const std::string name = runs == 1 ? fmt::format("{} ({})", group.Label(), group.runs[0].name)
-                                     : fmt::format("{} ({} runs)", group.Label(), runs);
   std::vector<std::string> lines;
-  for (const std::string& part : Split(name, ',')) {
+  for (const std::string& part : Split(group.Label(), ',')) {
     if (lines.empty()) {
       lines.push_back(part);
     } else if (lines.back().size() + part.size() < kLegendLetters) {

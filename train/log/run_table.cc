@@ -9,9 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/base/error.h"
 #include "core/base/number.h"
-#include "train/log/metrics.h"
 
 namespace volalign {
 namespace {
@@ -34,19 +32,10 @@ std::optional<double> NumberOf(const LoggedRun& run, const std::string& key) {
   return found == run.config.end() ? std::nullopt : volalign::NumberOf(found->second);
 }
 
-/// The best value of a run's own metric.
 Cell BestOf(const LoggedRun& run) {
-  const auto key = run.config.find("run.best_metric");
-  if (key == run.config.end()) return {};
-  const auto curve = run.curves.find("validation/" + key->second);
+  const auto curve = run.curves.find("validation/miou");
   if (curve == run.curves.end()) return {};
-  for (const auto& [word, metric] : kBestMetrics) {
-    if (word != key->second) continue;
-    const std::vector<double>& v = curve->second.values;
-    return LargerIsBetter(metric) ? *std::max_element(v.begin(), v.end())
-                                  : *std::min_element(v.begin(), v.end());
-  }
-  return {};
+  return *std::max_element(curve->second.values.begin(), curve->second.values.end());
 }
 
 std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
@@ -104,15 +93,13 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
   Table table;
   table.columns = {"run", "samples", "of", "loss"};
   for (const char* metric : kValidationMetrics) table.columns.emplace_back(metric);
-  table.columns.insert(table.columns.end(), {"best_metric", "best", "samples_per_s"});
+  table.columns.insert(table.columns.end(), {"best miou", "samples_per_s"});
   for (const LoggedRun& run : runs) {
     std::vector<Cell> row = {run.name, std::int64_t{run.samples},
                              CellOf(NumberOf(run, "run.samples")), CellOf(run.Last("train/loss"))};
     for (const char* metric : kValidationMetrics) {
       row.push_back(CellOf(run.Last(std::string("validation/") + metric)));
     }
-    const auto key = run.config.find("run.best_metric");
-    row.push_back(key == run.config.end() ? Cell() : Cell(key->second));
     row.push_back(BestOf(run));
     row.push_back(CellOf(run.SamplesPerSecond()));
     table.rows.push_back(row);
@@ -133,12 +120,8 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
     table.columns.push_back(metric);
     table.columns.push_back(metric + " std");
   }
-  const auto best = groups.front().runs.front().config.find("run.best_metric");
-  const std::string by =
-      best == groups.front().runs.front().config.end() ? "loss_seg" : best->second;
   if (groups.size() > 1)
-    table.columns.insert(table.columns.end(),
-                         {"shared seeds", by + " less the first's", "95 % +-"});
+    table.columns.insert(table.columns.end(), {"shared seeds", "miou less the first's", "95 % +-"});
   for (const RunGroup& group : groups) {
     std::vector<Cell> row = {group.runs.front().name};
     for (const auto& [key, value] : group.differences) row.emplace_back(value);
@@ -159,7 +142,7 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
       row.push_back(deviation);
     }
     if (&group != &groups.front()) {
-      for (const Cell& cell : DifferenceFrom(groups.front(), group, by)) row.push_back(cell);
+      for (const Cell& cell : DifferenceFrom(groups.front(), group, "miou")) row.push_back(cell);
     } else if (groups.size() > 1) {
       row.resize(table.columns.size());
     }

@@ -8,12 +8,14 @@
 
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/input_file.h"
 #include "core/config/config.h"
 
 namespace volalign {
 
 bool HasModel(const SuiteMethod& method) {
-  return method.kind == MethodKind::kMarkers || std::filesystem::exists(method.model);
+  return method.kind == MethodKind::kMarkers ||
+         std::filesystem::exists(FindInputFile(method.model));
 }
 
 MethodSet::MethodSet(const SuiteConfig& suite, std::string program)
@@ -23,7 +25,7 @@ MethodSet::MethodSet(const SuiteConfig& suite, std::string program)
     if (!HasModel(method)) continue;
     Entry entry{method, nullptr, ""};
     if (!method.model.empty()) {
-      entry.sha256 = Sha256(ReadFile(method.model, kMaxModelBytes));
+      entry.sha256 = Sha256(ReadFile(FindInputFile(method.model), kMaxModelBytes));
       std::shared_ptr<Shared>& shared = networks[entry.sha256];
       if (!shared) shared = std::make_shared<Shared>();
       entry.shared = shared;

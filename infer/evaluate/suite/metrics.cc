@@ -81,9 +81,11 @@ ColumnStatistics Column(const std::vector<double>& values, const std::vector<int
   column.rsd = all.rsd;
   std::map<int, std::vector<double>> by_group;
   for (std::size_t i = 0; i < values.size(); ++i) by_group[groups.at(i)].push_back(values[i]);
+  std::vector<double> within;
   for (const auto& [group, members] : by_group) {
-    column.rsd_within += Summarise(members).rsd / static_cast<double>(by_group.size());
+    if (members.size() > 1) within.push_back(Summarise(members).rsd);
   }
+  if (!within.empty()) column.rsd_within = Summarise(within).mean;
   return column;
 }
 

@@ -38,7 +38,8 @@ struct ColumnStatistics {
   /// Mean of the groups' own std / mean. The paper's table of the arc has an RSD that is 2 to 5
   /// times below its STD / mean, as this one would be where distances differ more than captures at
   /// one distance do; in all its other tables the RSD is STD / mean.
-  double rsd_within = 0;
+  /// None where each group has one value.
+  std::optional<double> rsd_within;
 };
 /// `groups`: of each value, the set-up that it comes from.
 ColumnStatistics Column(const std::vector<double>& values, const std::vector<int>& groups);

@@ -20,12 +20,13 @@ std::vector<std::string> Cells(const TableCell& cell, SuiteMetric metric) {
   if (cell.values.empty()) return {"-", "-", "-", "-"};
   const ColumnStatistics& c = cell.column;
   const std::string distance = cell.distance ? fmt::format("{:+.2f}%", 100 * *cell.distance) : "-";
-  if (InPercent(metric)) {
-    return {fmt::format("{:.2f}%", 100 * c.mean), fmt::format("{:.2f}%", 100 * c.std),
-            fmt::format("{:.1f}%", 100 * c.rsd), distance};
-  }
-  return {fmt::format("{:.4f}", c.mean), fmt::format("{:.4f}", c.std),
-          fmt::format("{:.2f}%", 100 * c.rsd), distance};
+  const bool percent = InPercent(metric);
+  const auto number = [&](double x) {
+    return percent ? fmt::format("{:.2f}%", 100 * x) : fmt::format("{:.4f}", x);
+  };
+  if (c.count < 2) return {number(c.mean), "-", "-", distance};  // one value has no spread
+  return {number(c.mean), number(c.std), fmt::format("{:.{}f}%", 100 * c.rsd, percent ? 1 : 2),
+          distance};
 }
 
 std::string Floor(const TableCell& cell, SuiteMetric metric) {
@@ -83,11 +84,13 @@ std::string TruthTable(const TableData& data) {
                               : fmt::format("{:.1f} | {:.1f} | {:.2f} | {:.2f}", truth.mean_mm,
                                             truth.median_mm, truth.mean_deg, truth.median_deg);
       text += fmt::format(
-          "| {}, {} | {} | {} of {} | {} of {} | {} | {} | {:.2f}% |\n", Label(row),
+          "| {}, {} | {} | {} of {} | {} of {} | {} | {} | {} |\n", Label(row),
           data.table.blocks[b].title, row.cells[b].values.size(), truth.lost, truth.views,
           truth.wrong, truth.measured, errors,
           truth.miou_of_truth ? fmt::format("{:.2f}%", 100 * *truth.miou_of_truth) : "-",
-          100 * row.cells[b].column.rsd_within);
+          row.cells[b].column.rsd_within
+              ? fmt::format("{:.2f}%", 100 * *row.cells[b].column.rsd_within)
+              : "-");
     }
   }
   return text;
@@ -116,7 +119,7 @@ std::string FormatMarkdown(const TableData& data) {
       "views, in the frame in which the boxes' own displacements average out. Labels' mIoU: the "
       "predicted against the true labels, over the classes present. RSD within set-ups: mean of "
       "the "
-      "set-ups' own STD / mean.\n\n";
+      "set-ups' own STD / mean, of those with several captures.\n\n";
   return text + TruthTable(data);
 }
 
@@ -142,7 +145,7 @@ std::string FormatCsv(const TableData& data) {
                           cell.values.size());
       text += fmt::format("{},{},{},{},{},{},", number(any, cell.column.mean),
                           number(any, cell.column.std), number(any, cell.column.rsd),
-                          number(any, cell.column.rsd_within), optional(cell.distance),
+                          optional(cell.column.rsd_within), optional(cell.distance),
                           optional(cell.floor));
       for (std::size_t c = 0; c < 4; ++c) text += Paper(row.row, b, c) + ",";
       const bool errors = t.measured > 0;
@@ -190,7 +193,7 @@ void Describe(Archive& ar, ColumnStatistics& column) {
   ar("mean", column.mean);
   ar("std", column.std);
   ar("rsd", column.rsd);
-  ar("rsd_within", column.rsd_within);
+  ar.Optional("rsd_within", column.rsd_within);
 }
 
 template <class Archive>

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <string>
 
+#include "core/base/error.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::input_file_test {
@@ -33,6 +35,17 @@ TEST(InputFile, DataStandAboveAProgramOrInShareBesideIt) {
   EXPECT_EQ(DataFolderNear(folder / "prefix/bin/program"), folder / "prefix/share/volalign")
       << "one that has no data does not count";
   ::unsetenv("VOLALIGN_DATA_DIR");
+}
+
+// So that a program of somebody else's, which sets none, finds them as volalign does.
+TEST(InputFile, DataAreLookedForNearTheRunningProgramUnlessItSaysOtherwise) {
+  EXPECT_EQ(DataFolder(), fs::current_path());
+  EXPECT_EQ(FindInputFile("configs/m01.yaml"), "configs/m01.yaml");
+  const std::string before = DataFolder();
+  SetDataFolder("");
+  ExpectError<IoError>([] { RequireInputFile("data.structure", "configs/none.yaml"); },
+                       {"data.structure = configs/none.yaml", "VOLALIGN_DATA_DIR"});
+  SetDataFolder(before);
 }
 
 }  // namespace

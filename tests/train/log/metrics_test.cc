@@ -68,72 +68,43 @@ TEST(StepTimes, AreSharedOutAsMeasured) {
   EXPECT_NEAR(Total(all), 15, 1e-12);
 }
 
-TEST(BestMetric, NamesAValueAndItsDirection) {
-  ValidationResult result;
-  result.loss_seg = 1;
-  result.miou = 2;
-  result.miou_authors = 3;
-  result.keypoint_rmse_m = 4;
-  result.median_translation_error_m = 5;
-  result.median_rotation_error_deg = 6;
-  result.posed = 1;
-  for (std::size_t i = 0; i < kBestMetrics.size(); ++i) {
-    const BestMetric metric = kBestMetrics[i].second;
-    BestValidation best;
-    EXPECT_TRUE(best.Note(metric, result, 10));
-    EXPECT_EQ(best.value, static_cast<double>(i + 1)) << kBestMetrics[i].first;
-    EXPECT_EQ(LargerIsBetter(metric), i == 1 || i == 2) << kBestMetrics[i].first;
-  }
-  // Errors of poses mean nothing where no sample has one.
-  result.posed = 0;
-  for (std::size_t i = 0; i < kBestMetrics.size(); ++i)
-    EXPECT_EQ(BestValidation().Note(kBestMetrics[i].second, result, 10), i < 3);
-  EXPECT_EQ(MedianPoseError(result), "-");
-}
-
-ValidationResult Result(double loss_seg, double miou) {
-  ValidationResult result;
-  result.loss_seg = loss_seg;
-  result.miou = miou;
-  return result;
-}
-
-TEST(BestValidation, IsTheSmallestLossOrTheLargestIou) {
-  BestValidation loss, iou;
-  EXPECT_TRUE(loss.Note(BestMetric::kLossSeg, Result(0.5, 0.5), 10));
-  EXPECT_TRUE(iou.Note(BestMetric::kMiou, Result(0.5, 0.5), 10));
-  EXPECT_FALSE(loss.Note(BestMetric::kLossSeg, Result(0.6, 0.6), 20));
-  EXPECT_TRUE(iou.Note(BestMetric::kMiou, Result(0.6, 0.6), 20));
-  EXPECT_EQ(loss.samples, 10);
-  EXPECT_EQ(loss.value, 0.5);
-  EXPECT_EQ(loss.since, 1);
-  EXPECT_EQ(iou.samples, 20);
-  EXPECT_EQ(iou.value, 0.6);
-  EXPECT_EQ(iou.since, 0);
-}
-
-TEST(BestValidation, TheEarlierOfEqualOnesStaysAndWorseOnesAreCounted) {
+TEST(BestValidation, IsThatOfTheLargestMiou) {
   BestValidation best;
-  EXPECT_TRUE(best.Note(BestMetric::kMiou, Result(0, 0.5), 10));
-  EXPECT_FALSE(best.Note(BestMetric::kMiou, Result(0, 0.5), 20));
-  EXPECT_FALSE(best.Note(BestMetric::kMiou, Result(0, 0.4), 30));
+  const auto note = [&](double miou, std::int64_t at_samples) {
+    ValidationResult result;
+    result.miou = miou;
+    return best.Note(result, at_samples);
+  };
+  EXPECT_FALSE(note(std::numeric_limits<double>::infinity(), 5));  // no value
+  EXPECT_EQ(best.samples, -1);
+  EXPECT_TRUE(note(0.5, 10));
+  EXPECT_FALSE(note(0.5, 20));  // the earlier of equal ones stays
+  EXPECT_FALSE(note(0.4, 30));
   EXPECT_EQ(best.samples, 10);
   EXPECT_EQ(best.since, 2);
-  EXPECT_TRUE(best.Note(BestMetric::kMiou, Result(0, 0.6), 40));
+  EXPECT_TRUE(note(0.6, 40));
+  EXPECT_EQ(best.value, 0.6);
   EXPECT_EQ(best.since, 0);
 }
 
-TEST(BestValidation, OneThatHasNoValueIsNeverTheBest) {
+// By its few lucky poses an early validation must not stay the best.
+TEST(BestValidation, DoesNotGoByThePosesOfFewSamples) {
   BestValidation best;
-  ValidationResult posed = Result(0, 0);
-  posed.keypoint_rmse_m = 0.3;
-  EXPECT_FALSE(best.Note(BestMetric::kKeypointRmse, posed, 10));  // no sample has a pose
-  EXPECT_EQ(best.samples, -1);
-  posed.posed = 1;
-  EXPECT_TRUE(best.Note(BestMetric::kKeypointRmse, posed, 20));
-  EXPECT_FALSE(
-      best.Note(BestMetric::kLossSeg, Result(-std::numeric_limits<double>::infinity(), 0), 30));
+  ValidationResult lucky, good;
+  lucky.samples = good.samples = 192;
+  lucky.posed = 2;
+  lucky.miou = 0.1;
+  lucky.median_translation_error_m = 0.01;
+  good.posed = 180;
+  good.miou = 0.6;
+  good.median_translation_error_m = 0.03;
+  EXPECT_TRUE(best.Note(lucky, 10));
+  EXPECT_TRUE(best.Note(good, 20));
   EXPECT_EQ(best.samples, 20);
+}
+
+TEST(MedianPoseError, IsADashWhereNoSampleHasAPose) {
+  EXPECT_EQ(MedianPoseError(ValidationResult()), "-");
 }
 
 }  // namespace

@@ -22,9 +22,7 @@ using nlohmann::json;
 /// A run folder with a validation at 10 and one at 20 samples, as a killed run leaves it.
 void WriteRun(const std::filesystem::path& dir, int seed, double lr, double miou) {
   WriteFileAtomically(dir / "config.yaml",
-                      fmt::format("optim: {{lr: {}}}\nrun: {{seed: {}, samples: 40, best_metric: "
-                                  "miou}}\n",
-                                  lr, seed));
+                      fmt::format("optim: {{lr: {}}}\nrun: {{seed: {}, samples: 40}}\n", lr, seed));
   std::string rows;
   for (const int samples : {10, 20}) {
     rows += json{{"type", "train"},
@@ -82,7 +80,7 @@ TEST(Runs, AreListedComparedAndPlotted) {
   EXPECT_EQ(list[0].at("of"), 40);
   EXPECT_EQ(list[0].at("loss"), 1.5);
   EXPECT_DOUBLE_EQ(list[0].at("miou"), 0.55);
-  EXPECT_DOUBLE_EQ(list[0].at("best"), 0.6);
+  EXPECT_DOUBLE_EQ(list[0].at("best miou"), 0.6);
   EXPECT_EQ(list[0].at("samples_per_s"), 4);
   EXPECT_FALSE(list[0].contains("loss_seg"));  // of a validation, which these rows lack
   EXPECT_FALSE(list[0].contains("keypoint_rmse_m"));
@@ -90,7 +88,8 @@ TEST(Runs, AreListedComparedAndPlotted) {
   const std::vector<RunGroup> groups = GroupRuns(runs);
   ASSERT_EQ(groups.size(), 2u);
   EXPECT_EQ(groups[0].runs.size(), 2u);
-  EXPECT_EQ(groups[1].Label(), "optim.lr=0.002");
+  EXPECT_EQ(groups[0].Label(), (folder / "a1").string() + " (2 runs): optim.lr=0.001");
+  EXPECT_EQ(groups[1].Label(), (folder / "b1").string() + ": optim.lr=0.002");
   const Table table = CompareRuns(groups);
   const json compared = json::parse(FormatTable(table, TableFormat::kJson));
   EXPECT_EQ(compared[0].at("optim.lr"), "0.001");
@@ -129,6 +128,26 @@ TEST(Runs, AreListedComparedAndPlotted) {
     EXPECT_LT(wrapped.find('<', begin) - begin, 90u) << wrapped.substr(at, 200);
   }
   ExpectError<ConfigError>([&] { PlotRuns(groups, {"train/lss"}); }, {"train/lss", "train/loss"});
+}
+
+TEST(Runs, ShowTheKeysThatTellMostApartOrThoseThatAreWanted) {
+  std::vector<LoggedRun> runs(3);
+  for (int i = 0; i < 3; ++i) {
+    LoggedRun& run = runs[static_cast<std::size_t>(i)];
+    run.name = fmt::format("run{}", i);
+    for (int key = 0; key < 9; ++key)  // the last one has three values, the others two
+      run.config[fmt::format("data.key{}", key)] = std::to_string(key == 8 ? i : i / 2);
+    run.config["model.kind"] = "paper";
+  }
+  std::vector<RunGroup> few = GroupRuns(runs), named = few;
+  ASSERT_EQ(few.size(), 3u);
+  EXPECT_EQ(few[0].differences.size(), 9u);
+  EXPECT_EQ(ShowKeys({}, &few), 4u);
+  EXPECT_EQ(few[1].Label(),
+            "run1: data.key0=0, data.key1=0, data.key2=0, data.key3=0, data.key8=1");
+  EXPECT_EQ(ShowKeys({"model.kind", "data.key7"}, &named), 8u);
+  EXPECT_EQ(named[2].Label(), "run2: data.key7=1, model.kind=paper");
+  ExpectError<ConfigError>([&] { ShowKeys({"model.width"}, &named); }, {"--keys model.width"});
 }
 
 TEST(Runs, SayWhatIsNoRun) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/base/input_file.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::method_set_test {
@@ -44,6 +45,17 @@ TEST_F(Methods, AreThoseThatHaveTheirModel) {
   EXPECT_FALSE(HasModel(suite_.methods[0]));
   suite_.methods.pop_back();
   EXPECT_FALSE(MethodSet(suite_, "program").HasMarkers());
+}
+
+TEST_F(Methods, HaveModelsInTheDataFolderToo) {
+  suite_.methods[0].model = "models/of_the_suite.pt";
+  EXPECT_FALSE(HasModel(suite_.methods[0]));
+  folder_.Write("models/of_the_suite.pt", "weights");
+  const std::string before = DataFolder();
+  SetDataFolder(folder_.path().string());
+  EXPECT_TRUE(HasModel(suite_.methods[0]));
+  EXPECT_EQ(MethodSet(suite_, "program").size(), 3u);
+  SetDataFolder(before);
 }
 
 TEST_F(Methods, ApplyToTheirDatasetsAndMarkersToRenderedCaptures) {

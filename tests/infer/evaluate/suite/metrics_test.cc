@@ -174,7 +174,10 @@ TEST(PaperMetrics, ColumnsHaveTheirDefinition) {
   EXPECT_DOUBLE_EQ(column.mean, 11);
   EXPECT_DOUBLE_EQ(column.std, std::sqrt((100 + 1 + 64 + 361) / 4.0));
   EXPECT_DOUBLE_EQ(column.rsd, column.std / 11);
-  EXPECT_DOUBLE_EQ(column.rsd_within, 0.5);
+  EXPECT_DOUBLE_EQ(column.rsd_within.value(), 0.5);
+  // One value has no spread: it does not count as 0.
+  EXPECT_DOUBLE_EQ(Column({1, 3, 7}, {0, 0, 1}).rsd_within.value(), 0.5);
+  EXPECT_FALSE(Column({1, 3}, {0, 1}).rsd_within.has_value());
   EXPECT_EQ(Column({}, {}).count, 0);
 }
 

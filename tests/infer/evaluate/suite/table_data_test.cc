@@ -70,7 +70,7 @@ TEST(TableData, CellsAreThoseOfTheirCapturesAndViews) {
   EXPECT_EQ(a.cells[0].values, (std::vector<double>{0.02, 0.04}));
   EXPECT_EQ(a.cells[1].values, (std::vector<double>{0.5, 0.7, 0.9}));
   EXPECT_DOUBLE_EQ(a.cells[0].column.mean, 0.03);
-  EXPECT_DOUBLE_EQ(a.cells[0].column.rsd_within, 0);  // one capture of each set-up
+  EXPECT_FALSE(a.cells[0].column.rsd_within.has_value());  // one capture of each set-up
   EXPECT_DOUBLE_EQ(*a.cells[0].floor, 0.01);
   EXPECT_DOUBLE_EQ(*a.cells[1].floor, 1);
   // The best of the paper's rows, not of ours, is the one that distances count from.
