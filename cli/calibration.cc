@@ -194,6 +194,16 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   out.result = Calibrate(
       out.stills, out.structure, segmenter, config,
       [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
+  if (!structure && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
+    out.result.findings.insert(
+        out.result.findings.begin(),
+        {RigCode::kStructureAssumed,
+         {},
+         fmt::format("no structure was given, and most sensors do not see \"{}\", which the model "
+                     "knows",
+                     out.structure.name()),
+         "describe your boxes in a YAML, and give it with --structure"});
+  }
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
   out.source.captures = request.captures;

@@ -14,6 +14,7 @@
 #include "core/base/input_file.h"
 #include "core/config/bounded_yaml.h"
 #include "core/config/config.h"
+#include "core/geometry/typical_intrinsics.h"
 
 namespace volalign {
 
@@ -114,7 +115,11 @@ Intrinsics ParseIntrinsics(const YAML::Node& item, const std::vector<int>& size,
 }  // namespace
 
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
-  const std::string text = ReadFile(FindInputFile(path), kMaxTextBytes);
+  return ParseIntrinsicsPool(ReadFile(FindInputFile(path), kMaxTextBytes), path);
+}
+
+std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& text,
+                                                     const std::string& path) {
   std::vector<IntrinsicsPoolEntry> pool;
   try {
     for (const YAML::Node& node : LoadYaml(text)) {

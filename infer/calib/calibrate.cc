@@ -5,6 +5,7 @@
 
 #include "core/base/stage_clock.h"
 #include "infer/calib/check_request.h"
+#include "infer/calib/hypotheses.h"
 #include "infer/calib/joint_solution.h"
 #include "infer/calib/judge.h"
 #include "infer/calib/look.h"
@@ -13,9 +14,11 @@
 
 namespace volalign {
 
-CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
-                            Segmenter* segmenter, const CalibrateOptions& options,
-                            const CalibrateProgress& progress) {
+namespace {
+
+CalibrationResult CalibrateAsGiven(const std::vector<Still>& stills, const Structure& structure,
+                                   Segmenter* segmenter, const CalibrateOptions& options,
+                                   const CalibrateProgress& progress) {
   const auto begin = [&](const char* stage) {
     if (progress) progress(stage);
   };
@@ -46,6 +49,21 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   CalibrationResult result = Judge(std::move(joint), stack, suspect_lenses, options);
   clock.Lap("metrics");
   result.timings_s = clock.Total();
+  return result;
+}
+
+}  // namespace
+
+CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+                            Segmenter* segmenter, const CalibrateOptions& options,
+                            const CalibrateProgress& progress) {
+  CalibrationResult result = CalibrateAsGiven(stills, structure, segmenter, options, progress);
+  TryHypotheses(
+      stills, structure, options,
+      [&](const std::vector<Still>& other) {
+        return CalibrateAsGiven(other, structure, segmenter, options, {});
+      },
+      &result);
   return result;
 }
 

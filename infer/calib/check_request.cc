@@ -12,6 +12,7 @@
 
 #include "core/base/error.h"
 #include "core/geometry/stack_faults.h"
+#include "infer/checks/depth_checks.h"
 
 namespace volalign {
 
@@ -94,6 +95,9 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
       throw ConfigError(
           fmt::format("orientation.twins (--twin): \"{}\" names no sensor of the capture", twin));
     }
+  }
+  for (Still& still : stills) {
+    for (SensorFrame& frame : still.frames) DropStandIns(&frame.depth);
   }
   return {std::move(stills), std::move(structure)};
 }

@@ -102,6 +102,14 @@ void Describe(Archive& ar, AssemblyReport& assembly) {
 }
 
 template <class Archive>
+void Describe(Archive& ar, RigFinding& finding) {
+  ar("code", finding.code);
+  ar.Optional("about", finding.about);
+  ar("reason", finding.reason);
+  ar("hint", finding.hint);
+}
+
+template <class Archive>
 void Describe(Archive& ar, PairResult& pair) {
   ar("a", pair.a);
   ar("b", pair.b);

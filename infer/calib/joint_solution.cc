@@ -164,6 +164,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
               refined.size_estimated,
               refined.size_scale,
               refined.sigma_size_scale,
+              {},
               {}};
   const bool solved = report.converged && report.moved_px < kLinearPx;
   report.settled = solved;
@@ -180,6 +181,11 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
   }
   joint.report = report;
   const CaptureSet& capture = *joint.seen.capture;
+  std::vector<std::string> names;
+  for (const FrameId id : ids) names.push_back(capture[id].name);
+  joint.findings = ExplainQuantities(refined, names, capture.structure);
+  for (RigFinding& apart : FindPairsApart(refined, names))
+    joint.findings.push_back(std::move(apart));
   joint.pairs.resize(capture.stills.size());
   for (const RefinedPair& pair : refined.pairs) {
     const Pose& pose = joint.frames[id_of(pair.b)].refined.structure_from_sensor;

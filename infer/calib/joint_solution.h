@@ -31,6 +31,7 @@ struct Joint {
   std::vector<RefinedLens> lenses;             ///< of seen.lenses
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  std::vector<RigFinding> findings;
   SolveReport report;
 };
 

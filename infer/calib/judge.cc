@@ -265,6 +265,7 @@ CalibrationResult Judge(Joint joint, const StackFinding& stack,
   result.size_estimated = joint.size_estimated;
   result.size_scale = joint.size_scale;
   result.sigma_size_scale = joint.sigma_size_scale;
+  result.findings = std::move(joint.findings);
   result.solve = joint.report;
   return result;
 }

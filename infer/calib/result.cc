@@ -71,7 +71,7 @@ void DemoteIfNotFinite(SensorOutcome* sensor) {
 }
 
 SensorStatus CalibrationResult::verdict() const {
-  SensorStatus worst = SensorStatus::kOk;
+  SensorStatus worst = findings.empty() ? SensorStatus::kOk : SensorStatus::kWeak;
   for (const FrameResult& sensor : sensors) worst = std::max(worst, sensor.status);
   return worst;
 }

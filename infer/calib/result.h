@@ -12,6 +12,7 @@
 #include "core/geometry/structure.h"
 #include "infer/checks/assembly.h"
 #include "infer/checks/outcome.h"
+#include "infer/checks/rig_findings.h"
 #include "infer/checks/verdict.h"
 #include "infer/initial/pose_choice.h"
 #include "infer/lens/sensor_lens.h"
@@ -156,11 +157,12 @@ struct CalibrationResult : StackResult {
   std::vector<std::pair<std::string, double>> timings_s;
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  std::vector<RigFinding> findings;  ///< what makes all of it doubtful, the likeliest cause first
   /// Of several stills, each, with its images, which `sensors` then have none of. Empty where there
   /// is only one.
   std::vector<StillResult> stills;
 
-  /// The worst of the sensors' statuses.
+  /// The worst of the sensors' statuses; where there are findings, weak at best.
   SensorStatus verdict() const;
   int placed() const;
 };

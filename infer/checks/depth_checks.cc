@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <set>
+#include <map>
 #include <utility>
 
-#include "core/base/error.h"
 #include "core/base/statistics.h"
 #include "infer/view/alike.h"
 
@@ -16,7 +15,7 @@ namespace volalign {
 
 namespace {
 
-/// m: a depth of a structure in a room, for the guess at the unit that was meant.
+/// m: a depth of a structure in a room.
 constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
 constexpr double kFarQuantile = 1 - kNotable;
 
@@ -32,6 +31,8 @@ std::string Metres(double depth) {
   return fmt::format(depth < 10 ? "{:.3g} m" : "{:.0f} m", depth);
 }
 
+std::string Times(double factor) { return fmt::format(factor < 10 ? "{:.1f}" : "{:.0f}", factor); }
+
 /// Of depths that no room gives.
 std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double depth_scale,
                                         const VerdictOptions& options) {
@@ -40,20 +41,18 @@ std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double
   if (!beyond && far >= options.min_far_depth_m) return std::nullopt;
   const std::string text =
       fmt::format("half of its depths are {} {}", beyond ? "beyond" : "under", Metres(median));
+  const double least = beyond ? median / kFarRoom : kNearRoom / median,
+               most = beyond ? median / kNearRoom : kFarRoom / median;
   DepthFinding problem;
-  for (const int times : {10, 1000}) {
-    const double factor = beyond ? 1. / times : times;
-    if (median * factor < kNearRoom || median * factor > kFarRoom) continue;
-    problem.unit_factor = factor;
-    problem.failure = Finding{
-        SensorCode::kWrongUnits,
-        text + fmt::format("; its depth_scale seems to be {} times too {}", times,
-                           beyond ? "large" : "small"),
-        fmt::format("set depth_scale to {:g}, it is {:g}", depth_scale * factor, depth_scale)};
-    return problem;
-  }
-  problem.failure = Finding{SensorCode::kWrongUnits, text + ", where no structure can be",
-                            "correct depth_scale in the capture"};
+  problem.failure = Finding{
+      SensorCode::kWrongUnits,
+      text + fmt::format(", where no structure can be; its depth_scale is {} to {} times too {}",
+                         Times(least), Times(most), beyond ? "large" : "small"),
+      fmt::format("set depth_scale to what its software states, between {:.2g} and {:.2g}; it is "
+                  "{:g}; usual are 0.001 (millimetres), 0.0002 (TUM data sets), 0.00025 and 0.0001 "
+                  "(RealSense L515 and D405)",
+                  depth_scale * (beyond ? 1 / most : least),
+                  depth_scale * (beyond ? 1 / least : most), depth_scale)};
   return problem;
 }
 
@@ -94,23 +93,21 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
   return findings;
 }
 
-void RequireUnits(const std::vector<SensorFrame>& frames,
-                  const std::vector<DepthFinding>& findings) {
-  std::set<std::pair<double, double>> wrong;  // factor and depth_scale
-  std::size_t example = 0, agreeing = 0;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const DepthFinding& finding = findings[i];
-    if (finding.failure && finding.failure->code == SensorCode::kNoDepth) continue;
-    if (!finding.unit_factor) return;
-    if (wrong.empty()) example = i;
-    ++agreeing;
-    wrong.emplace(*finding.unit_factor, frames[i].depth_scale);
+void DropStandIns(DepthImage* depth) {
+  std::map<float, std::size_t> counts;
+  for (const float z : *depth) {
+    if ((z > 0 && z < kNearRoom) || z > kFarRoom) ++counts[z];
   }
-  if (wrong.size() != 1 || agreeing < 2) return;
-  const Finding& finding = *findings[example].failure;
-  throw DataError(
-      fmt::format("no sensor's depths are in the unit that is stated (sensor \"{}\": {}); {}",
-                  frames[example].name, finding.reason, finding.hint));
+  for (const auto& [value, count] : counts) {
+    if (count < kFewProbes) continue;
+    const auto jump = static_cast<float>(DepthJump(value));
+    std::size_t near = 0;
+    for (auto other = counts.lower_bound(value - jump);
+         other != counts.end() && other->first <= value + jump; ++other)
+      near += other->second;
+    if (static_cast<double>(near - count) > kNotable * static_cast<double>(count)) continue;
+    std::replace(depth->begin(), depth->end(), value, 0.0f);
+  }
 }
 
 }  // namespace volalign

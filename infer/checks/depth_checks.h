@@ -15,8 +15,6 @@ namespace volalign {
 struct DepthFinding {
   std::optional<Finding> failure;  ///< no_depth, wrong_units or duplicate_depth
   std::string same_depth_as;       ///< name of another sensor with the same depth map, or empty
-  /// wrong_units: the power of ten that brings the depths into a room, where there is one.
-  std::optional<double> unit_factor;
 };
 
 /// Looks for depth maps that cannot be a view of a structure: without depth, in another unit than
@@ -27,10 +25,8 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
                                       const std::vector<SensorView>& views,
                                       const VerdictOptions& options);
 
-/// Throws DataError where two or more depth maps, and all but empty ones, are in a wrong unit by
-/// one factor from one depth_scale: then it is the capture's. A single one may also look at a near
-/// wall. `findings` are those of `frames`.
-void RequireUnits(const std::vector<SensorFrame>& frames,
-                  const std::vector<DepthFinding>& findings);
+/// Removes values that stand for "no measurement", 65535 units for example: what many pixels have
+/// to the last digit, nothing else is near, and no sensor measures in a room. `depth`: m.
+void DropStandIns(DepthImage* depth);
 
 }  // namespace volalign

@@ -96,7 +96,9 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                     facts.seen_through->name, 100 * facts.seen_through->share,
                     FormatOdds(facts.seen_through->log_odds)),
         "compare the pictures in report.html with where the sensors stand, and choose another pose "
-        "with --twin SENSOR=2; let both see more of the stack and the floor under it"};
+        "with --twin SENSOR=2; let both see more of the stack and the floor under it, and give "
+        "frames "
+        "whose holes nothing has filled"};
   }
   if (facts.contradiction) {
     return Finding{

@@ -71,9 +71,26 @@ class Inverse {
   Eigen::MatrixXd inverse_;
 };
 
+/// J^T times dense columns.
+Eigen::MatrixXd TransposedTimes(const ceres::CRSMatrix& jacobian, const Eigen::MatrixXd& columns) {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(jacobian.num_cols, columns.cols());
+  for (int row = 0; row < jacobian.num_rows; ++row) {
+    const auto r = static_cast<std::size_t>(row);
+    for (auto k = static_cast<std::size_t>(jacobian.rows[r]);
+         k < static_cast<std::size_t>(jacobian.rows[r + 1]); ++k)
+      product.row(jacobian.cols[k]) += jacobian.values[k] * columns.row(row);
+  }
+  return product;
+}
+
+Eigen::VectorXd ToVector(const std::vector<double>& values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
 }  // namespace
 
-NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution) {
+NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution,
+                                       const std::vector<Structure>& changed) {
   State state = solution.state;
   state.scales = PriorScales();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
@@ -84,15 +101,29 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
     evaluation.parameter_blocks.push_back(block.values);
   evaluation.num_threads = problem.setup.schedule.threads;
   ceres::CRSMatrix jacobian;
-  std::vector<double> gradient;
-  if (!ceres.problem->Evaluate(evaluation, nullptr, nullptr, &gradient, &jacobian)) {
+  std::vector<double> residuals, gradient;
+  if (!ceres.problem->Evaluate(evaluation, nullptr, &residuals, &gradient, &jacobian)) {
     const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.observed);
     return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
             false};
   }
-  NormalEquations normal;
-  normal.information = Information(jacobian);
-  normal.gradient = Eigen::Map<const Eigen::VectorXd>(gradient.data(), normal.information.rows());
+  const Eigen::VectorXd r = ToVector(residuals);
+  Eigen::MatrixXd columns(r.size(), static_cast<Eigen::Index>(changed.size()));
+  for (std::size_t k = 0; k < changed.size(); ++k) {
+    JointProblem other = problem;
+    other.model = BuildModel(changed[k]);
+    const CeresProblem of_other =
+        BuildCeresProblem(other, solution.observed, solution.overlaps, solution.held, none, &state);
+    if (!of_other.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr))
+      return {Information(jacobian), ToVector(gradient), false};
+    columns.col(static_cast<Eigen::Index>(k)) = ToVector(residuals) - r;
+  }
+  const Eigen::Index known = jacobian.num_cols, all = known + columns.cols();
+  NormalEquations normal{Eigen::MatrixXd(all, all), Eigen::VectorXd(all)};
+  const Eigen::MatrixXd cross = TransposedTimes(jacobian, columns);
+  normal.information << Information(jacobian), cross, cross.transpose(),
+      columns.transpose() * columns;
+  normal.gradient << ToVector(gradient), columns.transpose() * r;
   return normal;
 }
 

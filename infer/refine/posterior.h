@@ -21,8 +21,11 @@ struct NormalEquations {
 };
 
 /// Of the refinement's cost at a solution, with everything free. Where the cost cannot be
-/// evaluated, of the priors alone.
-NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution);
+/// evaluated, of the priors alone. Each of `changed`, a structure with the same sides, adds a
+/// column, last: by what share the real structure is that one rather than the described one. These
+/// have no priors.
+NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution,
+                                       const std::vector<Structure>& changed = {});
 
 struct Posterior {
   Eigen::MatrixXd covariance;

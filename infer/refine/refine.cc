@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "infer/refine/acceptance.h"
+#include "infer/refine/box_edges.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
 #include "infer/refine/gauge.h"
@@ -62,6 +63,16 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
   return posterior;
 }
 
+/// Have the boxes another size, does a frame contradict the others, or a quantity what was known of
+/// it?
+bool IsBuildInDoubt(const RefineResult& result) {
+  return std::abs(result.size_scale - 1) > kClearly * result.sigma_size_scale ||
+         std::any_of(result.frames.begin(), result.frames.end(),
+                     [](const RefinedFrame& frame) { return frame.refused_fit.has_value(); }) ||
+         std::any_of(result.quantities.begin(), result.quantities.end(),
+                     [](const RefinedQuantity& quantity) { return quantity.Sigmas() > kClearly; });
+}
+
 }  // namespace
 
 std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance) {
@@ -108,18 +119,18 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   Solution solution = Begin(problem, placements, asked_for);
   solution = AssociateAndSolve(problem, std::move(solution));
   const std::vector<char> unsolved = solution.held;
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(frames.size()),
+  if (setup.free.where_told) solution = ChooseEstimates(problem, std::move(solution));
+  Agreed agreed{solution, std::vector<std::optional<SetAside>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};
-  if (setup.free.where_told) {
-    agreed = SetAsideDisagreeing(problem, asked_for,
-                                 ChooseEstimates(problem, std::move(agreed.solution)));
-  }
+  if (setup.free.where_told) agreed = SetAsideDisagreeing(problem, asked_for, solution);
   Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
   CentreBoxes(problem, &accepted.solution);
   RefineResult result = MakeResult(problem, accepted, agreed, lenses.size());
   if (setup.is_final && !setup.is_final(result)) return result;
   AddUncertainties(problem, accepted, unsolved, PosteriorOf(problem, accepted.solution, asked_for),
                    agreed, &result);
+  if (setup.free.where_told && IsBuildInDoubt(result))
+    result.wrong_edge = LikeliestEdge(problem, solution);
   return result;
 }
 

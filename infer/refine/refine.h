@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -88,6 +89,28 @@ struct RefinedPlacement {
   Structure built;                ///< the structure with the boxes' places and the size
 };
 
+/// What is estimated of one quantity beside the poses, and what was known of it before.
+struct RefinedQuantity {
+  enum class Kind { kSize, kBoxX, kBoxZ, kBoxYaw, kDepthGain, kDepthOffset };
+  Kind kind = Kind::kSize;
+  int of = 0;                         ///< index of the frame or of the box; 0 of the size
+  double value = 0;                   ///< less the prior's mean: 1, m or rad; 0 where it is held
+  double prior_sigma = 0, sigma = 0;  ///< before and after
+  /// By how many standard deviations what was measured is off the prior's mean. A value follows its
+  /// prior: if that is true, its variance is the prior's less the posterior's.
+  double Sigmas() const {
+    const double freed = prior_sigma * prior_sigma - sigma * sigma;
+    return freed > 0 ? std::abs(value) / std::sqrt(freed) : 0;
+  }
+};
+
+/// A single box that is longer along one edge than described, all others being as described.
+struct RefinedEdge {
+  int box = 0, axis = 0;         ///< the axis is of the box's own frame
+  double change = 0, sigma = 0;  ///< m
+  double log_odds = 0;           ///< natural, against an error of size that all boxes share
+};
+
 struct RefineResult {
   std::vector<RefinedFrame> frames;  ///< of the frames that were given
   std::vector<RefinedPair> pairs;
@@ -95,6 +118,10 @@ struct RefineResult {
   std::vector<RefinedLens> lenses;           ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  /// Of the size, of each box in each still, and of each sensor's depths.
+  std::vector<RefinedQuantity> quantities;
+  /// The likeliest, where a frame disagrees or a quantity is kClearly off its prior.
+  std::optional<RefinedEdge> wrong_edge;
   /// Nothing where everything that is asked for is free (EstimateSet::where_told).
   std::optional<refine_internal::EstimateChoice> choice;
   /// Whether the last solution of all parameters ended by its tolerances, not by

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -11,6 +12,7 @@
 #include "infer/refine/association.h"
 #include "infer/refine/overlap.h"
 #include "infer/refine/solution.h"
+#include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
 
@@ -221,6 +223,43 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
   return pairs;
 }
 
+std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Acceptance& accepted,
+                                        const Posterior& posterior) {
+  const ParameterLayout& layout = problem.layout;
+  const Eigen::VectorXd values = layout.Values(accepted.solution.state),
+                        priors = PriorSigmas(problem, accepted.solution.observed);
+  std::vector<RefinedQuantity> quantities;
+  const auto add = [&](RefinedQuantity::Kind kind, std::size_t of, Eigen::Index column,
+                       double sigma) {
+    quantities.push_back({kind, static_cast<int>(of), values[column], priors[column], sigma});
+  };
+  const auto add_own = [&](RefinedQuantity::Kind kind, std::size_t of, Eigen::Index column) {
+    add(kind, of, column, posterior.Sigma(column));
+  };
+  using Kind = RefinedQuantity::Kind;
+  add_own(Kind::kSize, 0, layout.Size());
+  // The prior has to find stacks that are measured badly: half of it is what people get wrong.
+  quantities.back().prior_sigma /= 2;
+  const Eigen::MatrixXd gauge = GaugeProjection(problem.structure, problem.priors);
+  for (std::size_t still = 0; still < layout.stills(); ++still) {
+    const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, still, gauge);
+    for (std::size_t b = 0; b < layout.boxes(); ++b) {
+      for (const auto& [kind, k] : {std::pair(Kind::kBoxX, BuildModel::X(static_cast<int>(b))),
+                                    std::pair(Kind::kBoxZ, BuildModel::Z(static_cast<int>(b))),
+                                    std::pair(Kind::kBoxYaw, BuildModel::Yaw(static_cast<int>(b)))})
+        add(kind, b, layout.Boxes(still) + k, sigmas[k]);
+    }
+  }
+  std::set<std::size_t> sensors;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    if (accepted.solution.held[i]) continue;
+    add_own(Kind::kDepthOffset, i, layout.Offset(i));
+    if (sensors.insert(accepted.solution.state.SensorOf(i)).second)
+      add_own(Kind::kDepthGain, i, layout.Gain(i));
+  }
+  return quantities;
+}
+
 std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
                                                const Acceptance& accepted) {
   const State& state = accepted.solution.state;
@@ -268,6 +307,7 @@ void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
     result->lenses[lens].sigmas << posterior.Sigma(column), posterior.Sigma(column + 1),
         posterior.Sigma(column + 2);
   }
+  result->quantities = Quantities(problem, accepted, posterior);
   result->pairs = PairResults(problem, accepted, posterior, agreed, result->frames);
 }
 

@@ -59,6 +59,10 @@ std::vector<std::string> Advise(const CalibrationResult& result) {
     advice.emplace_back(
         "the poses can be used: volalign convert writes them for other programs. To see later "
         "whether a sensor moved, take a new capture and run volalign check");
+  } else if (result.placed() > 0 && !result.findings.empty()) {
+    advice.emplace_back(
+        "the poses rest on something that is doubtful for all sensors; do what is said above and "
+        "calibrate again");
   } else if (result.placed() > 0) {
     advice.emplace_back(
         "use the poses of sensors that are ok; for the others, do what is said above and calibrate "

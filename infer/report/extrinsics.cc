@@ -104,6 +104,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar("structure", extrinsics.structure);
   ar.Optional("model", extrinsics.model);
   ar("verdict", extrinsics.verdict);
+  ar.Optional("findings", extrinsics.findings);
   ar.Optional("assembly", extrinsics.assembly);
   ar.ByName("sensors", extrinsics.sensors, &Extrinsics::Sensor::name);
   ar.Later("boxes", extrinsics.boxes);
@@ -210,7 +211,9 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.structure = {structure.name(), structure.Hash(), structure.FloorHeight()};
   if (!source.model_file.empty())
     out.model = Extrinsics::Model{source.model_file, source.model_sha256, source.model_runtime};
+  out.findings = result.findings;
   out.assembly = result.assembly;
+  out.verdict = result.verdict();
   for (const FrameResult& sensor : result.sensors) {
     out.sensors.push_back(SensorOf(sensor, FrameOfSensor(stills, sensor.name)));
     out.verdict = std::max(out.verdict, out.sensors.back().status);

@@ -91,6 +91,7 @@ struct Extrinsics {
   StructureId structure;
   std::optional<Model> model;
   SensorStatus verdict = SensorStatus::kOk;
+  std::vector<RigFinding> findings;        ///< CalibrationResult::findings
   std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored
   std::vector<Sensor> sensors;
   std::vector<Box> boxes;  ///< as the first still shows them

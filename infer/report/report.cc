@@ -112,6 +112,14 @@ std::string BothPosesOf(const std::vector<FrameResult>& sensors) {
   return text;
 }
 
+std::string Findings(const std::vector<RigFinding>& findings) {
+  std::string text;
+  for (const RigFinding& finding : findings)
+    text += fmt::format("the rig is in doubt ({}): {}; {}\n", ToString(finding.code),
+                        finding.reason, finding.hint);
+  return text;
+}
+
 /// Why sensors are not ok, and what their views leave open.
 std::string Reasons(const std::vector<FrameResult>& sensors) {
   std::string text;
@@ -331,8 +339,8 @@ std::string FormatReport(const CalibrationResult& result) {
                                  result.sensors.size(), ToString(result.verdict()));
   if (result.assembly && result.assembly->altered())
     text += fmt::format(": {}", result.assembly->arrangement.sentence);
-  text += "\n" + Reasons(result.sensors) + SensorTable(result.sensors) + Placements(result) +
-          Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
+  text += "\n" + Findings(result.findings) + Reasons(result.sensors) + SensorTable(result.sensors) +
+          Placements(result) + Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
   if (result.metrics) {
     text += fmt::format(
         "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <set>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
@@ -19,6 +20,21 @@ namespace {
 constexpr int kFreedoms = 6;      // of a pose
 constexpr double kPower = 1.645;  // standard deviations that 95 % of a normal distribution exceed
 constexpr int kMotionIterations = 4;
+/// m and deg: sensors that have each other's intrinsics come out so far from where they stand.
+constexpr double kSameStand = 0.15, kSameAim = 5;
+
+/// The sensor that stood where this pose is, or null.
+const SensorEstimate* NearestPlace(const std::vector<SensorEstimate>& last, const Pose& pose) {
+  const SensorEstimate* nearest = nullptr;
+  double distance = kSameStand;
+  for (const SensorEstimate& sensor : last) {
+    const PoseError apart = ComparePoses(pose, sensor.structure_from_sensor);
+    if (apart.translation_m > distance || apart.rotation_deg > kSameAim) continue;
+    distance = apart.translation_m;
+    nearest = &sensor;
+  }
+  return nearest;
+}
 
 /// Of a square of `kFreedoms` standard normal numbers: the probability of more than `square`.
 double ChiSquareTail(double square) {
@@ -280,6 +296,42 @@ Movements FindMovements(const std::vector<SensorEstimate>& last,
         options));
   }
   return result;
+}
+
+std::vector<Exchanged> FindExchanged(const std::vector<SensorEstimate>& last,
+                                     const std::vector<SensorEstimate>& now) {
+  // Of the most sensors that stand where one stood, as many in their own place as can be.
+  std::vector<Exchanged> best;
+  std::pair<std::size_t, std::size_t> most(0, 0);
+  for (const SensorEstimate& from : now) {
+    for (const SensorEstimate& to : last) {
+      const Pose last_from_now = to.structure_from_sensor * from.structure_from_sensor.inverse();
+      std::vector<Exchanged> exchanged;
+      std::set<std::string> taken;
+      std::size_t own = 0;
+      for (const SensorEstimate& sensor : now) {
+        const Pose pose = last_from_now * sensor.structure_from_sensor;
+        const SensorEstimate* place = NearestPlace(last, pose);
+        if (!place || !taken.insert(place->name).second) continue;
+        if (place->name == sensor.name) {
+          ++own;
+        } else {
+          exchanged.push_back({sensor.name, place->name});
+        }
+      }
+      if (const std::pair found(taken.size(), own); found > most) {
+        most = found;
+        best = std::move(exchanged);
+      }
+    }
+  }
+  // In one place each: two that are merely moved next to each other's are not exchanged.
+  std::set<std::string> names, places;
+  for (const auto& [name, place_of] : best) {
+    names.insert(name);
+    places.insert(place_of);
+  }
+  return names == places ? best : std::vector<Exchanged>();
 }
 
 }  // namespace volalign

@@ -52,6 +52,17 @@ struct Movements {
   std::vector<SensorMovement> sensors;  ///< that both captures have, in order of the last one
 };
 
+/// A sensor that stands where another one stood: it has that one's depth file, or its name.
+struct Exchanged {
+  std::string name, place_of;
+};
+
+/// The sensors that have exchanged their places among each other, wherever the structure stands
+/// now: with them taken for each other, more sensors stand where one stood than without. Empty
+/// where none have.
+std::vector<Exchanged> FindExchanged(const std::vector<SensorEstimate>& last,
+                                     const std::vector<SensorEstimate>& now);
+
 /// Compares two captures of one rig, between which the structure may have been moved: sensors that
 /// stayed have moved by one motion, the structure's, and the largest set of sensors that agrees on
 /// one stayed, if it is more than half of them. Where there are several such sets, sensors that are

@@ -123,6 +123,19 @@ std::string Sentence(const Movements& movements) {
 }
 
 /// What to know of the comparison.
+/// Which sensors stand where others stood; empty where none does.
+std::string Exchange(const RigCheck& check) {
+  std::string stand;
+  for (const auto& [name, place_of] : check.exchanged) {
+    stand +=
+        fmt::format("{}{} stands now where {} stood", stand.empty() ? "" : ", ", name, place_of);
+  }
+  if (stand.empty()) return "";
+  return stand +
+         ": their depth files, or the sensors themselves, are exchanged; correct the capture and "
+         "check again\n";
+}
+
 std::string Circumstances(const RigCheck& check) {
   std::string text;
   for (const RigCheck::NotCompared& sensor : check.not_compared)
@@ -157,6 +170,12 @@ void Describe(Archive& ar, SensorMovement& sensor) {
 }
 
 template <class Archive>
+void Describe(Archive& ar, Exchanged& sensor) {
+  ar("name", sensor.name);
+  ar("place_of", sensor.place_of);
+}
+
+template <class Archive>
 void Describe(Archive& ar, RigCheck::NotCompared& sensor) {
   ar("name", sensor.name);
   ar("reason", sensor.reason);
@@ -172,6 +191,7 @@ void Describe(Archive& ar, RigCheck& check) {
   ar.Optional("last_from_now", check.movements.last_from_now);
   ar("variance_factor", check.movements.variance_factor);
   ar("sensors", check.movements.sensors);
+  ar.Optional("exchanged", check.exchanged);
   ar("not_compared", check.not_compared);
 }
 
@@ -208,6 +228,7 @@ RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Ex
         last_file));
   }
   check.movements = FindMovements(EstimatesOf(last), EstimatesOf(now), options);
+  check.exchanged = FindExchanged(EstimatesOf(last), EstimatesOf(now));
   return check;
 }
 
@@ -243,13 +264,14 @@ Table MovementTable(const Movements& movements) {
 
 std::vector<std::string> RigCheckSentences(const RigCheck& check) {
   std::vector<std::string> sentences =
-      Split(Sentence(check.movements) + Circumstances(check), '\n');
+      Split(Exchange(check) + Sentence(check.movements) + Circumstances(check), '\n');
   sentences.erase(std::remove(sentences.begin(), sentences.end(), ""), sentences.end());
   return sentences;
 }
 
 std::string FormatRigCheck(const RigCheck& check) {
-  return MovementText(check.movements) + Circumstances(check) + Sentence(check.movements);
+  return MovementText(check.movements) + Circumstances(check) + Exchange(check) +
+         Sentence(check.movements);
 }
 
 Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const RigCheck& check) {
@@ -278,7 +300,7 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
       *before = std::move(sensor);
     }
   }
-  out.verdict = SensorStatus::kOk;
+  out.verdict = out.findings.empty() ? SensorStatus::kOk : SensorStatus::kWeak;
   for (const Sensor& sensor : out.sensors) out.verdict = std::max(out.verdict, sensor.status);
   const auto is_of_updated = [&](const PairResult& pair) {
     return Contains(updated, pair.a) || Contains(updated, pair.b);

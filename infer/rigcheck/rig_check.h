@@ -24,6 +24,7 @@ struct RigCheck {
   std::vector<std::string> captures;
   bool same_structure = true;  ///< both are described alike
   Movements movements;
+  std::vector<Exchanged> exchanged;  ///< the first that explains why sensors moved
   std::vector<NotCompared> not_compared;
 
   /// What has moved by more than these; where that is undecided, of something that has moved.

@@ -402,7 +402,6 @@ class CommandLine(unittest.TestCase):
             self.assertEqual(output.count("\n"), 1, output)
             self.assertFalse(os.path.exists(os.path.join(self.folder, "out", "extrinsics.json")))
 
-        fails(lambda c: c.update(depth_scale=1), "no sensor's depths are in the unit", "set depth_scale to 0.001, it is 1")
         fails(lambda c: c["sensors"][1].update(depth="contact_sheet.png"), 'sensor "S2"', "is it the colour picture?")
 
         def rename(capture):
@@ -411,10 +410,13 @@ class CommandLine(unittest.TestCase):
         fails(rename, 'sensor "S1"', '"intrinsic" is unknown; did you mean "intrinsics"?')
         orbbec = [16.1704, 8.44953, 0.324469, 16.4805, 13.9441, 1.99604, 5.9e-05, -1.5e-05]
         fails(lambda c: c["sensors"][1]["intrinsics"].update(distortion=orbbec), "bad.json", 'sensor "S2"', "k1 k2 p1 p2 k3")
+        with open(os.path.join(self.folder, "capture", "all.json"), "w", encoding="utf-8") as file:
+            json.dump({**good, "depth_scale": 1}, file)
+        self.expect("calibrate --capture capture/all.json -o all", 2, "(wrong_units)", "(depth_scale)", "set depth_scale to 0.001; it is 1")
         good["sensors"][2]["depth_scale"] = 1
         with open(os.path.join(self.folder, "capture", "one.json"), "w", encoding="utf-8") as file:
             json.dump(good, file)
-        self.expect("calibrate --capture capture/one.json -o out", 2, "S3 failed (wrong_units)", "set depth_scale to 0.001")
+        self.expect("calibrate --capture capture/one.json -o out", 2, "S3 failed (wrong_units)", "set depth_scale to 0.001; it is 1")
         for name in ("capture/S1_depth.png", "capture/capture.json"):
             self.expect(f"calibrate --capture capture/capture.json --model {name} -o x", 1, f"{name} is not a volalign checkpoint (.pt)")
         self.expect("init capture -o draft.json --sensor femto_bolt", 1, "femto_bolt is no kind of sensor", "orbbec_femto", "oak_d")

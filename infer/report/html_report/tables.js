@@ -4,22 +4,23 @@ const sensorsOf = (report) => Object.entries(report.extrinsics.sensors).map(([na
 const placedOf = (report) => sensorsOf(report).filter((sensor) => sensor.structure_from_sensor);
 
 // "7 of 8 sensors usable; S1 failed"
-function verdictWords(all) {
+function verdictWords(all, findings) {
   const named = (status) => all.filter((sensor) => sensor.status === status).map((sensor) => sensor.name).join(", ");
   const usable = all.filter((sensor) => sensor.structure_from_sensor).length, failed = named("failed"), weak = named("weak");
   const count = usable < all.length ? `${usable} of ${plural(all.length, "sensor")} usable` : all.length === 1 ? "The sensor is usable" : `All ${all.length} sensors usable`;
-  return [count, failed && `${failed} failed`, weak && `${weak} with care (weak)`].filter(Boolean).join("; ");
+  const doubtful = findings.length && (findings.length === 1 ? "but one thing makes all poses doubtful" : `but ${findings.length} things make all poses doubtful`);
+  return [count, failed && `${failed} failed`, weak && `${weak} with care (weak)`, doubtful].filter(Boolean).join("; ");
 }
 
 const FAR_BEYOND = 2;  // times what is expected of a pair
 
 function fillHeadline(report) {
-  const all = sensorsOf(report), placed = placedOf(report), { verdict, pairs, date, note } = report.extrinsics, { limits } = report;
-  const headline = report.check ? report.check.sentences[0] : verdictWords(all);
+  const all = sensorsOf(report), placed = placedOf(report), { verdict, pairs, date, note, findings = [] } = report.extrinsics, { limits } = report;
+  const headline = report.check ? report.check.sentences[0] : verdictWords(all, findings);
   $("headline").replaceChildren(headline);
   if (report.check) $("kind").replaceChildren("volalign check of a rig");
   const capture = [report.extrinsics.capture || []].flat();
-  $("subject").append([report.check && `Compared with ${report.check.file.last}; now ${verdictWords(all)}`, date && `Calibrated ${date.replace("T", " ").replace("Z", " UTC")}`, capture.length && `capture ${capture.map(last).join(", ")}`,
+  $("subject").append([report.check && `Compared with ${report.check.file.last}; now ${verdictWords(all, findings)}`, date && `Calibrated ${date.replace("T", " ").replace("Z", " UTC")}`, capture.length && `capture ${capture.map(last).join(", ")}`,
     `structure “${report.extrinsics.structure.name}”`].filter(Boolean).join("; "));
   if (note) {
     $("note").hidden = false;
@@ -74,15 +75,19 @@ function fillReasons(report) {
     const key = JSON.stringify([sensor.status, sensor.code, sensor.reason, sensor.hint]);
     groups.set(key, [...(groups.get(key) || []), sensor]);
   }
-  const assembly = report.extrinsics.assembly;
+  const { assembly, findings = [] } = report.extrinsics;
   if (assembly && assembly.code) $("reasons").append(el("div", { class: "callout failed" }, el("p", {}, el("b", {}, "The stack: "), sentence(assembly.sentence))));
+  for (const { code, reason, hint } of findings) {
+    $("reasons").append(el("div", { class: "callout weak" }, el("p", {}, el("b", {}, "The rig"), ` (${code}): `, sentence(reason)),
+      el("p", {}, el("b", {}, "What to do: "), sentence(hint))));
+  }
   for (const sensors of groups.values()) {
     const { status, code, reason, hint } = sensors[0];
     $("reasons").append(el("div", { class: `callout ${status}` },
       el("p", {}, el("b", {}, sensors.map((s) => s.name).join(", ")), " ", statusNode(status), code ? ` (${code}): ` : ": ", sentence(reason || "")),
       hint ? el("p", {}, el("b", {}, "What to do: "), sentence(hint)) : ""));
   }
-  if (!groups.size) $("reasons").append(el("p", { class: "muted" }, report.check ? "The new capture: no sensor has a problem of its own." : "No sensor has a problem."));
+  if (!groups.size && !findings.length) $("reasons").append(el("p", { class: "muted" }, report.check ? "The new capture: no sensor has a problem of its own." : "No sensor has a problem."));
   $("reasons").append(el("div", { class: "callout" }, el("p", {}, el("b", {}, "What next: ")), el("ul", {}, report.advice.map((text) => el("li", {}, sentence(text)))),
     (report.next || []).map((command) => el("pre", { class: "command", tabindex: 0 }, command))));
 }

@@ -360,16 +360,17 @@ TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
 TEST(FailureClasses, WrongUnits) {
   struct Case {
     float factor;
-    const char* text;
+    const char *text, *hint;
   };
-  // 100 um read as mm, mm as m, mm as 100 um, mm as um.
-  for (const Case& c : {Case{10, "10 times too large"}, Case{1000, "1000 times too large"},
-                        Case{0.1f, "10 times too small"}, Case{0.001f, "1000 times too small"}}) {
+  // 200 um read as mm, mm as um.
+  for (const Case& c : {Case{5, "times too large", "set depth_scale to 0.0002; it is 0.001"},
+                        Case{0.001f, "times too small", "set depth_scale to 1; it is 0.001"}}) {
     const CalibrationResult result = CalibrateSpoilt(ThreeSensors(), [&](SensorFrame* frame) {
       if (frame->name != "S1") return;
       for (float& z : frame->depth) z *= c.factor;
     });
     ExpectFailed(result.sensors[1], SensorCode::kWrongUnits, {c.text});
+    EXPECT_EQ(result.sensors[1].hint, c.hint);
     EXPECT_EQ(result.placed(), 2);
   }
 }

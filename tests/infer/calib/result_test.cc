@@ -69,6 +69,9 @@ TEST(CalibrationResult, HasTheWorstVerdictAndCountsPoses) {
   CalibrationResult result;
   EXPECT_EQ(result.verdict(), SensorStatus::kOk);
   EXPECT_EQ(result.placed(), 0);
+  result.findings.resize(1);
+  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+  result.findings.clear();
   result.sensors.resize(3);
   for (FrameResult& sensor : result.sensors) static_cast<SensorOutcome&>(sensor) = Placed();
   result.sensors[1].status = SensorStatus::kWeak;

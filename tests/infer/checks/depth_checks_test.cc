@@ -55,14 +55,15 @@ TEST(DepthChecks, CountsPixelsWithDepth) {
   EXPECT_NE(finding.failure->reason.find("0.5 %"), std::string::npos) << finding.failure->reason;
 }
 
-TEST(DepthChecks, NamesTheFactorOfAWrongUnit) {
+TEST(DepthChecks, GivesTheRangeOfAWrongUnit) {
   struct Case {
     float factor;
     const char* words;
   };
   // A room of 1 to 4 m, read in another unit.
-  for (const Case& c : {Case{1000, "1000 times too large"}, Case{10, "10 times too large"},
-                        Case{0.1f, "10 times too small"}, Case{0.001f, "1000 times too small"}}) {
+  for (const Case& c :
+       {Case{1000, "312 to 5000 times too large"}, Case{10, "3.1 to 50 times too large"},
+        Case{0.1f, "2.0 to 32 times too small"}, Case{0.001f, "200 to 3200 times too small"}}) {
     const DepthFinding finding = Check({Ramp("A", c.factor, 4 * c.factor)}).front();
     ASSERT_TRUE(finding.failure.has_value()) << c.factor;
     EXPECT_EQ(finding.failure->code, SensorCode::kWrongUnits);
@@ -70,24 +71,35 @@ TEST(DepthChecks, NamesTheFactorOfAWrongUnit) {
   }
 }
 
-TEST(RequireUnits, IsAnErrorWhereAllSensorsAgree) {
-  // Millimetres, read as metres.
-  std::vector<SensorFrame> frames = {Ramp("A", 1000, 4000), Ramp("B", 1500, 3000)};
-  for (SensorFrame& frame : frames) frame.depth_scale = 1;
-  ExpectError<DataError>([&] { RequireUnits(frames, Check(frames)); },
-                         {"sensor \"A\"", "beyond 2492 m", "set depth_scale to 0.001"});
-  // An empty frame says nothing about units.
-  frames.push_back(Ramp("C", 0, 0));
-  ExpectError<DataError>([&] { RequireUnits(frames, Check(frames)); }, {"0.001"});
-  // One that is right, or wrong in another way, is a matter of single sensors.
-  frames.push_back(Ramp("D", 1, 4));
-  RequireUnits(frames, Check(frames));
-  frames.back() = Ramp("D", 1000, 4000);
-  RequireUnits(frames, Check(frames));
-  // A single one may have looked at a wall before it.
-  for (const std::vector<SensorFrame>& one :
-       {std::vector<SensorFrame>{Ramp("C", 0, 0)}, {Ramp("A", 0.4f, 0.5f), Ramp("C", 0, 0)}}) {
-    RequireUnits(one, Check(one));
+/// 400 of 1,000 pixels have this value, the others those of a room.
+DepthImage WithStandIn(float value) {
+  DepthImage depth(100, 10);
+  for (std::size_t i = 0; i < depth.size(); ++i)
+    depth[i] = i % 5 < 2 ? value : 1 + 0.003f * static_cast<float>(i);
+  return depth;
+}
+
+TEST(DropStandIns, OfAnyValueBeyondARoom) {
+  for (const float value : {65.535f, 13.107f, 0.001f, 20.0f}) {
+    DepthImage depth = WithStandIn(value);
+    const DepthImage before = depth;
+    DropStandIns(&depth);
+    for (std::size_t i = 0; i < depth.size(); ++i)
+      ASSERT_EQ(depth[i], i % 5 < 2 ? 0 : before[i]) << value;
+  }
+}
+
+TEST(DropStandIns, NotOfASurface) {
+  // Within a room; or one of many depths of a wall in a hall, or of depths in a wrong unit.
+  DepthImage wall = WithStandIn(2.5f), hall = WithStandIn(12), unit = wall;
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    if (i % 5 == 2) hall[i] = 12.1f;
+    unit[i] = 200 + static_cast<float>(i % 10);
+  }
+  for (const DepthImage& before : {wall, hall, unit}) {
+    DepthImage depth = before;
+    DropStandIns(&depth);
+    EXPECT_TRUE(depth == before);
   }
 }
 

@@ -258,5 +258,32 @@ TEST(Movement, NumbersThatAreNotFiniteAreAnError) {
   EXPECT_THROW(FindMovements(captures.last, captures.now), DataError);
 }
 
+/// Each of `places` has the sensor of the next one.
+void Exchange(const std::vector<std::size_t>& places, std::vector<SensorEstimate>* now) {
+  const std::string first = (*now)[places.front()].name;
+  for (std::size_t k = 0; k + 1 < places.size(); ++k)
+    (*now)[places[k]].name = (*now)[places[k + 1]].name;
+  (*now)[places.back()].name = first;
+}
+
+std::string Sentence(const std::vector<Exchanged>& exchanged) {
+  std::string text;
+  for (const Exchanged& sensor : exchanged) text += sensor.name + " at " + sensor.place_of + "; ";
+  return text;
+}
+
+TEST(FindExchanged, TwoOrMoreWhereverTheStructureStands) {
+  // Sensors that have each other's intrinsics come out some centimetres off.
+  const Pose off = Turned({0, 0.02, 0}, {0.04, 0, 0});
+  Captures two(4, 3), three(5, 4), none(6, 5);
+  Exchange({1, 2}, &two.now);
+  two.Move(1, off);
+  Exchange({0, 2, 3}, &three.now);
+  EXPECT_EQ(Sentence(FindExchanged(two.last, two.now)), "S2 at S1; S1 at S2; ");
+  EXPECT_EQ(Sentence(FindExchanged(three.last, three.now)), "S2 at S0; S3 at S2; S0 at S3; ");
+  none.Move(3, Turned({0, 0.3, 0}, {0.5, 0, 0}));
+  EXPECT_EQ(Sentence(FindExchanged(none.last, none.now)), "");
+}
+
 }  // namespace
 }  // namespace volalign::movement_test

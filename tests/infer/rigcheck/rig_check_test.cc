@@ -235,5 +235,18 @@ TEST(RigCheck, TwoRigsAreAnErrorAndUndecidedMovementsAreNotUpdated) {
   ExpectError<DataError>([&] { UpdateExtrinsics(last, now, check); }, {"cannot be told"});
 }
 
+TEST(RigCheck, SaysThatTwoSensorsAreExchanged) {
+  const Extrinsics last = Rig(Pose::Identity());
+  Extrinsics now = Rig(Moved(0.5, 0.7));
+  std::swap(now.sensors[1].structure_from_sensor, now.sensors[3].structure_from_sensor);
+  const RigCheck check = CheckRig("last.json", last, now);
+  EXPECT_NE(
+      FormatRigCheck(check).find("S1 stands now where S3 stood, S3 stands now where S1 stood"),
+      std::string::npos)
+      << FormatRigCheck(check);
+  const auto json = nlohmann::json::parse(RigCheckText(check, "check.json"));
+  EXPECT_EQ(json.at("exchanged").at(0).at("place_of"), "S3");
+}
+
 }  // namespace
 }  // namespace volalign::rig_check_test

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/geometry/camera.h"
+
+namespace volalign {
+
+/// Reads text like that of `configs/intrinsics.yaml`; `path` begins messages. Throws ConfigError
+/// (unknown keys too).
+std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& yaml,
+                                                     const std::string& path);
+
+/// What a sensor of this name (SensorFrame::sensor) measures through, scaled to this resolution,
+/// px, by the pool that the program carries within itself. Nothing for a name that is not in it,
+/// and where the pool has no resolution of this aspect ratio.
+std::optional<Intrinsics> TypicalIntrinsics(const std::string& sensor, int width, int height);
+
+}  // namespace volalign

@@ -1,0 +1,343 @@
+#include "infer/calib/hypotheses.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "core/base/parallel_for.h"
+#include "core/base/statistics.h"
+#include "core/geometry/typical_intrinsics.h"
+#include "infer/initial/geometry_search.h"
+#include "infer/view/alike.h"
+#include "infer/view/sensor_view.h"
+
+namespace volalign {
+
+namespace {
+
+/// The search finds a stack whose size is so much off, and no more.
+constexpr double kScaleStep = 1.05;
+/// Frames in which a scale is searched for, and exchanges that are tried.
+constexpr std::size_t kMostSearched = 2, kMostExchanges = 3;
+/// m: a median depth of a frame that shows a structure in a room.
+constexpr double kNearestMedian = 0.5;
+/// Units that cameras and data sets have, m, and how near to one of them a scale is taken for it.
+constexpr double kUsualUnits[] = {1, 0.01, 0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001};
+constexpr double kUsually = 0.02;
+
+const SensorFrame* FindFrame(const Still& still, const std::string& name) {
+  const auto found = std::find_if(still.frames.begin(), still.frames.end(),
+                                  [&](const SensorFrame& frame) { return frame.name == name; });
+  return found == still.frames.end() ? nullptr : &*found;
+}
+
+// Depths in another unit.
+
+std::vector<Still> WithScale(std::vector<Still> stills, const std::set<std::string>& sensors,
+                             double factor) {
+  const auto scale = [&](Image<float>* image) {
+    for (float& z : *image) z = static_cast<float>(factor * static_cast<double>(z));
+  };
+  for (Still& still : stills) {
+    for (SensorFrame& frame : still.frames) {
+      if (sensors.count(frame.name) == 0) continue;
+      scale(&frame.depth);
+      scale(&frame.depth_sigma);
+      frame.depth_scale *= factor;
+    }
+  }
+  return stills;
+}
+
+double MedianDepth(const SensorView& view) {
+  std::vector<float> depths;
+  for (const float z : view.depth) {
+    if (z > 0) depths.push_back(z);
+  }
+  return depths.empty() ? 0 : Quantile(depths, 0.5);
+}
+
+/// By which depths have to be multiplied for most of the views to show the structure's shape.
+std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
+                                      const Structure& structure, const CalibrateOptions& options) {
+  std::vector<double> medians;
+  for (const SensorView& view : views) medians.push_back(MedianDepth(view));
+  const double middle = Quantile(medians, 0.5);
+  if (!(middle > 0)) return std::nullopt;
+  std::vector<double> factors;
+  for (double factor = kNearestMedian / middle; factor * middle < kFarthest; factor *= kScaleStep)
+    factors.push_back(factor);
+  std::vector<std::pair<std::size_t, double>> found(factors.size());  // views, log odds of them
+  ParallelFor(factors.size(), options.threads, [&](std::size_t k) {
+    for (const SensorView& view : views) {
+      const std::vector<GeometricPose> poses = FindPosesByGeometry(
+          Corrected(view, factors[k], 0), structure, {}, options.initial.table_height_m);
+      if (poses.empty()) continue;
+      ++found[k].first;
+      found[k].second += poses.front().shape.LogOdds();
+    }
+  });
+  const auto best = std::max_element(found.begin(), found.end());
+  if (best == found.end() || 2 * best->first < views.size() || best->first == 0)
+    return std::nullopt;
+  return factors[static_cast<std::size_t>(best - found.begin())];
+}
+
+/// Sensors of one depth_scale that may be in another unit, with frames of the first still.
+struct Suspects {
+  double depth_scale = 0;
+  std::set<std::string> names;
+  std::vector<SensorView> views;
+};
+
+bool MayBeOfAnotherUnit(const SensorOutcome& sensor, bool nothing_placed) {
+  return sensor.code == SensorCode::kWrongUnits ||
+         (nothing_placed && sensor.status == SensorStatus::kFailed &&
+          sensor.code != SensorCode::kNoDepth && sensor.code != SensorCode::kDuplicateDepth &&
+          sensor.code != SensorCode::kIntrinsicsSuspect);
+}
+
+std::vector<Suspects> FindSuspects(const std::vector<Still>& stills,
+                                   const CalibrationResult& result) {
+  const std::vector<FrameResult>& sensors =
+      result.stills.empty() ? result.sensors : result.stills.front().sensors;
+  std::vector<Suspects> list;
+  for (const FrameResult& sensor : sensors) {
+    const SensorFrame* frame = FindFrame(stills.front(), sensor.name);
+    if (!frame || !MayBeOfAnotherUnit(sensor, result.placed() == 0)) continue;
+    auto of_scale = std::find_if(list.begin(), list.end(), [&](const Suspects& suspects) {
+      return suspects.depth_scale == frame->depth_scale;
+    });
+    if (of_scale == list.end())
+      of_scale = list.insert(list.end(), Suspects{frame->depth_scale, {}, {}});
+    of_scale->names.insert(sensor.name);
+    if (of_scale->views.size() < kMostSearched) of_scale->views.push_back(sensor.view);
+  }
+  return list;
+}
+
+/// The depth_scale with which most of the suspects are placed, if there is one.
+std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector<Still>& stills,
+                                     const Structure& structure, const CalibrateOptions& options,
+                                     const Recalibrate& recalibrate) {
+  const std::optional<double> factor = FindDepthFactor(suspects.views, structure, options);
+  if (!factor) return std::nullopt;
+  double scale = suspects.depth_scale * *factor;
+  const CalibrationResult scaled = recalibrate(WithScale(stills, suspects.names, *factor));
+  const auto placed =
+      std::count_if(scaled.sensors.begin(), scaled.sensors.end(), [&](const FrameResult& sensor) {
+        return suspects.names.count(sensor.name) > 0 && sensor.structure_from_sensor;
+      });
+  if (2 * static_cast<std::size_t>(placed) < suspects.names.size()) return std::nullopt;
+  // Boxes that come out too large were measured with too large a scale.
+  scale /= scaled.size_scale;
+  for (const double usual : kUsualUnits) {
+    if (std::abs(scale / usual - 1) < kUsually) scale = usual;
+  }
+  return scale;
+}
+
+void TryScales(const std::vector<Still>& stills, const Structure& structure,
+               const CalibrateOptions& options, const Recalibrate& recalibrate,
+               CalibrationResult* result) {
+  for (const Suspects& suspects : FindSuspects(stills, *result)) {
+    const std::optional<double> scale =
+        FindDepthScale(suspects, stills, structure, options, recalibrate);
+    if (!scale || std::abs(*scale / suspects.depth_scale - 1) < kUsually) continue;
+    const std::string hint =
+        fmt::format("set depth_scale to {:.3g}; it is {:g}", *scale, suspects.depth_scale);
+    result->findings.push_back(
+        {RigCode::kDepthScale,
+         {suspects.names.begin(), suspects.names.end()},
+         fmt::format("the structure is found if depths are {:.3g} times as large",
+                     *scale / suspects.depth_scale),
+         hint});
+    for (FrameResult& sensor : result->sensors) {
+      if (suspects.names.count(sensor.name) > 0) sensor.hint = hint;
+    }
+  }
+}
+
+// Exchanged depth files.
+
+using Names = std::pair<std::string, std::string>;
+
+/// Can depth maps of these be taken for each other's, and does it make a difference?
+bool CanBeExchanged(const Still& still, const Names& names) {
+  const SensorFrame *a = FindFrame(still, names.first), *b = FindFrame(still, names.second);
+  return a && b && a->depth.width() == b->depth.width() && a->depth.height() == b->depth.height() &&
+         !(a->intrinsics == b->intrinsics && a->sensor == b->sensor);
+}
+
+std::vector<Still> Exchanged(std::vector<Still> stills, const Names& names) {
+  for (Still& still : stills) {
+    SensorFrame* frames[] = {nullptr, nullptr};
+    for (SensorFrame& frame : still.frames) {
+      if (frame.name == names.first) frames[0] = &frame;
+      if (frame.name == names.second) frames[1] = &frame;
+    }
+    if (!frames[0] || !frames[1]) continue;
+    std::swap(frames[0]->depth, frames[1]->depth);
+    std::swap(frames[0]->depth_sigma, frames[1]->depth_sigma);
+  }
+  return stills;
+}
+
+/// m^2: mean square of the distances of what two sensors see, over all pairs or a sensor's.
+double MeanSquare(const CalibrationResult& result, const std::string& sensor = "") {
+  double sum = 0, count = 0;
+  for (const PairResult& pair : result.pairs) {
+    if (!pair.overlaps() || (!sensor.empty() && pair.a != sensor && pair.b != sensor)) continue;
+    sum += pair.rms_m * pair.rms_m;
+    ++count;
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+/// How much calls for another explanation: pairs that are apart, sensors that disagree or whose
+/// intrinsics are suspect.
+std::size_t CountDoubts(const CalibrationResult& result) {
+  std::size_t doubts = 0;
+  for (const RigFinding& finding : result.findings)
+    doubts += finding.code == RigCode::kPairApart ? 1 : 0;
+  for (const FrameResult& sensor : result.sensors) {
+    for (const SensorCode code :
+         {SensorCode::kIntrinsicsSuspect, SensorCode::kLensSuspect, SensorCode::kDisagrees})
+      doubts += sensor.code == code ? 1 : 0;
+  }
+  return doubts;
+}
+
+/// The two that are farthest from the others first.
+std::vector<Names> ExchangesToTry(const Still& still, const CalibrationResult& result) {
+  std::vector<std::pair<double, Names>> ranked;
+  for (const FrameResult& a : result.sensors) {
+    for (const FrameResult& b : result.sensors) {
+      const Names names(a.name, b.name);
+      if (&a < &b && CanBeExchanged(still, names))
+        ranked.emplace_back(-MeanSquare(result, a.name) - MeanSquare(result, b.name), names);
+    }
+  }
+  std::sort(ranked.begin(), ranked.end());
+  std::vector<Names> first;
+  for (std::size_t k = 0; k < std::min(kMostExchanges, ranked.size()); ++k)
+    first.push_back(ranked[k].second);
+  return first;
+}
+
+void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibrate,
+                  CalibrationResult* result) {
+  const std::size_t doubts = CountDoubts(*result);
+  const double given = MeanSquare(*result);
+  if (doubts == 0) return;
+  for (const Names& names : ExchangesToTry(stills.front(), *result)) {
+    const CalibrationResult exchanged = recalibrate(Exchanged(stills, names));
+    const double square = MeanSquare(exchanged);
+    if (exchanged.placed() < result->placed() || CountDoubts(exchanged) >= doubts ||
+        !(square < given / 2))
+      continue;
+    const auto& [a, b] = names;
+    result->findings.insert(
+        result->findings.begin(),
+        {RigCode::kFilesExchanged,
+         {a, b},
+         fmt::format("the depth files of {} and {} seem to be exchanged: exchanged back, the "
+                     "points of two sensors are {:.1f} mm RMS apart in the mean, and {:.1f} mm as "
+                     "given",
+                     a, b, 1000 * std::sqrt(square), 1000 * std::sqrt(given)),
+         "exchange the two depth files, or the intrinsics of the two sensors, in the capture"});
+    return;
+  }
+}
+
+// Intrinsics that the stated kind does not have.
+
+void SuspectIntrinsics(const std::vector<Still>& stills, const VerdictOptions& options,
+                       FrameResult* sensor) {
+  const SensorFrame* frame = FindFrame(stills.front(), sensor->name);
+  if (!frame || sensor->status == SensorStatus::kOk || sensor->code == SensorCode::kWrongUnits ||
+      sensor->code == SensorCode::kNoDepth)
+    return;
+  const Intrinsics& given = frame->intrinsics;
+  const std::optional<Intrinsics> typical =
+      TypicalIntrinsics(frame->sensor, given.width, given.height);
+  if (!typical || std::abs(std::log(given.fx / typical->fx)) < options.far_off_intrinsics) return;
+  static_cast<Finding&>(*sensor) = {
+      SensorCode::kIntrinsicsSuspect,
+      fmt::format("its fx is {:.0f} px, and a {} has about {:.0f} at {}x{}", given.fx,
+                  frame->sensor, typical->fx, given.width, given.height),
+      "give the intrinsics of this resolution; those of another one have to be scaled by the ratio "
+      "of the widths"};
+}
+
+// Frames that were spoilt before they came here.
+
+/// Share of the measured pixels of which no neighbour measures the same surface.
+double LonelyShare(const SensorView& view) {
+  const DepthImage& depth = view.depth;
+  double lonely = 0, measured = 0;
+  view.VisitMeasured(1, [&](int u, int v) {
+    bool any = false, same = false;
+    for (const auto& [du, dv] :
+         {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+      if (!depth.Contains(u + du, v + dv) || !(depth(u + du, v + dv) > 0)) continue;
+      any = true;
+      same = same || std::abs(depth(u + du, v + dv) - depth(u, v)) < DepthJump(depth(u, v));
+    }
+    lonely += any && !same ? 1 : 0;
+    ++measured;
+  });
+  return measured > 0 ? lonely / measured : 0;
+}
+
+void SuspectSpoilt(FrameResult* sensor) {
+  if (sensor->status == SensorStatus::kOk) return;
+  const double share = LonelyShare(sensor->view);
+  if (share < kNotable) return;
+  sensor->hint = fmt::format(
+      "{:.0f} % of its pixels are far from all that their neighbours measure: give frames as the "
+      "sensor has them, without means over missing depths, and check the order of their bytes",
+      100 * share);
+}
+
+/// Where most sensors have wrong intrinsics, the others' have the same cause.
+void DoubtTheRest(CalibrationResult* result) {
+  const auto is_suspect = [](const FrameResult& sensor) {
+    return sensor.code == SensorCode::kIntrinsicsSuspect;
+  };
+  std::vector<FrameResult>& sensors = result->sensors;
+  const auto suspects = std::count_if(sensors.begin(), sensors.end(), is_suspect);
+  if (2 * static_cast<std::size_t>(suspects) <= sensors.size()) return;
+  for (FrameResult& sensor : sensors) {
+    if (!sensor.structure_from_sensor || is_suspect(sensor)) continue;
+    const std::string own = sensor.reason.empty() ? "" : "; " + sensor.reason;
+    sensor.status = SensorStatus::kWeak;
+    static_cast<Finding&>(sensor) = {
+        SensorCode::kIntrinsicsSuspect,
+        fmt::format("{} of {} sensors of this rig have other intrinsics than given{}", suspects,
+                    sensors.size(), own),
+        "check the intrinsics of all sensors, and whether their frames were cropped or resized"};
+  }
+}
+
+}  // namespace
+
+void TryHypotheses(const std::vector<Still>& stills, const Structure& structure,
+                   const CalibrateOptions& options, const Recalibrate& recalibrate,
+                   CalibrationResult* result) {
+  for (FrameResult& sensor : result->sensors) {
+    SuspectSpoilt(&sensor);
+    SuspectIntrinsics(stills, options.verdict, &sensor);
+  }
+  DoubtTheRest(result);
+  TryExchanges(stills, recalibrate, result);
+  TryScales(stills, structure, options, recalibrate, result);
+}
+
+}  // namespace volalign

@@ -1,0 +1,151 @@
+#include "infer/checks/rig_findings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "core/base/odds.h"
+#include "core/config/config_word.h"
+#include "infer/checks/verdict.h"
+#include "infer/view/alike.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr Words<RigCode, 7> kRigCodes = {{
+    {"size_off", RigCode::kSizeOff},
+    {"box_off", RigCode::kBoxOff},
+    {"depth_off", RigCode::kDepthOff},
+    {"pair_apart", RigCode::kPairApart},
+    {"files_exchanged", RigCode::kFilesExchanged},
+    {"depth_scale", RigCode::kDepthScale},
+    {"structure_assumed", RigCode::kStructureAssumed},
+}};
+
+using Kind = RefinedQuantity::Kind;
+
+/// What a person calls a kind of quantity, and how to look for the cause.
+struct Meaning {
+  RigCode code;
+  const char* name;  ///< "{}" is the name of the box or of the sensor
+  const char* unit;
+  double scale;  ///< from the quantity to the unit
+  const char* hint;
+};
+
+Meaning MeaningOf(Kind kind) {
+  static constexpr char kMeasureBox[] =
+      "measure where this box stands and how long its edges are, and correct the structure file";
+  static constexpr char kCheckDepth[] =
+      "check the depth_scale of this sensor, its intrinsics, and whether its depth file is that of "
+      "another sensor; let it warm up";
+  switch (kind) {
+    case Kind::kSize:
+      break;
+    case Kind::kBoxX:
+      return {RigCode::kBoxOff, "the place of box {} along x", "mm", 1000, kMeasureBox};
+    case Kind::kBoxZ:
+      return {RigCode::kBoxOff, "the place of box {} along z", "mm", 1000, kMeasureBox};
+    case Kind::kBoxYaw:
+      return {RigCode::kBoxOff, "the turn of box {} about the vertical", "deg", 1 / kDegree,
+              kMeasureBox};
+    case Kind::kDepthGain:
+      return {RigCode::kDepthOff, "the depth gain of {}", "%", 100, kCheckDepth};
+    case Kind::kDepthOffset:
+      return {RigCode::kDepthOff, "the depth offset of {}", "mm", 1000, kCheckDepth};
+  }
+  return {RigCode::kSizeOff, "the size of all boxes", "%", 100,
+          "measure the boxes with a tape; if they are as described, the depth_scale is wrong"};
+}
+
+std::string NameOfEdge(int axis) {
+  return axis == 1 ? "height" : fmt::format("length along its {}", axis == 0 ? "x" : "z");
+}
+
+std::string DescribeEdge(const RefinedEdge& edge, const Structure& structure) {
+  return fmt::format(
+      "the {} of box {} is {:.0f} mm {} than described (sigma {:.1f} mm)", NameOfEdge(edge.axis),
+      structure.boxes()[static_cast<std::size_t>(edge.box)].name, 1000 * std::abs(edge.change),
+      edge.change > 0 ? "more" : "less", 1000 * edge.sigma);
+}
+
+/// Does it explain more than that all boxes are of another size, and is it no error of a tape?
+bool IsLikely(const RefinedEdge& edge) {
+  return edge.log_odds > std::log(kDecisiveOdds) &&
+         std::abs(edge.change) > std::max(kSamePlace / 2, kClearly * edge.sigma);
+}
+
+/// Where frames contradict each other, or all boxes have another size: a single box that explains
+/// it.
+RigFinding ExplainByBox(const RefinedEdge& edge, const Structure& structure) {
+  return {RigCode::kBoxOff,
+          {structure.boxes()[static_cast<std::size_t>(edge.box)].name},
+          fmt::format("{}; that explains the frames better than an error of size that all boxes "
+                      "share (odds {})",
+                      DescribeEdge(edge, structure), FormatOdds(edge.log_odds)),
+          "measure this box first, and correct the structure file; then measure the others"};
+}
+
+RigFinding Explain(const RefinedQuantity& quantity, const std::string& name) {
+  const Meaning meaning = MeaningOf(quantity.kind);
+  RigFinding finding{
+      meaning.code,
+      {},
+      fmt::format("{} comes out {:+.1f} {} from what is described, where {:.1f} {} are usual",
+                  fmt::format(fmt::runtime(meaning.name), name), meaning.scale * quantity.value,
+                  meaning.unit, meaning.scale * quantity.prior_sigma, meaning.unit),
+      meaning.hint};
+  if (!name.empty()) finding.about = {name};
+  if (quantity.kind == Kind::kSize)
+    finding.hint += fmt::format(", and multiplied by {:.4f} it fits", 1 / (1 + quantity.value));
+  return finding;
+}
+
+}  // namespace
+
+const char* ToString(RigCode code) { return WordOf(kRigCodes, code); }
+
+std::vector<RigCode> AllOf(RigCode) { return ValuesOf(kRigCodes); }
+
+std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
+                                          const std::vector<std::string>& sensors,
+                                          const Structure& structure) {
+  std::vector<RigFinding> findings;
+  const std::optional<RefinedEdge>& edge = refined.wrong_edge;
+  const bool by_box = edge && IsLikely(*edge);
+  if (by_box) findings.push_back(ExplainByBox(*edge, structure));
+  for (const RefinedQuantity& quantity : refined.quantities) {
+    if (!(quantity.Sigmas() > kClearly)) continue;
+    const auto of = static_cast<std::size_t>(quantity.of);
+    const bool of_box = MeaningOf(quantity.kind).code == RigCode::kBoxOff;
+    if (by_box && (quantity.kind == Kind::kSize || (of_box && quantity.of == edge->box))) continue;
+    findings.push_back(Explain(quantity, quantity.kind == Kind::kSize ? ""
+                                         : of_box                     ? structure.boxes()[of].name
+                                                                      : sensors[of]));
+  }
+  return findings;
+}
+
+std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
+                                       const std::vector<std::string>& sensors) {
+  std::vector<RigFinding> findings;
+  for (const RefinedPair& pair : refined.pairs) {
+    if (!(pair.rms > kClearly * pair.predicted_rms)) continue;
+    const std::string &a = sensors[static_cast<std::size_t>(pair.a)],
+                      &b = sensors[static_cast<std::size_t>(pair.b)];
+    findings.push_back(
+        {RigCode::kPairApart,
+         {a, b},
+         fmt::format("where {} and {} see the same surface, their points are {:.1f} mm RMS apart, "
+                     "and {:.1f} mm are predicted",
+                     a, b, 1000 * pair.rms, 1000 * pair.predicted_rms),
+         "check that the depth file of each is its own, then the intrinsics of both, then what "
+         "moved between their frames"});
+  }
+  return findings;
+}
+
+}  // namespace volalign

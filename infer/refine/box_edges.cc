@@ -1,0 +1,98 @@
+#include "infer/refine/box_edges.h"
+
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "infer/refine/model_choice.h"
+#include "infer/view/alike.h"
+
+namespace volalign::refine_internal {
+
+namespace {
+
+constexpr int kAxes = Eigen::Vector3d::SizeAtCompileTime;
+
+Eigen::Vector3d Centre(const Box& box) { return box.structure_from_box.translation(); }
+
+/// Half extents of a box's bounding box, along the structure's axes.
+Eigen::Vector3d HalfExtent(const Box& box) {
+  return box.structure_from_box.linear().cwiseAbs() * box.size / 2;
+}
+
+bool RestsOn(const Box& upper, const Box& lower) {
+  const Eigen::Vector3d apart = Centre(upper) - Centre(lower);
+  const Eigen::Vector3d touching = HalfExtent(upper) + HalfExtent(lower);
+  return std::abs(apart.y() - touching.y()) < kSamePlace && std::abs(apart.x()) < touching.x() &&
+         std::abs(apart.z()) < touching.z();
+}
+
+/// Marks what rests on a box, and on that.
+void MarkAbove(const std::vector<Box>& boxes, std::size_t lower, std::vector<char>* above) {
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    if (b == lower || (*above)[b] || !RestsOn(boxes[b], boxes[lower])) continue;
+    (*above)[b] = 1;
+    MarkAbove(boxes, b, above);
+  }
+}
+
+}  // namespace
+
+Structure WithEdge(const Structure& structure, int box, int axis, double change) {
+  std::vector<Box> boxes = structure.boxes();
+  const auto b = static_cast<std::size_t>(box);
+  std::vector<char> above(boxes.size(), 0);
+  if (std::abs(boxes[b].structure_from_box.linear()(1, axis)) > kFacesAlike) {
+    MarkAbove(boxes, b, &above);
+    boxes[b].structure_from_box.translation().y() += change / 2;
+  }
+  boxes[b].size[axis] += change;
+  for (std::size_t c = 0; c < boxes.size(); ++c) {
+    if (above[c]) boxes[c].structure_from_box.translation().y() += change;
+  }
+  return Structure::FromBoxes(structure.name(), std::move(boxes), structure.SideNames());
+}
+
+std::optional<RefinedEdge> LikeliestEdge(const JointProblem& problem, const Solution& solution) {
+  // An edge is as likely to be wrong by this as the size of all boxes is by its prior.
+  constexpr double kUnit = kSamePlace;
+  const auto boxes = static_cast<int>(problem.structure.boxes().size());
+  std::vector<Structure> changed;
+  for (int edge = 0; edge < kAxes * boxes; ++edge)
+    changed.push_back(WithEdge(problem.structure, edge / kAxes, edge % kAxes, kUnit));
+  const QuadraticCost known = CostAround(problem, solution);
+  QuadraticCost cost{ComputeNormalEquations(problem, solution, changed), {}, {}};
+  if (!known.normal.evaluated || !cost.normal.evaluated) return std::nullopt;
+  const Eigen::Index first = problem.layout.size(), count = kAxes * boxes;
+  cost.normal.information.diagonal().tail(count).array() += 1;
+  cost.prior_sigmas = Eigen::VectorXd::Ones(first + count);
+  cost.prior_sigmas.head(first) = known.prior_sigmas;
+  cost.values = Eigen::VectorXd::Zero(first + count);
+  cost.values.head(first) = known.values;
+  Eigen::VectorXd scales = Eigen::VectorXd::Ones(first + count);
+  scales.tail(count).setZero();
+  const std::optional<ModelFit> common = FitModel(cost, scales, false);
+  if (!common) return std::nullopt;
+  scales[problem.layout.Size()] = 0;
+  const auto fit_of = [&](Eigen::Index edge, bool with_covariance) {
+    scales.tail(count).setZero();
+    scales[first + edge] = 1;
+    return FitModel(cost, scales, with_covariance);
+  };
+  std::optional<std::pair<double, Eigen::Index>> best;  // log evidence, edge
+  for (Eigen::Index edge = 0; edge < count; ++edge) {
+    const std::optional<ModelFit> fit = fit_of(edge, false);
+    if (fit && (!best || fit->log_evidence > best->first))
+      best = std::pair(fit->log_evidence, edge);
+  }
+  if (!best) return std::nullopt;
+  const Eigen::Index edge = best->second, column = first + edge;
+  const std::optional<ModelFit> fit = fit_of(edge, true);
+  if (!fit) return std::nullopt;
+  return RefinedEdge{static_cast<int>(edge) / kAxes, static_cast<int>(edge) % kAxes,
+                     kUnit * fit->step[column], kUnit * std::sqrt(fit->covariance(column, column)),
+                     best->first - common->log_evidence};
+}
+
+}  // namespace volalign::refine_internal

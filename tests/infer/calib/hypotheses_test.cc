@@ -1,0 +1,171 @@
+// What people do wrong with a capture or with the description of their boxes, and what is said.
+
+#include "infer/calib/hypotheses.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "core/base/random.h"
+#include "infer/report/report.h"
+#include "tests/infer/calib/calibrate_rig.h"
+#include "tests/infer/view/synthetic.h"
+
+namespace volalign::hypotheses_test {
+namespace {
+
+using testing_infer::AddNoise;
+using testing_infer::Rig;
+using testing_infer::RingPose;
+
+Structure Boxes() {
+  return Structure::FromBoxes("own",
+                              {Box::FromMinMax("low", {-0.3, 0, -0.2}, {0.3, 0.35, 0.2}),
+                               Box::FromMinMax("middle", {-0.3, 0.35, -0.15}, {0.1, 0.65, 0.15}),
+                               Box::FromMinMax("high", {-0.2, 0.65, -0.1}, {0.2, 0.9, 0.15})});
+}
+
+/// Four sensors whose intrinsics differ as those of one kind do.
+const Rig& Four() {
+  static const Rig rig = [] {
+    Rig made{Boxes(), {}, {}};
+    for (int i = 0; i < 4; ++i) {
+      Intrinsics intrinsics = testing_infer::Kinect();
+      intrinsics.cx += 6 * (i - 1);
+      intrinsics.cy -= 5 * (i - 1);
+      made.Add("S" + std::to_string(i), RingPose(30.0 + 85 * i, 2.0, 1.1, 90, {0, 0.4, 0}),
+               {true, 3.0}, intrinsics);
+      AddNoise(&made.frames.back().depth, 0.003, static_cast<std::uint64_t>(i));
+      made.frames.back().quarter_turns = kAutoTurns;
+    }
+    return made;
+  }();
+  return rig;
+}
+
+CalibrationResult ByShape(const std::vector<SensorFrame>& frames, const Structure& structure) {
+  return Calibrate(std::vector<Still>{{"", frames}}, structure, nullptr, CalibrateOptions());
+}
+
+const RigFinding* Find(const CalibrationResult& result, RigCode code) {
+  const auto found = std::find_if(result.findings.begin(), result.findings.end(),
+                                  [&](const RigFinding& finding) { return finding.code == code; });
+  return found == result.findings.end() ? nullptr : &*found;
+}
+
+std::vector<SensorFrame> Scaled(std::vector<SensorFrame> frames, float factor) {
+  for (SensorFrame& frame : frames) {
+    for (float& z : frame.depth) z *= factor;
+  }
+  return frames;
+}
+
+TEST(Hypotheses, NothingIsSaidOfARigThatIsAsDescribed) {
+  const CalibrationResult result = ByShape(Four().frames, Four().structure);
+  EXPECT_TRUE(result.findings.empty()) << FormatReport(result);
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk) << FormatReport(result);
+}
+
+// Two percent of depth_scale make 40 mm of the sensors' positions.
+TEST(Hypotheses, ASizeFarOffItsPriorMakesTheRigWeak) {
+  const CalibrationResult result = ByShape(Scaled(Four().frames, 1.03f), Four().structure);
+  const RigFinding* size = Find(result, RigCode::kSizeOff);
+  ASSERT_NE(size, nullptr) << FormatReport(result);
+  EXPECT_NE(size->reason.find("size of all boxes comes out +"), std::string::npos) << size->reason;
+  EXPECT_NE(size->hint.find("depth_scale"), std::string::npos) << size->hint;
+  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+  EXPECT_NE(FormatReport(result).find("the rig is in doubt (size_off)"), std::string::npos);
+}
+
+TEST(Hypotheses, OneBoxOfAnotherHeightIsNamed) {
+  std::vector<Box> boxes = Boxes().boxes();
+  boxes[1].size.y() += 0.02;
+  boxes[1].structure_from_box.translation().y() += 0.01;
+  boxes[2].structure_from_box.translation().y() += 0.02;
+  const CalibrationResult result =
+      ByShape(Four().frames, Structure::FromBoxes("own", std::move(boxes)));
+  const RigFinding* box = Find(result, RigCode::kBoxOff);
+  ASSERT_NE(box, nullptr) << FormatReport(result);
+  EXPECT_EQ(box->about, std::vector<std::string>{"middle"});
+  EXPECT_NE(box->reason.find("the height of box middle is"), std::string::npos) << box->reason;
+  EXPECT_NE(box->reason.find("mm less than described"), std::string::npos) << box->reason;
+  EXPECT_EQ(Find(result, RigCode::kSizeOff), nullptr) << FormatReport(result);
+}
+
+// Neither 1.2 nor 5 is a power of ten.
+TEST(Hypotheses, TheDepthScaleAtWhichTheStructureIsFound) {
+  for (const float factor : {1.2f, 5.0f}) {
+    std::vector<SensorFrame> frames = Scaled(Four().frames, factor);
+    frames.resize(2);
+    const CalibrationResult result = ByShape(frames, Four().structure);
+    EXPECT_EQ(result.placed(), 0) << factor;
+    const RigFinding* scale = Find(result, RigCode::kDepthScale);
+    ASSERT_NE(scale, nullptr) << FormatReport(result);
+    const std::string set = "set depth_scale to ";
+    ASSERT_EQ(scale->hint.find(set), 0U) << scale->hint;
+    const double advised = std::stod(scale->hint.substr(set.size()));
+    EXPECT_NEAR(advised * static_cast<double>(factor), 0.001, 0.00002) << scale->hint;
+    // The advice, once followed.
+    EXPECT_EQ(
+        ByShape(Scaled(frames, static_cast<float>(advised / 0.001)), Four().structure).placed(), 2);
+  }
+}
+
+TEST(Hypotheses, ExchangedDepthFiles) {
+  std::vector<SensorFrame> frames = Four().frames;
+  std::swap(frames[0].depth, frames[3].depth);
+  const CalibrationResult result = ByShape(frames, Four().structure);
+  ASSERT_FALSE(result.findings.empty()) << FormatReport(result);
+  EXPECT_EQ(result.findings.front().code, RigCode::kFilesExchanged) << FormatReport(result);
+  EXPECT_EQ(result.findings.front().about, (std::vector<std::string>{"S0", "S3"}));
+  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+}
+
+TEST(Hypotheses, ADepthThatStandsForNothingIsNone) {
+  std::vector<SensorFrame> frames = Four().frames;
+  for (SensorFrame& frame : frames) {
+    for (std::size_t i = 0; i < frame.depth.size(); ++i) {
+      if (i % 7 < 2) frame.depth[i] = 65.535f;
+    }
+  }
+  const CalibrationResult result = ByShape(frames, Four().structure);
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk) << FormatReport(result);
+}
+
+// As somebody does who changes width and height of another resolution's intrinsics by hand. What
+// most sensors have wrong, the last one is suspected of.
+TEST(Hypotheses, AnImplausibleFocalLengthIsTheFirstSuspicion) {
+  std::vector<SensorFrame> frames = Four().frames;
+  for (SensorFrame& frame : frames) {
+    frame.sensor = "azure_kinect_nfov_binned";
+    if (frame.name != "S3") frame.intrinsics.fx = frame.intrinsics.fy = 504;
+  }
+  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors) {
+    EXPECT_NE(sensor.status, SensorStatus::kOk);
+    EXPECT_EQ(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.reason;
+    EXPECT_NE(sensor.reason.find(sensor.name == "S3"
+                                     ? "3 of 4 sensors of this rig have other intrinsics"
+                                     : "its fx is 504 px, and a azure_kinect_nfov_binned has about "
+                                       "252"),
+              std::string::npos)
+        << sensor.reason;
+  }
+}
+
+// Means over frames in which depths are missing at times.
+TEST(Hypotheses, AFrameThatWasSpoiltIsNoBadView) {
+  std::vector<SensorFrame> frames = Four().frames;
+  RandomStream random(1, 0, "spoilt");
+  for (float& z : frames[0].depth) {
+    if (random.Uniform(0, 1) < 0.4) z *= static_cast<float>(random.Uniform(0.2, 0.9));
+  }
+  const FrameResult sensor = ByShape(frames, Four().structure).sensors[0];
+  EXPECT_NE(sensor.status, SensorStatus::kOk);
+  EXPECT_NE(sensor.hint.find("far from all that their neighbours measure"), std::string::npos)
+      << sensor.hint;
+}
+
+}  // namespace
+}  // namespace volalign::hypotheses_test

@@ -1,0 +1,88 @@
+#include "infer/checks/rig_findings.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace volalign::rig_findings_test {
+namespace {
+
+using Kind = RefinedQuantity::Kind;
+
+Structure TwoBoxes() {
+  return Structure::FromBoxes("two", {Box::FromMinMax("low", {-0.3, 0, -0.2}, {0.3, 0.3, 0.2}),
+                                      Box::FromMinMax("high", {-0.2, 0.3, -0.1}, {0.2, 0.6, 0.1})});
+}
+
+std::vector<RigFinding> Explain(const RefineResult& refined) {
+  return ExplainQuantities(refined, {"S0", "S1"}, TwoBoxes());
+}
+
+TEST(RefinedQuantity, IsMeasuredInItsOwnStandardDeviations) {
+  // Of a prior of 5 and a posterior of 3, an estimate has a standard deviation of 4.
+  EXPECT_DOUBLE_EQ((RefinedQuantity{Kind::kSize, 0, -8, 5, 3}.Sigmas()), 2);
+  EXPECT_EQ((RefinedQuantity{Kind::kSize, 0, 1, 5, 6}.Sigmas()), 0);  // nothing was measured
+}
+
+TEST(RigFindings, EveryQuantityBeyondThreeSigmasHasItsOwn) {
+  struct Case {
+    RefinedQuantity quantity;
+    RigCode code;
+    std::vector<std::string> about;
+    const char* words;
+  };
+  for (const Case& c :
+       {Case{{Kind::kSize, 0, 0.02, 0.005, 0.001}, RigCode::kSizeOff, {}, "+2.0 %"},
+        Case{{Kind::kBoxX, 1, -0.02, 0.004, 0.001}, RigCode::kBoxOff, {"high"}, "high along x"},
+        Case{{Kind::kBoxZ, 0, 0.02, 0.004, 0.001}, RigCode::kBoxOff, {"low"}, "+20.0 mm"},
+        Case{{Kind::kBoxYaw, 0, 0.05, 0.009, 0.001}, RigCode::kBoxOff, {"low"}, "turn of box low"},
+        Case{{Kind::kDepthGain, 1, 0.02, 0.003, 0.001}, RigCode::kDepthOff, {"S1"}, "gain of S1"},
+        Case{{Kind::kDepthOffset, 0, 0.03, 0.007, 0.001},
+             RigCode::kDepthOff,
+             {"S0"},
+             "where 7.0 mm are usual"}}) {
+    RefineResult refined;
+    refined.quantities = {c.quantity};
+    const std::vector<RigFinding> findings = Explain(refined);
+    ASSERT_EQ(findings.size(), 1U) << c.words;
+    EXPECT_EQ(findings[0].code, c.code);
+    EXPECT_EQ(findings[0].about, c.about);
+    EXPECT_NE(findings[0].reason.find(c.words), std::string::npos) << findings[0].reason;
+    EXPECT_FALSE(findings[0].hint.empty());
+    refined.quantities[0].value /= 3;
+    EXPECT_TRUE(Explain(refined).empty()) << c.words;
+  }
+}
+
+TEST(RigFindings, ABoxTakesThePlaceOfTheSizeWhereItExplainsMore) {
+  RefineResult refined;
+  refined.quantities = {{Kind::kSize, 0, 0.02, 0.005, 0.001}};
+  refined.wrong_edge = RefinedEdge{1, 1, -0.02, 0.001, 12};
+  std::vector<RigFinding> findings = Explain(refined);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].code, RigCode::kBoxOff);
+  EXPECT_NE(findings[0].reason.find("the height of box high is 20 mm less than described"),
+            std::string::npos)
+      << findings[0].reason;
+  refined.wrong_edge->log_odds = -1;
+  findings = Explain(refined);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].code, RigCode::kSizeOff);
+}
+
+TEST(RigFindings, PairsFarBeyondTheirPrediction) {
+  RefineResult refined;
+  refined.pairs.resize(2);
+  refined.pairs[0] = {0, 1, 0.3, 0.0144, 0.0036};
+  refined.pairs[1] = {0, 1, 0.3, 0.0043, 0.0023};
+  const std::vector<RigFinding> findings = FindPairsApart(refined, {"S0", "S1"});
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].about, (std::vector<std::string>{"S0", "S1"}));
+  EXPECT_NE(findings[0].reason.find("14.4 mm RMS apart, and 3.6 mm are predicted"),
+            std::string::npos)
+      << findings[0].reason;
+}
+
+}  // namespace
+}  // namespace volalign::rig_findings_test
