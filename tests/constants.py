@@ -24,10 +24,10 @@ LIMITS = {
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 65,
-    "infer/refine": 48,
+    "infer/refine": 47,
     "infer/checks": 33,
     "core/geometry/depth_error_model": 0,
-    "configs/intrinsics.yaml": 13,
+    "configs/intrinsics.yaml": 14,
 }
 FREE = {0, 1, 2, 0.5}
 

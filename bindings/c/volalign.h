@@ -101,7 +101,7 @@ VOLALIGN_API volalign_code volalign_capture_next_still(volalign_capture* capture
 
 /* The options of `volalign calibrate`; `yaml` is a file of them or NULL. */
 VOLALIGN_API volalign_code volalign_options_create(const char* yaml, volalign_options** options);
-/* For example "initial.table_height_m", "0.7". What is wrong with a value is said here. */
+/* For example "refine.size_sigma_percent", "0.7". What is wrong with a value is said here. */
 VOLALIGN_API volalign_code volalign_options_set(volalign_options* options, const char* key,
                                                 const char* value);
 VOLALIGN_API void volalign_options_free(volalign_options* options);

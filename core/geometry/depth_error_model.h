@@ -14,6 +14,9 @@ struct DepthErrorModel {
   double smooth_rad = 0;  ///< within which the correlation of that error falls to 1/e or so
   double offset_m = 0;    ///< of a whole frame
   double gain = 0;        ///< of a whole frame, as a share of the depth
+  /// Of a device: by how much its depths are too long or too short, as a share, beyond that. Sigma
+  /// leaves it out: a pose that was brought onto the boxes has taken it up.
+  double unit_gain = 0;
   /// Of a whole frame, per rad from its middle along each axis of the picture, at 2 m; grows as
   /// white_m does.
   double tilt_m = 0;
@@ -51,6 +54,8 @@ struct DepthErrorModel {
     ar("smooth_rad", smooth_rad, "its correlation length, rad", Above(0));
     ar("offset_m", offset_m, "standard deviation, m, of a constant error of a frame", AtLeast(0));
     ar("gain", gain, "standard deviation of a frame's error as a share of the depth", AtLeast(0));
+    ar("unit_gain", unit_gain, "standard deviation of the scale of one device's depths",
+       AtLeast(0));
     ar("tilt_m", tilt_m,
        "standard deviation, m per rad at 2 m, of an error that grows from the middle of a frame",
        AtLeast(0));

@@ -27,23 +27,21 @@ struct CoarseFrame {
   SegmentationResult segmentation;
   const InitialPose* described_pose = nullptr;
   int labelled = 0;  // pixels with a side label and depth
-  double table_height_m = 0;
 };
 
-CoarseFrame MakeCoarse(const AssemblySensor& sensor, double table_height_m) {
+CoarseFrame MakeCoarse(const AssemblySensor& sensor) {
   const int stride = StrideForRays(sensor.view->depth.size(), kCoarseRays);
   CoarseFrame coarse{Decimate(*sensor.view, stride), Decimate(*sensor.segmentation, stride),
-                     sensor.initial, 0, table_height_m};
+                     sensor.initial, 0};
   for (std::size_t i = 0; i < coarse.view.depth.size(); ++i)
     coarse.labelled += coarse.segmentation.labels[i] > 0 && coarse.view.depth[i] > 0 ? 1 : 0;
   return coarse;
 }
 
-std::vector<CoarseFrame> MostLabelled(const std::vector<AssemblySensor>& sensors,
-                                      double table_height_m) {
+std::vector<CoarseFrame> MostLabelled(const std::vector<AssemblySensor>& sensors) {
   std::vector<CoarseFrame> views;
   views.reserve(sensors.size());
-  for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor, table_height_m));
+  for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor));
   KeepLargest(kMostAsked, &views, [](const CoarseFrame& view) { return view.labelled; });
   return views;
 }
@@ -52,9 +50,7 @@ std::vector<CoarseFrame> MostLabelled(const std::vector<AssemblySensor>& sensors
 /// where the pose is upside down.
 ShapeIou IouAt(const CoarseFrame& coarse, const Structure& structure, const InitialPose& pose,
                double min_confidence) {
-  if (pose.found &&
-      FindFloor(coarse.view, structure, pose.structure_from_sensor, coarse.table_height_m)
-              .balance() >= 0) {
+  if (pose.found && FindFloor(coarse.view, structure, pose.structure_from_sensor).balance() >= 0) {
     return MeasureShapeIou(coarse.view, coarse.segmentation, structure, pose.structure_from_sensor,
                            min_confidence);
   }
@@ -201,8 +197,7 @@ std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& s
   const std::vector<Arrangement> arrangements = Arrangements(structure);
   std::vector<MirrorFit> fits(sensors.size());
   ParallelFor(sensors.size(), threads, [&](std::size_t i) {
-    fits[i] = AskForMirrorImage(MakeCoarse(sensors[i], initial.table_height_m), arrangements,
-                                initial, options);
+    fits[i] = AskForMirrorImage(MakeCoarse(sensors[i]), arrangements, initial, options);
   });
   std::vector<std::size_t> mirrored;
   bool others_fit = false;
@@ -212,8 +207,7 @@ std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& s
   }
   if (mirrored.empty() || !others_fit) return {};
   // A single box that stands otherwise may be seen by some sensors only.
-  const IouTable table = TryArrangements(
-      arrangements, MostLabelled(sensors, initial.table_height_m), initial, threads);
+  const IouTable table = TryArrangements(arrangements, MostLabelled(sensors), initial, threads);
   const std::size_t best = BestOther(table);
   const bool explains_all =
       best > 0 && table.ratio(best) >= RatioWithMirrored(fits) - options.margin / 2;
@@ -230,7 +224,7 @@ AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
       FindMirroredFrames(sensors, structure, initial, options, threads);
   for (auto i = mirrored.rbegin(); i != mirrored.rend(); ++i)
     asked.erase(asked.begin() + static_cast<std::ptrdiff_t>(*i));
-  const std::vector<CoarseFrame> views = MostLabelled(asked, initial.table_height_m);
+  const std::vector<CoarseFrame> views = MostLabelled(asked);
   const double described = DescribedIou(views, structure, initial.patch.min_confidence).ratio();
   AssemblyReport report;
   report.mirrored_frames = std::move(mirrored);

@@ -127,7 +127,11 @@ std::string KindOfDevice(const std::string& device) {
                                                             {"realsense d435", "realsense_d435"},
                                                             {"realsense d455", "realsense_d455"},
                                                             {"femto bolt", "orbbec_femto_bolt"},
-                                                            {"femto mega", "orbbec_femto_mega"}};
+                                                            {"femto mega", "orbbec_femto_mega"},
+                                                            {"xtion", "asus_xtion"},
+                                                            {"carmine", "primesense_carmine"},
+                                                            {"primesense", "primesense"},
+                                                            {"ps1080", "primesense"}};
   const std::string name = Lower(device);
   for (const auto& [words, kind] : kKinds) {
     if (name.find(words) != std::string::npos) return kind;

@@ -1,10 +1,12 @@
 #include "infer/initial/floor.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
 
+#include "core/base/odds.h"
 #include "core/geometry/visibility.h"
 #include "infer/depth/explain_view.h"
 #include "infer/depth/share_odds.h"
@@ -25,8 +27,9 @@ constexpr double kLevelCell = 2 * kSamePlace;
 
 /// A point clearly under the structure's foot.
 struct LowPoint {
-  double depth = 0;    // m, under the foot
-  double clearly = 0;  // m, by which a point has to be lower than another to be clearly under it
+  double depth = 0;      // m, under the foot
+  double clearly = 0;    // m, by which a point has to be lower than another to be clearly under it
+  bool passing = false;  // see FloorFit
   bool on_a_floor = false;  // faces up, as far under the foot as a floor that a table stands on
 };
 
@@ -49,6 +52,34 @@ double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
   return most >= kNotable * pixels ? depth : 0;
 }
 
+/// The surroundings of the structure's foot.
+class Foot {
+ public:
+  explicit Foot(const Structure& structure)
+      : structure_(structure), height_(structure.FloorHeight()) {
+    for (const Box& box : structure.boxes()) {
+      for (const Eigen::Vector3d& corner : box.Corners()) bounds_.extend(corner);
+    }
+  }
+
+  double height() const { return height_; }
+  bool IsNear(const Eigen::Vector3d& p) const {
+    return bounds_.squaredExteriorDistance(p) <= kFarthestOff * kFarthestOff &&
+           DistanceToSurface(structure_, p).distance <= kFarthestOff;
+  }
+  /// Does a ray from `origin` to a point under the foot pass its plane near the structure?
+  bool IsPassedBy(const Eigen::Vector3d& origin, const Eigen::Vector3d& low) const {
+    if (!(origin.y() > height_)) return false;
+    const double share = (origin.y() - height_) / (origin.y() - low.y());
+    return IsNear(origin + share * (low - origin));
+  }
+
+ private:
+  const Structure& structure_;
+  double height_;
+  Eigen::AlignedBox3d bounds_;
+};
+
 // Of recorded frames, by tests/bench/cause_shares.py: the share of a view that lies on the floor.
 constexpr ShareOdds kOnFloor{{9.3, 15.7}, {0.114, 26}};
 
@@ -61,17 +92,22 @@ double FloorFit::LogOdds() const {
 
 double FloorFit::LogOddsByBelow() const {
   const double of_pixel = pixels > 0 ? cells / pixels : 0;
-  return LogOddsOfSurface(of_pixel * on_floor, of_pixel * below);
+  const double odds = LogOddsOfSurface(of_pixel * on_floor, of_pixel * below);
+  return HasSupport() ? std::max(odds, -std::log(kDecisiveOdds)) : odds;
+}
+
+bool FloorFit::Floats() const {
+  return !HasSupport() && LogOddsByBelow() <= -std::log(kDecisiveOdds);
 }
 
 FloorFit FindFloor(const SensorView& view, const Structure& structure,
-                   const Pose& structure_from_sensor, double table_height_m) {
-  return FindFloors(view, structure, {structure_from_sensor}, table_height_m).front();
+                   const Pose& structure_from_sensor) {
+  return FindFloors(view, structure, {structure_from_sensor}).front();
 }
 
 std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& structure,
-                                 const std::vector<Pose>& poses, double table_height_m) {
-  const double floor = structure.FloorHeight() - table_height_m;
+                                 const std::vector<Pose>& poses) {
+  const Foot foot(structure);
   std::vector<FloorFit> fits(poses.size());
   std::vector<std::vector<LowPoint>> low(poses.size());
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
@@ -81,7 +117,6 @@ std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& struct
       ++fit.pixels;
       fit.cells += own_cells;
     }
-    if (table_height_m < 0) return;
     const Eigen::Vector3d measured = view.Point(u, v);
     const double tolerance = kTolerance + kRelativeTolerance * view.depth(u, v);
     std::optional<Eigen::Vector3d> normal;
@@ -99,29 +134,34 @@ std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& struct
       return *on_structure;
     };
     for (std::size_t k = 0; k < poses.size(); ++k) {
-      const double height = (poses[k] * measured).y() - floor;
+      const Eigen::Vector3d p = poses[k] * measured;
+      const double height = p.y() - foot.height();
       if (height < -kClearly * tolerance) {
-        low[k].push_back({-height, kClearly * tolerance,
+        low[k].push_back({-height, kClearly * tolerance, foot.IsPassedBy(poses[k].translation(), p),
                           -height >= kLeastTable && faces_up(poses[k]) >= kFacesAlike});
       } else if (std::abs(height) < tolerance && std::abs(faces_up(poses[k])) >= kFacesAlike &&
                  !is_on_structure()) {
         ++fits[k].on_floor;
+        fits[k].beside += foot.IsNear(p) ? 1 : 0;
       }
     }
   });
   for (std::size_t k = 0; k < poses.size(); ++k) {
-    const double lower = table_height_m == 0 ? LowerFloor(low[k], fits[k].pixels) : 0;
-    for (const LowPoint& point : low[k]) fits[k].below += point.depth > lower + point.clearly;
+    const double lower = LowerFloor(low[k], fits[k].pixels);
+    for (const LowPoint& point : low[k]) {
+      if (!(point.depth > lower + point.clearly)) continue;
+      ++fits[k].below;
+      fits[k].passing += point.passing ? 1 : 0;
+    }
   }
   return fits;
 }
 
 double FloorMargin(const SensorView& view, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor,
-                   double table_height_m) {
+                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor) {
   std::vector<Pose> poses = {structure_from_sensor};
   for (const StructureAlias& alias : aliases) poses.push_back(alias.motion * structure_from_sensor);
-  const std::vector<FloorFit> floors = FindFloors(view, structure, poses, table_height_m);
+  const std::vector<FloorFit> floors = FindFloors(view, structure, poses);
   double margin = std::numeric_limits<double>::infinity();
   for (std::size_t a = 1; a < poses.size(); ++a)
     margin = std::min(margin, floors.front().LogOdds() - floors[a].LogOdds());

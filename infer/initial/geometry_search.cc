@@ -14,7 +14,6 @@
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/same_pose.h"
-#include "infer/initial/shape_check.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
 #include "infer/view/alike.h"
@@ -88,9 +87,8 @@ double LargestFlat(const Structure& structure) {
 
 class Search {
  public:
-  Search(const SensorView& view, const Structure& structure, double table_height_m)
+  Search(const SensorView& view, const Structure& structure)
       : structure_(structure),
-        table_height_m_(table_height_m),
         surface_(MakeSensorSurface(view, kCoarseRays)),
         planes_(FindRoomPlanes(PointsOf(surface_), kBeam, surface_.view.errors)),
         outline_(MakeStackOutline(structure)) {
@@ -100,10 +98,10 @@ class Search {
     points_ = PointsOf(surface_);
   }
 
-  Poses CandidatesOnFloors() const {
+  /// `tables`: on the planes that have something behind them.
+  Poses CandidatesOnFloors(bool tables) const {
     Poses found;
-    if (table_height_m_ < 0) return found;
-    const std::vector<StandingGuess> floors = GuessFloors(planes_, table_height_m_);
+    const std::vector<StandingGuess> floors = GuessFloors(planes_, tables);
     for (const auto& candidates : SearchStack(points_, outline_, floors, kMostLookedAt))
       Append(FitWell(FitRoughly(Look(candidates), true), true), &found);
     return found;
@@ -114,8 +112,7 @@ class Search {
   Poses VerifyOnFloors(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
       return !HasShape(pose.shape) ||
-             !(FindFloor(surface_.view, structure_, pose.structure_from_sensor, table_height_m_)
-                   .balance() > 0);
+             !(FindFloor(surface_.view, structure_, pose.structure_from_sensor).balance() > 0);
     });
   }
 
@@ -128,13 +125,15 @@ class Search {
       Append(SearchStack(points_, coarse, {guess}, kBeam).front(), &candidates);
     }
     KeepLargest(kMostOfAllGuesses, &candidates, [](const auto& each) { return each.votes; });
-    return FitWell(FitRoughly(Look(candidates), false), false);
+    Poses found = CandidatesOnFloors(true);
+    Append(FitWell(FitRoughly(Look(candidates), false), false), &found);
+    return found;
   }
 
   Poses VerifyWithoutFloor(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
       return !HasShape(pose.shape) ||
-             SeesBelow(surface_.view, structure_, pose.structure_from_sensor, table_height_m_);
+             FindFloor(surface_.view, structure_, pose.structure_from_sensor).Floats();
     });
   }
 
@@ -214,7 +213,6 @@ class Search {
   }
 
   const Structure& structure_;
-  double table_height_m_;
   SensorSurface surface_, first_look_;
   std::vector<RoomPlane> planes_;
   std::vector<OrientedPoint> points_;        // without those of the room
@@ -222,15 +220,20 @@ class Search {
   StackOutline outline_;
 };
 
+/// Minus infinity where there are none.
+double BestLogOdds(const Poses& poses) {
+  double best = -std::numeric_limits<double>::infinity();
+  for (const GeometricPose& pose : poses) best = std::max(best, pose.shape.LogOdds());
+  return best;
+}
+
 /// Without those that the shape refutes as against the best one, and those that leave a notable
 /// part of what another one explains unexplained: 1 of 100 sensors' poses does, by
 /// tests/bench/shape_shares.py. The best first.
 Poses Compete(Poses poses, const Structure& structure) {
-  double best = -std::numeric_limits<double>::infinity(), most = 0;
-  for (const GeometricPose& pose : poses) {
-    best = std::max(best, pose.shape.LogOdds());
-    most = std::max(most, pose.shape.explained);
-  }
+  const double best = BestLogOdds(poses);
+  double most = 0;
+  for (const GeometricPose& pose : poses) most = std::max(most, pose.shape.explained);
   const auto log_odds = [](const GeometricPose& pose) { return pose.shape.LogOdds(); };
   poses = Without(std::move(poses), [&](const GeometricPose& pose) {
     return log_odds(pose) < best - std::log(kDecisiveOdds) ||
@@ -250,20 +253,23 @@ SensorSurface PrepareSurface(const SensorView& view, const Structure& structure)
 }
 
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
-                                               const std::vector<StructureAlias>& aliases,
-                                               double table_height_m) {
-  const Search search(view, structure, table_height_m);
-  Poses found = search.VerifyOnFloors(search.CandidatesOnFloors());
-  if (found.empty()) found = search.VerifyWithoutFloor(search.CandidatesWithoutFloor());
+                                               const std::vector<StructureAlias>& aliases) {
+  const Search search(view, structure);
+  Poses found = search.VerifyOnFloors(search.CandidatesOnFloors(false));
+  // What stands on a floor and has the shape by poor odds only may be other boxes, but what it is
+  // given up for has to refute it.
+  if (BestLogOdds(found) < std::log(kDecisiveOdds)) {
+    const Poses others = search.VerifyWithoutFloor(search.CandidatesWithoutFloor());
+    if (BestLogOdds(others) - std::log(kDecisiveOdds) >= BestLogOdds(found)) found = others;
+  }
   found = Compete(std::move(found), structure);
   return Compete(search.WithAliases(found, aliases), structure);
 }
 
 std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
-                                                    const Structure& structure,
-                                                    double table_height_m) {
-  const Search search(view, structure, table_height_m);
-  Poses found = search.CandidatesOnFloors();
+                                                    const Structure& structure) {
+  const Search search(view, structure);
+  Poses found = search.CandidatesOnFloors(false);
   const Poses others = search.CandidatesWithoutFloor();
   found.insert(found.end(), others.begin(), others.end());
   return found;

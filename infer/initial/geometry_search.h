@@ -29,18 +29,15 @@ inline bool HasShape(const ViewFit& shape) { return shape.LogOdds() > 0; }
 /// where the structure is not seen.
 ///
 /// The structure is searched for on every large plane that may be a floor (stack_search.h). Where
-/// that finds nothing, up is taken from the directions in which surfaces face, and the height is
-/// searched as well. The best candidates are brought onto the boxes (box_fit.h) and verified
-/// (view_fit.h). `table_height_m`: of the structure's foot above the floor; negative: not
-/// known.
+/// that finds nothing, it is searched for on the other planes, as on a table, and without any:
+/// up is then taken from the directions in which surfaces face, and the height is searched as
+/// well. The best candidates are brought onto the boxes (box_fit.h) and verified (view_fit.h).
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
-                                               const std::vector<StructureAlias>& aliases,
-                                               double table_height_m);
+                                               const std::vector<StructureAlias>& aliases);
 
 /// The candidates of that search before it is asked whether they have the structure's shape, on the
 /// floors first, without aliases.
 std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
-                                                    const Structure& structure,
-                                                    double table_height_m);
+                                                    const Structure& structure);
 
 }  // namespace volalign

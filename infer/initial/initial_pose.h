@@ -29,7 +29,6 @@ struct InitialPoseOptions {
   double max_keypoint_error_m = 0.2;
   double max_normal_error_deg = 30;
   SidePatchOptions patch;
-  double table_height_m = 0;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -50,11 +49,9 @@ struct InitialPoseOptions {
        "angle between a side's normal and its fitted one beyond which they contradict each other, "
        "deg",
        Between(1, 90));
-    ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"));
-    ar("table_height_m", table_height_m,
-       "height of what the structure stands on above the floor, m; 0: it stands on the floor; -1: "
-       "not known, it is searched and no floor tells up from down",
-       Between(-1, 5));
+    ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"),
+       InPlaceOf("table_height_m",
+                 "what the stack stands on is found by itself; leave the key out"));
   }
 };
 

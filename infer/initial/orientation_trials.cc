@@ -47,8 +47,7 @@ std::vector<OrientationTrial> Try(const LabelContext& context, const Orientation
         ExplainView(Decimate(view, stride), &labels, context.structure, pose, kRoughPose,
                     context.initial.patch.min_confidence);
     trial.by_view = explanation.LogOddsByDepth() + explanation.LogOddsByLabels();
-    trial.by_floor =
-        FloorMargin(view, context.structure, context.aliases, pose, context.initial.table_height_m);
+    trial.by_floor = FloorMargin(view, context.structure, context.aliases, pose);
   });
   context.clock->Lap("initial_pose");
   return trials;

@@ -27,8 +27,9 @@ constexpr int kLeastNeighbours = 9;
 // Planes.
 /// A plane that has less, of all points' area, is none.
 constexpr double kLeastShare = 0.01;
-/// m: cells of a plane; what lies in neighbouring ones belongs together.
-constexpr double kPartCell = 0.25;
+/// Cells of a plane along the edge of a square that is as large as its smallest part to mark; what
+/// lies in neighbouring ones belongs together.
+constexpr double kPartCells = 8;
 
 bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane,
           const SurfaceTolerance& tolerance) {
@@ -92,7 +93,9 @@ struct PlanePixel {
   std::pair<int, int> cell;  // of the plane
 };
 
-std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& surface) {
+/// `cell`: its edge, m.
+std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& surface,
+                                 double cell) {
   const SensorView& view = surface.view;
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   const Eigen::Vector3d x = plane.normal.unitOrthogonal(), y = plane.normal.cross(x);
@@ -105,8 +108,8 @@ std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& su
     pixels.push_back({u,
                       v,
                       view.PixelArea(u, v, p.z(), normal),
-                      {static_cast<int>(std::floor(p.dot(x) / kPartCell)),
-                       static_cast<int>(std::floor(p.dot(y) / kPartCell))}});
+                      {static_cast<int>(std::floor(p.dot(x) / cell)),
+                       static_cast<int>(std::floor(p.dot(y) / cell))}});
   });
   return pixels;
 }
@@ -138,7 +141,7 @@ std::map<std::pair<int, int>, int> PartsOf(const std::vector<PlanePixel>& pixels
 /// Marks the pixels of the plane's parts that are larger than `largest` m^2. A side of the
 /// structure may lie in one plane with a strip of a wall far behind it.
 void MarkLargeParts(const RoomPlane& plane, double largest, SensorSurface* surface) {
-  const std::vector<PlanePixel> pixels = PixelsOn(plane, *surface);
+  const std::vector<PlanePixel> pixels = PixelsOn(plane, *surface, std::sqrt(largest) / kPartCells);
   const std::map<std::pair<int, int>, int> parts = PartsOf(pixels);
   std::vector<double> areas(parts.size(), 0);
   for (const PlanePixel& pixel : pixels)

@@ -122,7 +122,7 @@ void WeighPoses(const SensorView& view, const Structure& structure,
   const DecimatedTrials coarse = DecimateTrials(view, trials);
   std::vector<Pose> rivals;
   for (const PoseCandidate& pose : *poses) rivals.push_back(pose.structure_from_sensor);
-  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals, initial.table_height_m);
+  const std::vector<FloorFit> floors = FindFloors(view, structure, rivals);
   for (std::size_t k = 0; k < poses->size(); ++k) {
     PoseCandidate& pose = (*poses)[k];
     const auto explain = [&](const SegmentationResult* labels) {

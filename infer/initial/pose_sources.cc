@@ -29,8 +29,7 @@ std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structu
       PosesOfTrials(view, structure, aliases, trials, known_up, initial);
   if (AsksGeometry(initial.method)) {
     const std::vector<PoseCandidate> of_trials = poses;
-    for (const GeometricPose& pose :
-         FindPosesByGeometry(view, structure, aliases, initial.table_height_m)) {
+    for (const GeometricPose& pose : FindPosesByGeometry(view, structure, aliases)) {
       if (known_up && !of_trials.empty() &&
           std::all_of(of_trials.begin(), of_trials.end(), [&](const PoseCandidate& other) {
             return TurnsOver(other.structure_from_sensor, pose.structure_from_sensor);

@@ -31,17 +31,10 @@ bool IsTilted(const SidePatch& patch, const Structure& structure,
 
 }  // namespace
 
-bool SeesBelow(const SensorView& view, const Structure& structure,
-               const Pose& structure_from_sensor, double table_height_m) {
-  return FindFloor(view, structure, structure_from_sensor, table_height_m).LogOddsByBelow() <=
-         -std::log(kDecisiveOdds);
-}
-
 std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
                                    const Pose& structure_from_sensor,
                                    const InitialPoseOptions& options) {
-  if (SeesBelow(view, structure, structure_from_sensor, options.table_height_m))
-    return std::nullopt;
+  if (FindFloor(view, structure, structure_from_sensor).Floats()) return std::nullopt;
   const double log_odds =
       MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor).LogOdds();
   if (log_odds <= -std::log(kDecisiveOdds)) return std::nullopt;

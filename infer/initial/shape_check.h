@@ -9,11 +9,6 @@
 
 namespace volalign {
 
-/// Is so much of what was measured clearly under the ground that the structure would stand on at
-/// this pose that it cannot be its ground? A room has nothing there; see floor.h for tables.
-bool SeesBelow(const SensorView& view, const Structure& structure,
-               const Pose& structure_from_sensor, double table_height_m);
-
 /// Of a pose that geometry has found and that was refined since: ViewFit::LogOdds, if they do not
 /// refute it (kDecisiveOdds). It is looked at more closely then: other boxes may have the
 /// structure's outline to a few centimetres, but they do not face as its sides do.

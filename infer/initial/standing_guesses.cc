@@ -163,12 +163,11 @@ std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::
 
 }  // namespace
 
-std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes,
-                                       double table_height_m) {
+std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, bool tables) {
   std::vector<StandingGuess> guesses;
   for (const RoomPlane& plane : planes) {
-    if (plane.behind > kMostBehind) continue;
-    guesses.push_back({plane.normal, {plane.offset + table_height_m}, {}});
+    if ((plane.behind > kMostBehind) != tables) continue;
+    guesses.push_back({plane.normal, {plane.offset}, {}});
     if (guesses.size() == kBeam / 2) break;
   }
   return guesses;

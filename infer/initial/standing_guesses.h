@@ -9,10 +9,10 @@
 namespace volalign {
 
 /// One guess for each plane on which the structure may stand, those that most of the view lies on
-/// first: few points lie behind it. `table_height_m`: of the structure's foot above it.
-std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, double table_height_m);
+/// first: of floors, behind which few points lie, or of tables, behind which more do.
+std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, bool tables);
 
-/// Where no floor is seen, or not known how high above it the structure stands: up is one of the
+/// Where no floor is seen, or nothing stands on it: up is one of the
 /// directions in which planes face, or at a right angle to two of them; the structure's sides face
 /// as the other planes do; and one of its tops is as high as a surface that faces up, or, where
 /// none does, at any height at which something was measured. `usual`: directions, sensor frame, in

@@ -72,7 +72,7 @@ FreeSet Observable(const NormalEquations& normal, const ParameterLayout& layout,
     }
   }
   for (std::size_t i = 0; i < layout.frames(); ++i)
-    kept.gain[i] = free.gain[i] && observable(layout.Gain(i), priors.gain);
+    kept.gain[i] = free.gain[i] && observable(layout.Gain(i), prior_sigmas[layout.Gain(i)]);
   // A gain that is held leaves the offset to stand for both at the structure's distance.
   FreeSet without_gain = free;
   without_gain.gain = kept.gain;

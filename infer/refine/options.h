@@ -29,7 +29,7 @@ struct PriorOptions {
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
   double bulge_sigma_m = 0.002;
-  double depth_gain_sigma_percent = 0.3;
+  double depth_gain_sigma_percent = -1;
   double depth_offset_sigma_m = 0.007;
   double edge_shift_sigma_px = 0.7;
   double sensor_moved_sigma_m = 2e-4;
@@ -73,7 +73,9 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "cardboard boxes stray by 2 to 4 mm from a plane, part of which is the sensor's)",
        AtLeast(0));
     ar("depth_gain_sigma_percent", depth_gain_sigma_percent,
-       "prior standard deviation of a sensor's depth gain, percent", AtLeast(0));
+       "prior standard deviation of every sensor's depth gain, percent; -1: that of its kind "
+       "(unit_gain of configs/intrinsics.yaml)",
+       Between(-1, 100));
     ar("depth_offset_sigma_m", depth_offset_sigma_m,
        "prior standard deviation, m, of a constant that a sensor's depth is off by (Azure Kinect: "
        "up to 11 mm)",

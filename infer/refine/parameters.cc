@@ -20,7 +20,7 @@ Eigen::MatrixXd FrameColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
 Priors PriorsOf(const PriorOptions& options) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
-  priors.gain = options.depth_gain_sigma_percent / 100;
+  if (options.depth_gain_sigma_percent >= 0) priors.gain = options.depth_gain_sigma_percent / 100;
   priors.edge_shift = options.edge_shift_sigma_px;
   priors.size = options.size_sigma_percent / 100;
   priors.box = options.box_sigma_m;
@@ -35,7 +35,7 @@ Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& e
   Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + build.parameters());
   const auto of = [&](Eigen::Index column) -> double& { return sigmas[column - Columns::kOffset]; };
   of(Columns::kOffset) = priors.offset;
-  of(Columns::kGain) = priors.gain;
+  of(Columns::kGain) = priors.gain.value_or(errors.unit_gain);
   of(Columns::kFocal) = priors.focal;
   of(Columns::kNuisance + kMultipath) = errors.seam_m;
   of(Columns::kNuisance + kEdgeShift) = of(Columns::kNuisance + kEdgeShift + 1) = priors.edge_shift;
@@ -94,7 +94,7 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   FreeSet free;
   free.boxes.assign(boxes, asked.boxes && priors.box > 0);
   free.size = asked.size && priors.size > 0;
-  free.gain.assign(frames, asked.depth_gain && priors.gain > 0);
+  free.gain.assign(frames, asked.depth_gain && priors.gain != 0.0);
   free.offset.assign(frames, asked.depth_offset && priors.offset > 0);
   for (const SensorLens& lens : lenses) {
     // What a single view of the boxes seems to say about a lens is as well said by their size and
@@ -146,7 +146,7 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   for (std::size_t i = 0; i < frames(); ++i) {
     ++counts[SensorOf(i)];
     const Eigen::VectorXd own = SharedPriorSigmas(priors, errors[i], {});
-    sigmas[Gain(i)] = priors.gain;
+    sigmas[Gain(i)] = own[FrameColumns::kGain - FrameColumns::kOffset];
     sigmas[Focal(i)] = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
     sigmas.segment<kNuisances>(Nuisance(i, 0)) =
         own.segment<kNuisances>(FrameColumns::kNuisance - FrameColumns::kOffset);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "core/geometry/frame_errors.h"
@@ -64,11 +65,13 @@ struct FrameColumns {
 
 /// Prior standard deviations of everything but the poses and the multipath error.
 struct Priors {
-  double offset = 0, gain = 0;  ///< m, 1
-  double edge_shift = 0;        ///< px
-  double size = 0;              ///< 1
-  double box = 0, yaw = 0;      ///< m, rad
-  double bulge = 0;             ///< m
+  double offset = 0;  ///< m
+  /// 1; of every sensor, where it is given, instead of its kind's DepthErrorModel::unit_gain.
+  std::optional<double> gain;
+  double edge_shift = 0;    ///< px
+  double size = 0;          ///< 1
+  double box = 0, yaw = 0;  ///< m, rad
+  double bulge = 0;         ///< m
   /// Of the LensChange of the sensor that they are for; zero: the lens is known.
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
   double focal = 0;  ///< see SensorLens::own_focal_sigma

@@ -113,7 +113,7 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
     if (!known) wrong.push_back(pose);
   }
   for (const Pose& pose : wrong) print("view\twrong", structure, pose);
-  const std::vector<GeometricPose> found = FindCandidatesByGeometry(sensor.view, other, 0);
+  const std::vector<GeometricPose> found = FindCandidatesByGeometry(sensor.view, other);
   const auto best = std::max_element(found.begin(), found.end(), [](const auto& a, const auto& b) {
     return a.shape.LogOdds() < b.shape.LogOdds();
   });

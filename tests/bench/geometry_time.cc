@@ -50,7 +50,7 @@ void Measure(const std::string& path, bool verbose, std::map<std::string, Times>
     bool found = false;
     for (int run = 0; run < kRuns; ++run) {
       const double before = 1e3 * ThreadSeconds();
-      found = !FindPosesByGeometry(view, structure, aliases, 0).empty();
+      found = !FindPosesByGeometry(view, structure, aliases).empty();
       least = std::min(least, 1e3 * ThreadSeconds() - before);
     }
     Times& of_size = (*times)[fmt::format("{}x{}", view.width(), view.height())];

@@ -59,7 +59,7 @@ int Run(const std::vector<std::string>& arguments) {
       if (!truth) truth = pose;
       Print(frame, truth, pose, MeasureShape(PrepareSurface(view, structure), structure, pose));
     }
-    for (const GeometricPose& pose : FindCandidatesByGeometry(view, structure, 0))
+    for (const GeometricPose& pose : FindCandidatesByGeometry(view, structure))
       Print(frame, truth, pose.structure_from_sensor, pose.shape);
   }
   return 0;

@@ -206,9 +206,9 @@ class CLibrary(Calls):
 
     def test_options(self):
         options = self.handle("options", "options_create", None)
-        self.call("options_set", options, b"initial.table_height_m", b"0.7")
-        self.call("options_set", options, b"initial.table_hight_m", b"0.7", code=CONFIG_ERROR)
-        self.assertIn("table_hight_m", self.error())
+        self.call("options_set", options, b"refine.size_sigma_percent", b"0.7")
+        self.call("options_set", options, b"refine.size_sigma_procent", b"0.7", code=CONFIG_ERROR)
+        self.assertIn("size_sigma_procent", self.error())
         self.call("options_set", options, b"threads", b"0", code=CONFIG_ERROR)
         # What was refused leaves the options as they were.
         self.call("options_set", options, b"threads", b"1")

@@ -12,8 +12,8 @@ def test_hierarchy():
 
 
 def test_messages_are_the_programs(capture, tmp_path):
-    with pytest.raises(volalign.ConfigError, match="'initial.table_hight_m'.*'initial.table_height_m'"):
-        volalign.calibrate(capture, **{"initial.table_hight_m": 0.7})
+    with pytest.raises(volalign.ConfigError, match="'refine.size_sigma_procent'.*'refine.size_sigma_percent'"):
+        volalign.calibrate(capture, **{"refine.size_sigma_procent": 0.7})
     with pytest.raises(volalign.ConfigError, match="threads = 0 violates threads >= 1"):
         volalign.calibrate(capture, threads=0)
     with pytest.raises(volalign.IoError, match="none.json"):

@@ -41,13 +41,26 @@ TEST(MeasuresBy, IsOfKnownKindsOnly) {
     EXPECT_FALSE(MeasuresBy(principle, "lidar"));
 }
 
+// One design: units of it differ in scale by more than any other kind's.
+TEST(SensorKinds, TheFirstKinectsDesignHasThreeNames) {
+  const DepthErrorModel& kinect = ErrorsOf("kinect_v1");
+  EXPECT_GT(kinect.unit_gain, 3 * ErrorsOf("realsense_d415").unit_gain);
+  EXPECT_EQ(ErrorsOf("azure_kinect_nfov_binned").unit_gain, ErrorsOf("").unit_gain);
+  for (const char* name : {"asus_xtion", "asus_xtion_pro_live", "primesense_carmine"}) {
+    EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, name)) << name;
+    EXPECT_EQ(ErrorsOf(name).white_m, kinect.white_m) << name;
+    EXPECT_EQ(ErrorsOf(name).unit_gain, kinect.unit_gain) << name;
+  }
+}
+
 TEST(SensorKinds, EachSaysHowItsDepthsErr) {
   std::vector<DepthErrorModel> all = {ErrorsOf("lidar")};
   for (const SensorKind& kind : SensorKinds()) all.push_back(kind.errors);
   ASSERT_GT(all.size(), 6U);
   for (const DepthErrorModel& errors : all) {
-    for (const double sigma : {errors.white_m, errors.smooth_m, errors.seam_m, errors.gain,
-                               errors.seam_reach_m, errors.lateral_rad, errors.smooth_rad})
+    for (const double sigma :
+         {errors.white_m, errors.smooth_m, errors.seam_m, errors.gain, errors.unit_gain,
+          errors.seam_reach_m, errors.lateral_rad, errors.smooth_rad})
       EXPECT_GT(sigma, 0);
     // A few millimetres near, and no more than a decimetre at the far end of a capture volume.
     EXPECT_GT(errors.Sigma(1), 0.002);

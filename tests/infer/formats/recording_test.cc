@@ -31,6 +31,9 @@ TEST(KindOfDevice, IsOfTheNameThatADeviceHas) {
   EXPECT_EQ(KindOfDevice("Orbbec Femto Mega I"), "orbbec_femto_mega");
   EXPECT_EQ(KindOfDevice("Orbbec Gemini 335"), "orbbec_gemini_335");
   EXPECT_EQ(KindOfDevice("Orbbec Gemini 335L"), "") << "its baseline is another one";
+  EXPECT_EQ(KindOfDevice("ASUS Xtion PRO LIVE"), "asus_xtion");
+  EXPECT_EQ(KindOfDevice("PrimeSense Carmine 1.08"), "primesense_carmine");
+  EXPECT_EQ(KindOfDevice("PrimeSense PS1080"), "primesense");
   EXPECT_EQ(KindOfDevice("Intel RealSense L515"), "");
 }
 

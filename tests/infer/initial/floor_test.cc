@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "tests/infer/view/synthetic.h"
 
@@ -64,14 +66,43 @@ TEST(FindFloor, CountsPixels) {
 TEST(FindFloor, UnderATable) {
   Pose above = Above(-0.5);
   EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above).below, 0);
-  // Nothing is under that floor, and a pose whose floor is known has none.
-  EXPECT_EQ(FindFloor(FromAbove(2.5f), Cube(), above, 0.5).below, 49);
   // A box is less high than a table.
   EXPECT_EQ(FindFloor(FromAbove(1.45f), Cube(), above).below, 49);
   // What is upside down shows the floor's other side: a ceiling is no floor of a table.
   above.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal() * above.linear();
   above.translation().y() = -2;
   EXPECT_EQ(FindFloor(FromAbove(0.5f), Cube(), above).below, 49);
+}
+
+/// A cube on a table or in mid-air, before walls that reach down; no floor is seen.
+FloorFit CubeAboveTheGround(const std::vector<Box>& with) {
+  std::vector<Box> boxes = Cube().boxes();
+  boxes.insert(boxes.end(), with.begin(), with.end());
+  const Pose pose = LookAt({0.2, 1.0, 1.8}, {0.2, 0.1, 0.2}, 0);
+  const Structure seen = Structure::FromBoxes("seen", boxes);
+  const Pose origin = Pose(Eigen::Translation3d(0, 0, 0));
+  const DepthImage depth = Render(seen, Kinect(), pose, {false, 2.5, origin}).depth;
+  return FindFloor(MakeSensorView(depth, Kinect()), Cube(), pose);
+}
+
+TEST(FindFloor, BesideATablesEdgeIsSeenFarther) {
+  const FloorFit floats = CubeAboveTheGround({});
+  EXPECT_EQ(floats.beside, 0);
+  EXPECT_GT(floats.passing, 0);
+  EXPECT_TRUE(floats.Floats());
+  EXPECT_LT(floats.balance(), 0);
+  const FloorFit stands =
+      CubeAboveTheGround({Box::FromMinMax("table", {-0.3, -0.05, -0.2}, {0.7, 0, 0.7})});
+  EXPECT_GT(stands.below, stands.on_floor / 2) << "what lies beyond the table";
+  EXPECT_GT(stands.beside, 0);
+  EXPECT_FALSE(stands.Floats());
+  EXPECT_GT(stands.balance(), 0);
+  EXPECT_GT(stands.LogOdds(), floats.LogOdds() + std::log(100.0));
+  // At an edge of the table, too.
+  const FloorFit edge =
+      CubeAboveTheGround({Box::FromMinMax("table", {-0.3, -0.05, -0.2}, {0.45, 0, 0.42})});
+  EXPECT_GT(edge.passing, 0);
+  EXPECT_FALSE(edge.Floats());
 }
 
 // An upright side that reaches down to the floor is none, and what stands alone may be anything.

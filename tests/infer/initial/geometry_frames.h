@@ -27,22 +27,18 @@ inline SensorView See(const Structure& structure, const Pose& pose,
   return MakeSensorView(depth, Kinect());
 }
 
-inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& structure,
-                                       double table_height_m = 0) {
-  return FindPosesByGeometry(view, structure, FindAliases(structure), table_height_m);
+inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& structure) {
+  return FindPosesByGeometry(view, structure, FindAliases(structure));
 }
 
 /// The pose that geometry and the floor decide on.
-inline PoseChoice Choose(const SensorView& view, const Structure& structure,
-                         double table_height_m = 0) {
-  InitialPoseOptions options;
-  options.table_height_m = table_height_m;
-  return ChooseTogether(
-             {{&view,
-               FindCompetitors(view, structure, FindAliases(structure), {}, false, options),
-               {},
-               0}},
-             structure)
+inline PoseChoice Choose(const SensorView& view, const Structure& structure) {
+  return ChooseTogether({{&view,
+                          FindCompetitors(view, structure, FindAliases(structure), {}, false,
+                                          InitialPoseOptions()),
+                          {},
+                          0}},
+                        structure)
       .front();
 }
 

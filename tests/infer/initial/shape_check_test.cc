@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
 #include "tests/infer/initial/geometry_frames.h"
 
@@ -48,11 +49,11 @@ TEST(ShapeLogOdds, NotWhereMuchIsMissing) {
 
 // The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
 // it: much is measured where there would be ground.
-TEST(SeesBelow, WhereTheRoomReachesUnderTheStack) {
+TEST(FloorFit, FloatsWhereTheRoomReachesUnderTheStack) {
   const SensorView view = See(Stack(), kTruth);
-  EXPECT_FALSE(SeesBelow(view, Stack(), kTruth, 0));
+  EXPECT_FALSE(FindFloor(view, Stack(), kTruth).Floats());
   const Pose lying(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
-  EXPECT_TRUE(SeesBelow(view, Stack(), lying * kTruth, 0));
+  EXPECT_TRUE(FindFloor(view, Stack(), lying * kTruth).Floats());
   EXPECT_FALSE(ShapeLogOdds(view, Stack(), lying * kTruth, InitialPoseOptions()).has_value());
 }
 

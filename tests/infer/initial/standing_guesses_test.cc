@@ -22,7 +22,7 @@ RoomPlane Plane(const Eigen::Vector3d& normal, double offset, double behind = 0.
 
 TEST(GuessFloors, IsWhatLittleLiesBehind) {
   const std::vector<StandingGuess> guesses =
-      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, 0);
+      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, false);
   ASSERT_EQ(guesses.size(), 2u);
   EXPECT_EQ(guesses[0].up, kZ);
   EXPECT_EQ(guesses[0].feet, std::vector<double>{-4});
@@ -31,19 +31,21 @@ TEST(GuessFloors, IsWhatLittleLiesBehind) {
   EXPECT_TRUE(guesses[1].yaws.empty()) << "every turn";
 }
 
-TEST(GuessFloors, AStackOnATableStandsHigher) {
-  const std::vector<StandingGuess> guesses = GuessFloors({Plane(kY, -1.2, 0)}, 0.75);
-  ASSERT_EQ(guesses.size(), 1u);
-  EXPECT_NEAR(guesses[0].feet[0], -0.45, 1e-12);
+TEST(GuessFloors, ATableIsWhatMoreLiesBehind) {
+  const std::vector<StandingGuess> guesses =
+      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, true);
+  ASSERT_EQ(guesses.size(), 1U);
+  EXPECT_EQ(guesses[0].up, kX);
+  EXPECT_EQ(guesses[0].feet, std::vector<double>{-2});
 }
 
 TEST(GuessFloors, AreFourAtMost) {
   std::vector<RoomPlane> planes;
   for (int k = 0; k < 6; ++k) planes.push_back(Plane(kY, -1 - k, 0));
-  const std::vector<StandingGuess> guesses = GuessFloors(planes, 0);
+  const std::vector<StandingGuess> guesses = GuessFloors(planes, false);
   ASSERT_EQ(guesses.size(), 4u);
   EXPECT_EQ(guesses[3].feet, std::vector<double>{-4});
-  EXPECT_TRUE(GuessFloors({}, 0).empty());
+  EXPECT_TRUE(GuessFloors({}, false).empty());
 }
 
 /// 0.5 m and 0.8 m high tops.

@@ -70,14 +70,14 @@ TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
   // the limit of 0.7; the offset, where the gain is none, to sqrt(0.25 / 1.25) = 0.45 of it.
   Handmade made;
   const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
-  const double depth = made.priors.offset / made.priors.gain, sigma = made.priors.offset / 2;
+  const double depth = made.priors.offset / *made.priors.gain, sigma = made.priors.offset / 2;
   Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
   row[offset] = 1 / sigma;
   row[gain] = depth / sigma;
   made.normal.information += row * row.transpose();
   const Eigen::MatrixXd both = made.normal.information.inverse();
   ASSERT_NEAR(std::sqrt(both(offset, offset)) / made.priors.offset, 0.745, 0.001);
-  ASSERT_NEAR(std::sqrt(both(gain, gain)) / made.priors.gain, 0.745, 0.001);
+  ASSERT_NEAR(std::sqrt(both(gain, gain)) / *made.priors.gain, 0.745, 0.001);
   const FreeSet kept = made.Kept();
   EXPECT_FALSE(kept.gain[0]);
   EXPECT_TRUE(kept.offset[0]);

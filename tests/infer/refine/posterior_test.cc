@@ -16,7 +16,7 @@ namespace {
 /// Of all parameters: 1.
 Eigen::VectorXd PriorSigmas(const ParameterLayout& layout) {
   Priors priors;
-  priors.offset = priors.gain = priors.size = priors.box = priors.yaw = priors.bulge =
+  priors.gain = priors.offset = priors.size = priors.box = priors.yaw = priors.bulge =
       priors.edge_shift = 1;
   return layout.PriorSigmas(priors, std::vector<DepthErrorModel>(layout.sensors(), ErrorsOf("")));
 }

@@ -479,6 +479,7 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
   RefineOptions options;
   options.bulge_sigma_m = 0;
   options.max_overlap_points = 0;
+  options.depth_gain_sigma_percent = 0.3;
   if (!build_and_depth) {
     options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
     options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
