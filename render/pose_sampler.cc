@@ -4,6 +4,7 @@
 
 #include "core/base/error.h"
 #include "core/base/portable_math.h"
+#include "core/geometry/point_in_ball.h"
 
 namespace volalign {
 
@@ -30,14 +31,7 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   const SinCos place = PortableSinCos(phi);
   const Eigen::Vector3d position(rho * place.cos, y, rho * place.sin);
 
-  const double cos_polar = random.Uniform(-1, 1);
-  const double azimuth = random.Uniform(0, 2 * M_PI);
-  const double radius = 0.01 * config.look_at_radius_cm * PortableCbrt(random.Uniform());
-  const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
-  const SinCos aside = PortableSinCos(azimuth);
-  const Eigen::Vector3d target =
-      radius * Eigen::Vector3d(sin_polar * aside.cos, cos_polar, sin_polar * aside.sin);
-
+  const Eigen::Vector3d target = PointInBall(0.01 * config.look_at_radius_cm, random);
   const double roll = random.Uniform(-config.roll_deg, config.roll_deg);
   const double offset = config.roll_offsets_deg[static_cast<std::size_t>(
       random.Below(static_cast<int>(config.roll_offsets_deg.size())))];

@@ -68,8 +68,9 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
     for (const at::Tensor& moment : moments) before.push_back(moment.clone());
   }
   if (clip.defined()) g.mul_(clip);
+  const bool decoupled = config_.optimizer == OptimizerKind::kAdamW;
+  if (decay && !decoupled) g.add_(p, config_.weight_decay);
   if (config_.optimizer == OptimizerKind::kSgd) {
-    if (decay) g.add_(p, config_.weight_decay);
     at::Tensor& momentum = moments[0];
     momentum.mul_(config_.momentum).add_(g);
     p.add_(config_.nesterov ? g.add_(momentum, config_.momentum) : momentum, -lr);
@@ -79,7 +80,7 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
     square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
     const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
     const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
-    if (decay) p.mul_(1 - lr * config_.weight_decay);
+    if (decay && decoupled) p.mul_(1 - lr * config_.weight_decay);
     const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
     p.addcdiv_(mean, denominator, -lr / correction1);
   }

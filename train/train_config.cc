@@ -44,10 +44,6 @@ void OptimConfig::Validate() const {
     throw ConfigError(
         fmt::format("optim.min_lr = {} violates optim.min_lr < optim.lr = {}", min_lr, lr));
   }
-  if (optimizer == OptimizerKind::kAdam && weight_decay > 0) {
-    throw ConfigError(
-        fmt::format("optim.weight_decay = {} needs optim.optimizer = adamw or sgd", weight_decay));
-  }
 }
 
 void TrainConfig::Validate() const {

@@ -117,7 +117,9 @@ struct OptimConfig {
        Between(0, 0.9999));
     ar("nesterov", nesterov, "sgd: Nesterov's momentum");
     ar("weight_decay", weight_decay,
-       "of convolution weights only; with sgd it is added to the gradient", AtLeast(0));
+       "of convolution weights only: adamw shrinks them by it, adam and sgd add it times the "
+       "weights to the gradient",
+       AtLeast(0));
     DescribeWord(ar, "schedule", schedule, kSchedules,
                  "after the warm-up: constant; one_cycle (cosine to min_lr at run.samples); cosine "
                  "(to min_lr after period_samples, then again from lr); step (times step_factor "

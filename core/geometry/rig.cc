@@ -14,6 +14,7 @@
 #include "core/base/error.h"
 #include "core/base/text.h"
 #include "core/geometry/image_size.h"
+#include "core/geometry/point_in_ball.h"
 
 namespace volalign {
 namespace {
@@ -31,6 +32,18 @@ void AppendGroup(const RigGroup& group, std::size_t index, std::vector<RigSensor
     sensors->push_back({group, fmt::format("{}{}", group.name, i + 1),
                         group.phi_deg[i % group.phi_deg.size()],
                         group.height_cm[i % group.height_cm.size()]});
+  }
+}
+
+/// Draws the points that sensors look at, each around its own, by the rig's seed.
+void DrawLookAt(Rig* rig) {
+  for (std::size_t i = 0; i < rig->sensors.size(); ++i) {
+    RigSensor& sensor = rig->sensors[i];
+    RandomStream random(rig->seed, i, "look_at");
+    const Eigen::Vector3d offset = PointInBall(sensor.look_at_radius_cm, random);
+    for (int axis = 0; axis < 3; ++axis)
+      sensor.look_at_cm[static_cast<std::size_t>(axis)] += offset[axis];
+    sensor.look_at_radius_cm = 0;
   }
 }
 
@@ -152,14 +165,13 @@ void TurnStructure(double deg, Rig* rig) {
 }
 
 std::vector<Rig> Turns(const Rig& rig) {
-  if (rig.turns_deg.empty()) return {rig};
-  std::vector<Rig> turns;
-  for (std::size_t k = 0; k < rig.turns_deg.size(); ++k) {
-    Rig turn = rig;
+  std::vector<Rig> turns(std::max<std::size_t>(1, rig.turns_deg.size()), rig);
+  for (std::size_t k = 0; k < turns.size(); ++k) {
+    Rig& turn = turns[k];
+    if (!rig.turns_deg.empty()) TurnStructure(rig.turns_deg[k], &turn);
     turn.turns_deg.clear();
     turn.seed += kTurnStride * k;
-    TurnStructure(rig.turns_deg[k], &turn);
-    turns.push_back(std::move(turn));
+    DrawLookAt(&turn);
   }
   return turns;
 }

@@ -20,6 +20,7 @@ struct RigMount {
   double rho_cm = 200;
   double roll_deg = 90;
   std::array<double, 3> look_at_cm{0, 0, 0};
+  double look_at_radius_cm = 0;
   bool level = false;
   std::string image_size;
 
@@ -29,6 +30,10 @@ struct RigMount {
     ar("rho_cm", rho_cm, "horizontal distance from the rig's centre, cm", Above(0));
     ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
     ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
+    ar("look_at_radius_cm", look_at_radius_cm,
+       "radius of the ball around look_at_cm in which each turn draws the point that is looked at, "
+       "cm",
+       AtLeast(0));
     ar("level", level, "the optical axis is level: look_at_cm counts without its height");
     ar("image_size", image_size,
        "WIDTHxHEIGHT; empty: the pool's own size, a quarter of it where that is wider than 640");
@@ -209,8 +214,8 @@ Pose FirstFromPlacement(const RigPlacement& placement);
 /// modulo 360, and the placements stay where they are among the sensors.
 void TurnStructure(double deg, Rig* rig);
 
-/// The captures that a rig asks for: one a turn, in order, each with a seed of its own and without
-/// turns; the rig itself where it has none.
+/// The captures that a rig asks for: one a turn, in order, each with a seed of its own, without
+/// turns and with look-at points drawn; one where it has no turns.
 std::vector<Rig> Turns(const Rig& rig);
 
 }  // namespace volalign

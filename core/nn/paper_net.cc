@@ -77,6 +77,10 @@ at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
   throw Error("invalid Normalization");
 }
 
+at::Tensor AttentionMask(const ConvUnitImpl& unit, const at::Tensor& x) {
+  return at::sigmoid(Convolve(x.to(at::kFloat), unit.weight, at::kFloat, /*padding=*/0, unit.bias));
+}
+
 PaperNetImpl::PaperNetImpl(const StructureNetOptions& options) : StructureNetImpl(options) {
   std::map<std::string, ConvUnit> units;
   for (const PaperUnit& unit : PaperUnits(options)) {
@@ -134,8 +138,8 @@ NetworkOutput PaperNetImpl::ForwardWithAttention(const at::Tensor& input) {
   }
   at::Tensor mask;  // [B,1,H/16,W/16]
   if (options().attention) {
-    mask = at::sigmoid(layers_.attention->forward(x, compute_type()));
-    x = x * mask;
+    mask = AttentionMask(*layers_.attention, x);
+    x = x * mask.to(compute_type());
   }
   for (PaperNetLayers::DecoderLevel& level : layers_.decoder) {
     const at::Tensor skip = skips.back();
@@ -143,12 +147,11 @@ NetworkOutput PaperNetImpl::ForwardWithAttention(const at::Tensor& input) {
     x = Relu(level.second, Relu(level.first, x));
     x = Relu(level.up, UpsampleTo(x, skip));
     x = Relu(level.merge, at::cat({x, skip}, 1));
-    if (options().attention) x = x * UpsampleTo(mask, x);
+    if (options().attention) x = x * UpsampleTo(mask, x).to(compute_type());
   }
   const at::Tensor logits =
       layers_.classifier->forward(Relu(layers_.last, x), compute_type());  // [B,K,H,W]
-  return {at::log_softmax(logits.to(at::kFloat), 1),
-          mask.defined() ? mask.to(at::kFloat) : at::Tensor()};
+  return {at::log_softmax(logits.to(at::kFloat), 1), mask};
 }
 
 }  // namespace volalign

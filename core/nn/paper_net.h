@@ -28,6 +28,10 @@ class ConvUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ConvUnit);
 
+/// The mask [B,1,h,w] of x [B,C,h,w], in float32 whatever the type of x: bfloat16 has no number
+/// between 0.996 and 1, and a mask that is rounded to 1 has no gradient.
+at::Tensor AttentionMask(const ConvUnitImpl& unit, const at::Tensor& x);
+
 /// The layers of the network.
 struct PaperNetLayers {
   struct ResidualBlock {
@@ -46,7 +50,8 @@ struct PaperNetLayers {
 /// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
 /// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
 /// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0. In
-/// bfloat16 the first convolution, the normalisation statistics and the log-softmax stay float32.
+/// bfloat16 the first convolution, the normalisation statistics, the mask and the log-softmax stay
+/// float32.
 class PaperNetImpl : public StructureNetImpl {
  public:
   /// Throws ConfigError for invalid options.

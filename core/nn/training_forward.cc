@@ -107,9 +107,8 @@ at::Tensor TrainingForward(const PaperNetLayers& layers, Normalization normaliza
   }
   at::Tensor mask;  // [B,1,H/16,W/16]
   if (!layers.attention.is_empty()) {
-    mask = at::sigmoid(units.Raw(layers.attention, x) +
-                       layers.attention->bias.to(type).view({1, 1, 1, 1}));
-    x = x * mask;
+    mask = AttentionMask(*layers.attention, x);
+    x = x * mask.to(type);
   }
   for (const PaperNetLayers::DecoderLevel& level : layers.decoder) {
     x = units.Relu(level.second, units.Relu(level.first, x));

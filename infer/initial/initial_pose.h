@@ -35,9 +35,9 @@ struct InitialPoseOptions {
     DescribeWord(ar, "method", method, kPoseMethodWords,
                  "what initial poses come from: network (its labels), geometry (the structure's "
                  "shape alone, which needs no model), auto (both propose where there is a model, "
-                 "and one verification chooses), or paper: the mean of the confident pixels of "
-                 "each side that the network found against its centre, Procrustes over all visible "
-                 "sides; it uses patch.min_confidence and min_pixels only");
+                 "and one verification chooses), or paper: the median of the pixels of each side "
+                 "that the network found against the centre of what no other box covers of it, "
+                 "Procrustes over all visible sides; it uses no other option");
     DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
                  "point that stands for a side before its visible part is known: exposed (centroid "
                  "of the area that no other box covers) or centre (the paper)");

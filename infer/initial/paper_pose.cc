@@ -1,8 +1,12 @@
 #include "infer/initial/paper_pose.h"
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <utility>
 #include <vector>
 
+#include "core/base/statistics.h"
 #include "core/geometry/procrustes.h"
 
 namespace volalign {
@@ -10,20 +14,20 @@ namespace volalign {
 InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
                               const Structure& structure, const InitialPoseOptions& options) {
   const auto classes = static_cast<std::size_t>(structure.num_classes());
-  std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());
-  std::vector<int> counts(classes, 0);
+  std::vector<std::array<std::vector<double>, 3>> coordinates(classes);
   view.VisitMeasured(1, [&](int u, int v) {
     const std::size_t label = segmentation.labels(u, v);
     if (label == 0 || label >= classes) return;
-    if (segmentation.confidence(u, v) < options.patch.min_confidence) return;
-    sums[label] += view.Point(u, v);
-    ++counts[label];
+    const Eigen::Vector3d point = view.Point(u, v);
+    for (std::size_t i = 0; i < 3; ++i)
+      coordinates[label][i].push_back(point[static_cast<Eigen::Index>(i)]);
   });
   std::vector<Eigen::Vector3d> source, target;
   for (std::size_t label = 1; label < classes; ++label) {
-    if (counts[label] < options.patch.min_pixels) continue;
-    source.push_back(sums[label] / counts[label]);
-    target.push_back(structure.SideOfLabel(static_cast<int>(label)).centre);
+    auto& [x, y, z] = coordinates[label];
+    if (x.size() * 320 * 180 <= view.depth.size() * 200) continue;
+    source.emplace_back(Median(std::move(x)), Median(std::move(y)), Median(std::move(z)));
+    target.push_back(structure.Keypoint(static_cast<int>(label), KeypointKind::kExposed));
   }
   InitialPose result;
   result.patches = CollectPatches(view, segmentation, structure, options.patch);

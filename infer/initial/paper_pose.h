@@ -7,11 +7,12 @@
 
 namespace volalign {
 
-/// The estimator of the paper "Deep Soft Procrustes for Markerless Volumetric Sensor Alignment",
-/// for comparison: the mean of each side's confident pixels against the side's centre, Procrustes
-/// over all sides with at least patch.min_pixels of them. Keypoint pose and initial pose are the
-/// same. Nothing is found where the centres of fewer than three sides, or of sides in a line, are
-/// visible.
+/// The estimator of the paper "Deep Soft Procrustes for Markerless Volumetric Sensor Alignment", as
+/// its authors published it (VCL3D/StructureNet, calibration.py), for comparison: of each side that
+/// more than 200 of 320x180 pixels show, the median of each coordinate of its measured
+/// pixels, whatever their confidence, against the centroid of what no other box covers of it;
+/// Procrustes over all of them. Keypoint pose and initial pose are the same. Nothing is found where
+/// fewer than three sides, or sides in a line, are visible.
 InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
                               const Structure& structure, const InitialPoseOptions& options);
 

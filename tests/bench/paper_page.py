@@ -116,8 +116,8 @@ def main():
     parser.add_argument("results", type=pathlib.Path)
     parser.add_argument("--page", type=pathlib.Path, default=pathlib.Path("docs/paper.md"))
     arguments = parser.parse_args()
-    tables = {name: json.loads((arguments.results / f"{name}.json").read_text())["rows"] for name in ("table2", "table3", "table4", "table5", "table6")}
-    texts = {name: models_table(tables[name]) for name in ("table2", "table3", "table4")}
+    tables = {name: json.loads((arguments.results / f"{name}.json").read_text())["rows"] for name in ("table2", "table3", "table4", "table4_level", "table5", "table6")}
+    texts = {name: models_table(tables[name]) for name in ("table2", "table3", "table4", "table4_level")}
     texts["table5"] = rigs_table(tables["table5"], 0)
     texts["table6_rings"], texts["table6_four"] = rigs_table(tables["table6"], 0), rigs_table(tables["table6"], 1)
     texts["d1"] = d1_table(arguments.results / "captures" / "cameras_6_8")

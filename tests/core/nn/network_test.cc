@@ -193,6 +193,28 @@ TEST(StructureNet, Bfloat16KeepsDepthAndFirstConvolutionInFloat32) {
   EXPECT_THROW(net->SetComputeType(at::kHalf), Error);
 }
 
+/// Between 0.998 and 1 bfloat16 has no number: a mask that is rounded to 1 would never learn.
+TEST(StructureNet, AnOpenMaskKeepsItsGradientInBfloat16) {
+  for (const bool channels_last : {false, true}) {
+    SCOPED_TRACE(channels_last);
+    StructureNetOptions options;
+    options.base_channels = 4;
+    StructureNet net(options);
+    net->SetComputeType(at::kBFloat16);
+    net->SetChannelsLast(channels_last);
+    at::Tensor bias = net->named_parameters()["attention.bias"];
+    {
+      c10::NoGradGuard no_grad;
+      bias.fill_(8);
+      const at::Tensor mask = net->ForwardWithAttention(at::rand({1, 1, 32, 32})).attention;
+      EXPECT_NEAR(mask.min().item<double>(), 1 / (1 + std::exp(-8.0)), 1e-5);
+    }
+    net->train();
+    net->forward(at::rand({2, 1, 32, 32})).select(1, 0).sum().backward();
+    EXPECT_NE(bias.grad().item<double>(), 0);
+  }
+}
+
 TEST(EncodeDepth, DepthMaskCentresClampsAndMasks) {
   const at::Tensor depth = at::tensor({0.0f, 1.5f, 2.0f, 16.0f}).view({1, 1, 2, 2});
   EXPECT_TRUE(EncodeDepth(depth, InputEncoding::kDepth).equal(depth));

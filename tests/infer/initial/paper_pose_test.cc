@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -37,38 +40,51 @@ Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage
   return {pose.found, ComparePoses(pose.structure_from_sensor, truth)};
 }
 
-/// The paper's estimate is the least-squares pose between the sides' pixel means, summed here, and
-/// their centres: every small step away from it raises the sum of squares.
-TEST(PaperPose, IsLeastSquaresOverPixelMeans) {
+/// The paper's estimate is the least-squares pose between the medians of the sides' pixels, found
+/// here by sorting, and the centroids of what is exposed of them: every small step away from it
+/// raises the sum of squares.
+TEST(PaperPose, IsLeastSquaresOverMediansOfLargeSides) {
   const Structure structure = PaperStructure();
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
   const auto rendered = Render(structure, Kinect(), RingPose(35));
   SegmentationResult segmentation = Certain(rendered.labels);
-  // Unsure pixels, a whole side of them and every fifth, do not count.
-  const int unsure = LabelOf(structure, "mid_top/front");
-  for (std::size_t i = 0; i < segmentation.labels.size(); ++i) {
-    if (segmentation.labels[i] == unsure || i % 5 == 0) segmentation.confidence[i] = 0.3f;
+  // Unsure pixels count, a side of 1 pixel in 288 and less does not.
+  for (std::size_t i = 0; i < segmentation.labels.size(); i += 5) segmentation.confidence[i] = 0.1f;
+  const std::size_t most = segmentation.labels.size() / 288;
+  const int small = LabelOf(structure, "mid_top/front");
+  std::size_t kept = 0;
+  for (std::uint8_t& label : segmentation.labels) {
+    if (label == small && kept++ >= most) label = 0;
   }
+  ASSERT_GT(kept, most);
   const SensorView view = MakeSensorView(rendered.depth, Kinect());
   const InitialPose estimate = EstimateInitialPose(view, segmentation, structure, options);
   ASSERT_TRUE(estimate.found);
+  std::vector<Eigen::Vector3d> medians, keypoints;
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    std::array<std::vector<double>, 3> coordinates;
+    for (int v = 0; v < view.height(); ++v) {
+      for (int u = 0; u < view.width(); ++u) {
+        if (segmentation.labels(u, v) != label || !(view.depth(u, v) > 0)) continue;
+        for (std::size_t i = 0; i < 3; ++i)
+          coordinates[i].push_back(view.Point(u, v)[static_cast<Eigen::Index>(i)]);
+      }
+    }
+    if (coordinates[0].size() <= most) continue;
+    Eigen::Vector3d median;
+    for (std::size_t i = 0; i < 3; ++i) {
+      std::sort(coordinates[i].begin(), coordinates[i].end());
+      median[static_cast<Eigen::Index>(i)] = coordinates[i][coordinates[i].size() / 2];
+    }
+    medians.push_back(median);
+    keypoints.push_back(structure.SideOfLabel(label).exposed_centroid);
+  }
+  ASSERT_GE(medians.size(), 3u);
   const auto cost = [&](const Pose& pose) {
     double sum = 0;
-    for (int label = 1; label < structure.num_classes(); ++label) {
-      Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-      int count = 0;
-      for (int v = 0; v < view.height(); ++v) {
-        for (int u = 0; u < view.width(); ++u) {
-          if (segmentation.labels(u, v) != label || segmentation.confidence(u, v) < 0.5f) continue;
-          mean += view.Point(u, v);
-          ++count;
-        }
-      }
-      if (count < options.patch.min_pixels) continue;
-      sum += (pose * Eigen::Vector3d(mean / count) - structure.SideOfLabel(label).centre)
-                 .squaredNorm();
-    }
+    for (std::size_t i = 0; i < medians.size(); ++i)
+      sum += (pose * medians[i] - keypoints[i]).squaredNorm();
     return sum;
   };
   const double least = cost(estimate.structure_from_sensor);
