@@ -25,7 +25,7 @@ LIMITS = {
     "infer/depth": 21,
     "infer/initial": 65,
     "infer/refine": 47,
-    "infer/checks": 33,
+    "infer/checks": 31,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 14,
 }

@@ -1,5 +1,6 @@
 #include "infer/calib/calibrate.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "infer/calib/joint_solution.h"
 #include "infer/calib/judge.h"
 #include "infer/calib/look.h"
+#include "infer/checks/assembly.h"
 #include "infer/checks/lens_check.h"
 #include "infer/lens/find_lenses.h"
 
@@ -16,40 +18,62 @@ namespace volalign {
 
 namespace {
 
-CalibrationResult CalibrateAsGiven(const std::vector<Still>& stills, const Structure& structure,
-                                   Segmenter* segmenter, const CalibrateOptions& options,
-                                   const CalibrateProgress& progress) {
+/// `stack`: what is known of how it stands.
+CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& stack,
+                              Segmenter* segmenter, const CalibrateOptions& options,
+                              const CalibrateProgress& progress, StageClock* clock) {
   const auto begin = [&](const char* stage) {
     if (progress) progress(stage);
   };
   const int threads = options.threads;
-  StageClock clock;
-  const CaptureSet capture = CheckRequest(stills, structure, options, segmenter != nullptr);
-
   begin("lenses, by walls and floors");
   const bool estimated = ParseEstimate(options.refine.estimate).lens;
   const LensSet assumed =
       estimated ? AssumeLenses(capture, options.refine.lens_per_sensor) : GivenLenses(capture);
   FoundLenses found = FindLenses(capture, assumed, threads);
-  clock.Lap("lenses");
+  clock->Lap("lenses");
 
   begin("first poses");
-  Seen seen = Look(capture, std::move(found), segmenter, options, &clock);
-  const StackFinding stack = InspectStack(
-      seen, options.assembly, {options.initial, options.refine, options.verdict, threads});
-  clock.Lap("assembly");
+  Seen seen = Look(capture, std::move(found), segmenter, options, clock);
 
-  Joint joint = SolveJointly(std::move(seen), stack, segmenter, options, progress, &clock);
+  Joint joint = SolveJointly(std::move(seen), stack, segmenter, options, progress, clock);
 
   begin("residuals and verdict");
   const PerFrame<std::optional<Finding>> suspect_lenses =
       CheckLenses(FindPlanes(joint.seen.views, joint.seen.lenses, threads), joint.seen.lenses,
                   estimated, options.verdict.lens);
-  clock.Lap("lenses");
+  clock->Lap("lenses");
   CalibrationResult result = Judge(std::move(joint), stack, suspect_lenses, options);
-  clock.Lap("metrics");
-  result.timings_s = clock.Total();
+  clock->Lap("metrics");
   return result;
+}
+
+/// What InspectAssembly finds of a still in which sensors fail or contradict each other; nothing
+/// where it finds nothing.
+std::optional<AssemblyReport> InspectStill(const StackResult& still, const Structure& structure,
+                                           const CalibrateOptions& options) {
+  if (std::none_of(still.sensors.begin(), still.sensors.end(), [&](const FrameResult& sensor) {
+        return QuestionsStack(sensor, still.twins);
+      })) {
+    return std::nullopt;
+  }
+  std::vector<const SensorView*> views;
+  for (const FrameResult& sensor : still.sensors) {
+    const bool shows = sensor.structure_from_sensor || FailedToFindStack(sensor.code);
+    views.push_back(shows ? &sensor.view : nullptr);
+  }
+  AssemblyReport report = InspectAssembly(views, structure, options.threads);
+  if (!report.altered() && report.mirrored_frames.empty()) return std::nullopt;
+  return report;
+}
+
+StackFinding InspectStack(const CalibrationResult& result, const Structure& structure,
+                          const CalibrateOptions& options) {
+  if (result.stills.empty()) return {InspectStill(result, structure, options)};
+  StackFinding stack;
+  for (const StillResult& still : result.stills)
+    stack.push_back(InspectStill(still, structure, options));
+  return stack;
 }
 
 }  // namespace
@@ -57,13 +81,27 @@ CalibrationResult CalibrateAsGiven(const std::vector<Still>& stills, const Struc
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter* segmenter, const CalibrateOptions& options,
                             const CalibrateProgress& progress) {
-  CalibrationResult result = CalibrateAsGiven(stills, structure, segmenter, options, progress);
-  TryHypotheses(
-      stills, structure, options,
-      [&](const std::vector<Still>& other) {
-        return CalibrateAsGiven(other, structure, segmenter, options, {});
-      },
-      &result);
+  StageClock clock;
+  const CaptureSet capture = CheckRequest(stills, structure, options, segmenter != nullptr);
+  const StackFinding not_asked(stills.size());
+  CalibrationResult result = CalibrateAs(capture, not_asked, segmenter, options, progress, &clock);
+  if (options.assembly.enabled) {
+    const StackFinding stack = InspectStack(result, structure, options);
+    clock.Lap("assembly");
+    if (std::any_of(stack.begin(), stack.end(), [](const auto& of) { return of.has_value(); }))
+      result = CalibrateAs(capture, stack, segmenter, options, progress, &clock);
+  }
+  if (!result.assembly || !result.assembly->altered())
+    TryHypotheses(
+        stills, structure, options,
+        [&](const std::vector<Still>& other) {
+          StageClock unused;
+          return CalibrateAs(CheckRequest(other, structure, options, segmenter != nullptr),
+                             not_asked, segmenter, options, {}, &unused);
+        },
+        &result);
+  clock.Lap("hypotheses");
+  result.timings_s = clock.Total();
   return result;
 }
 

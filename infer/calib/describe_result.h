@@ -97,8 +97,8 @@ void Describe(Archive& ar, AssemblyReport& assembly) {
   ar.Optional("box", found.box);
   ar.Optional("other_box", found.other_box);
   ar.Optional("turn_deg", found.turn_deg);
-  ar.IfFinite("overlap", assembly.shape_iou);
-  ar.IfFinite("described_overlap", assembly.described_shape_iou);
+  ar.IfFinite("overlap", assembly.share);
+  ar.IfFinite("described_overlap", assembly.described_share);
 }
 
 template <class Archive>

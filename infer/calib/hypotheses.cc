@@ -76,8 +76,8 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   std::vector<std::pair<std::size_t, double>> found(factors.size());  // views, log odds of them
   ParallelFor(factors.size(), options.threads, [&](std::size_t k) {
     for (const SensorView& view : views) {
-      const std::vector<GeometricPose> poses = FindPosesByGeometry(
-          Corrected(view, factors[k], 0), structure, {}, options.initial.table_height_m);
+      const std::vector<GeometricPose> poses =
+          FindPosesByGeometry(Corrected(view, factors[k], 0), structure, {});
       if (poses.empty()) continue;
       ++found[k].first;
       found[k].second += poses.front().shape.LogOdds();

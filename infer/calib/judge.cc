@@ -221,12 +221,66 @@ std::vector<RigTwin> TwinsOf(const Joint& joint, std::size_t still,
   return list;
 }
 
+/// A sensor that has a pose, and nothing is said against it.
+bool IsBelieved(const FrameResult& sensor) {
+  const auto doubted = {SensorCode::kDuplicateDepth, SensorCode::kIntrinsicsSuspect,
+                        SensorCode::kDisagrees,      SensorCode::kAmbiguous,
+                        SensorCode::kUnsolved,       SensorCode::kSamePose,
+                        SensorCode::kByNeighbours};
+  return sensor.structure_from_sensor &&
+         std::find(doubted.begin(), doubted.end(), sensor.code) == doubted.end();
+}
+
+/// Where most others do not find the stack, what a sensor sees may be something else.
+void DoubtThoseAlone(std::vector<FrameResult>* sensors) {
+  const auto lost = std::count_if(sensors->begin(), sensors->end(), [](const FrameResult& each) {
+    return each.code == SensorCode::kNoStructure || each.code == SensorCode::kInconsistent;
+  });
+  const auto others = static_cast<std::ptrdiff_t>(sensors->size()) - 1;
+  if (2 * lost <= others) return;
+  for (FrameResult& sensor : *sensors) {
+    if (!IsBelieved(sensor)) continue;
+    SetFinding(SensorStatus::kWeak,
+               {SensorCode::kAmbiguous,
+                fmt::format("{} of {} other sensors did not find the stack; what this one sees may "
+                            "be something else, or the boxes stand otherwise than described",
+                            lost, others),
+                "compare the boxes with the structure file first: their order, their directions "
+                "and their sizes"},
+               &sensor);
+  }
+}
+
+/// What the sensors tell of a stack of which nothing else was found.
+AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Structure& structure) {
+  AssemblyReport report;
+  report.arrangement.structure = structure;
+  double points = 0;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (!IsBelieved(sensors[i])) continue;
+    report.seen_by.push_back(i);
+    report.share += sensors[i].points * sensors[i].explained_share;
+    points += sensors[i].points;
+  }
+  report.share /= std::max(1.0, points);
+  report.described_share = report.share;
+  const std::string described = "the boxes stand as described";
+  report.arrangement.sentence = 2 * report.seen_by.size() > sensors.size()
+                                    ? described
+                                    : fmt::format("not known whether {}: {} of {} sensors show it",
+                                                  described, report.seen_by.size(), sensors.size());
+  return report;
+}
+
 /// A still with its frames' results.
 StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
                         std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                         Joint* joint) {
   RefinedPlacement& stack = joint->stacks[still];
   JudgeTwins(options.verdict, &sensors);
+  DoubtThoseAlone(&sensors);
+  if (!assembly && options.assembly.enabled)
+    assembly = AsFarAsTold(sensors, joint->seen.capture->structure);
   StillResult result;
   result.name = joint->seen.capture->stills[still].name;
   result.first_from_placement = stack.first_from_placement;
@@ -242,6 +296,23 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
 }
 
 }  // namespace
+
+bool FailedToFindStack(SensorCode code) {
+  return code == SensorCode::kNoStructure || code == SensorCode::kInconsistent ||
+         code == SensorCode::kDegenerateSides;
+}
+
+bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigTwin>& twins) {
+  const auto has_sensor = [&](const RigTwin& twin) {
+    return std::any_of(twin.sensors.begin(), twin.sensors.end(),
+                       [&](const SensorTwin& each) { return each.name == sensor.name; });
+  };
+  const SensorCode code = sensor.code;
+  return FailedToFindStack(code) || code == SensorCode::kDisagrees ||
+         code == SensorCode::kFewInliers || code == SensorCode::kLargeResidual ||
+         code == SensorCode::kLabelsDisagree ||
+         (code == SensorCode::kAmbiguous && std::none_of(twins.begin(), twins.end(), has_sensor));
+}
 
 CalibrationResult Judge(Joint joint, const StackFinding& stack,
                         const PerFrame<std::optional<Finding>>& suspect_lenses,

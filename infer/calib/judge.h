@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "infer/calib/calibrate.h"
 #include "infer/calib/joint_solution.h"
@@ -9,6 +10,13 @@
 #include "infer/view/frames.h"
 
 namespace volalign {
+
+/// Does the stack of a sensor that failed so not look as it is described?
+bool FailedToFindStack(SensorCode code);
+
+/// Does what is said of a sensor call for other ways in which the stack may stand? It did not find
+/// the stack, fits it badly, or contradicts others at the only pose that it has.
+bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigTwin>& twins);
 
 /// The last stage: measures every located frame at its reported pose, judges it, and gathers the
 /// result (without timings_s). `stack` and `suspect_lenses`: findings of the stages before.

@@ -136,7 +136,7 @@ struct StackResult {
   std::vector<PairResult> pairs;
   std::vector<RigTwin> twins;              ///< the most probable first
   std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
-  std::optional<AssemblyReport> assembly;  ///< absent when no sensor sees four sides for sure
+  std::optional<AssemblyReport> assembly;  ///< absent when it was not to be asked
   /// The structure with its boxes where the capture shows them and the size that it shows, which
   /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
   Structure built;

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "infer/view/alike.h"
@@ -16,8 +17,6 @@ namespace volalign {
 
 namespace {
 
-/// Edge of the cube that stands for a missing box: inside another box it is never seen, m.
-constexpr double kMissingSize = kShortestEdge;
 /// Beyond every structure, m.
 constexpr double kFar = std::numeric_limits<double>::max();
 
@@ -109,8 +108,7 @@ std::vector<Box> Settled(std::vector<Box> boxes, const Stack& stack) {
 }
 
 Arrangement WithBoxes(Arrangement arrangement, std::vector<Box> boxes, const Stack& stack) {
-  arrangement.structure =
-      Structure::FromBoxes(stack.structure.name(), std::move(boxes), stack.structure.SideNames());
+  arrangement.structure = Structure::FromBoxes(stack.structure.name(), std::move(boxes));
   return arrangement;
 }
 
@@ -120,39 +118,29 @@ std::vector<Arrangement> Missing(const Stack& stack) {
   for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
     std::vector<Box> boxes = stack.boxes;
     boxes.erase(boxes.begin() + static_cast<std::ptrdiff_t>(i));
-    boxes = Settled(std::move(boxes), stack);
-    // Labels stay as they are: a speck inside another box takes the missing one's place among them.
-    Box speck = stack.boxes[i];
-    speck.size.setConstant(kMissingSize);
-    speck.structure_from_box.translation() = Centre(boxes.front());
-    boxes.insert(boxes.begin() + static_cast<std::ptrdiff_t>(i), speck);
     Arrangement arrangement;
     arrangement.code = SensorCode::kAssemblyMissing;
     arrangement.box = stack.boxes[i].name;
     arrangement.sentence = fmt::format("box {} is missing", arrangement.box);
-    list.push_back(WithBoxes(std::move(arrangement), std::move(boxes), stack));
+    list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
   }
   return list;
 }
 
 std::vector<Arrangement> Mirrored(const Stack& stack) {
   std::vector<Arrangement> list;
-  // The two mirror images are the same solid, half a turn apart. Which of them the labels of the
-  // described stack name is the network's choice.
-  for (const int axis : {2, 0}) {
-    std::vector<Box> boxes = stack.boxes;
-    for (Box& box : boxes) {
-      auto centre = box.structure_from_box.translation();
-      centre[axis] = 2 * stack.column[axis] - centre[axis];
-      const Eigen::AngleAxisd turn(Eigen::Quaterniond(box.structure_from_box.linear()));
-      box.structure_from_box.linear() =
-          Eigen::AngleAxisd(-turn.angle(), turn.axis()).toRotationMatrix();
-    }
-    Arrangement arrangement;
-    arrangement.code = SensorCode::kAssemblyMirrored;
-    arrangement.sentence = "the stack or the frames are mirrored";
-    list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
+  std::vector<Box> boxes = stack.boxes;
+  for (Box& box : boxes) {
+    auto centre = box.structure_from_box.translation();
+    centre.z() = 2 * stack.column.z() - centre.z();
+    const Eigen::AngleAxisd turn(Eigen::Quaterniond(box.structure_from_box.linear()));
+    box.structure_from_box.linear() =
+        Eigen::AngleAxisd(-turn.angle(), turn.axis()).toRotationMatrix();
   }
+  Arrangement arrangement;
+  arrangement.code = SensorCode::kAssemblyMirrored;
+  arrangement.sentence = "the stack or the frames are mirrored";
+  list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
   return list;
 }
 
@@ -160,6 +148,7 @@ Arrangement Turned(const Stack& stack, std::size_t i, int quarters, std::vector<
   Arrangement arrangement;
   arrangement.code = SensorCode::kAssemblyTurned;
   arrangement.box = stack.boxes[i].name;
+  arrangement.moved = {i};
   arrangement.turn_deg = 90 * quarters;
   arrangement.sentence =
       fmt::format("box {} is turned by {} deg", arrangement.box, arrangement.turn_deg);
@@ -180,38 +169,54 @@ std::vector<Arrangement> Turned(const Stack& stack) {
   return list;
 }
 
-std::vector<Arrangement> Swapped(const Stack& stack) {
+/// A box with another edge upright, turned either way.
+std::vector<Arrangement> Laid(const Stack& stack) {
   std::vector<Arrangement> list;
   for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    for (std::size_t j = i + 1; j < stack.boxes.size(); ++j) {
-      // Each takes the other's footprint and height, and keeps its place in the order.
+    const Eigen::Vector3d& size = stack.boxes[i].size;
+    for (const auto& [x, y, z] :
+         {std::tuple(0, 2, 1), std::tuple(1, 2, 0), std::tuple(1, 0, 2), std::tuple(2, 0, 1)}) {
+      // What it stands on and what stands on it are settled about it.
       std::vector<Box> boxes = stack.boxes;
-      for (const auto& [to, from] : {std::pair{i, j}, std::pair{j, i}}) {
-        Box& box = boxes[to];
-        const double bottom = Centre(box).y() - HalfExtent(box).y();
-        box.size = stack.boxes[from].size;
-        box.structure_from_box = stack.boxes[from].structure_from_box;
-        box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
-      }
+      boxes[i].size = {size[x], size[y], size[z]};
+      boxes[i].structure_from_box.translation().y() += (size[y] - size.y()) / 2;
       Arrangement arrangement;
-      arrangement.code = SensorCode::kAssemblySwapped;
+      arrangement.code = SensorCode::kAssemblyTurned;
       arrangement.box = stack.boxes[i].name;
-      arrangement.other_box = stack.boxes[j].name;
-      arrangement.sentence =
-          fmt::format("boxes {} and {} are swapped", arrangement.box, arrangement.other_box);
+      arrangement.moved = {i};
+      arrangement.sentence = fmt::format("box {} lies on another edge", arrangement.box);
       list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
     }
   }
   return list;
 }
 
-/// Without the specks that stand for missing boxes.
-std::vector<Box> VisibleBoxes(const Structure& structure) {
-  std::vector<Box> visible;
-  for (const Box& box : structure.boxes()) {
-    if (box.size.minCoeff() > kSamePlace) visible.push_back(box);
+std::vector<Arrangement> Swapped(const Stack& stack) {
+  std::vector<Arrangement> list;
+  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
+    for (std::size_t j = i + 1; j < stack.boxes.size(); ++j) {
+      for (const bool own_place : {true, false}) {
+        // Each keeps its place in the order of heights.
+        std::vector<Box> boxes = stack.boxes;
+        for (const auto& [to, from] : {std::pair{i, j}, std::pair{j, i}}) {
+          Box& box = boxes[to];
+          const double bottom = Centre(box).y() - HalfExtent(box).y();
+          box.size = stack.boxes[from].size;
+          if (own_place) box.structure_from_box = stack.boxes[from].structure_from_box;
+          box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
+        }
+        Arrangement arrangement;
+        arrangement.code = SensorCode::kAssemblySwapped;
+        arrangement.box = stack.boxes[i].name;
+        arrangement.other_box = stack.boxes[j].name;
+        arrangement.moved = {i, j};
+        arrangement.sentence =
+            fmt::format("boxes {} and {} are swapped", arrangement.box, arrangement.other_box);
+        list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
+      }
+    }
   }
-  return visible;
+  return list;
 }
 
 }  // namespace
@@ -225,7 +230,8 @@ std::vector<Arrangement> Arrangements(const Structure& structure) {
   list.front().structure = structure;
   std::vector<Arrangement> missing = Missing(stack);
   std::move(missing.begin(), missing.end(), std::back_inserter(list));
-  for (std::vector<Arrangement> others : {Mirrored(stack), Turned(stack), Swapped(stack)}) {
+  for (std::vector<Arrangement> others :
+       {Mirrored(stack), Turned(stack), Laid(stack), Swapped(stack)}) {
     for (Arrangement& arrangement : others) {
       const bool known = std::any_of(list.begin(), list.end(), [&](const Arrangement& other) {
         return SameSolids(arrangement.structure.boxes(), other.structure.boxes());
@@ -236,25 +242,37 @@ std::vector<Arrangement> Arrangements(const Structure& structure) {
   return list;
 }
 
-Structure QuarterTurned(const Structure& structure) {
-  std::vector<Box> boxes = structure.boxes();
-  const Eigen::Vector3d column = ColumnOf(boxes);
-  for (Box& box : boxes) box = QuarterTurned(box, column);
-  return Structure::FromBoxes(structure.name(), std::move(boxes), structure.SideNames());
+std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box) {
+  const std::vector<Box>& boxes = structure.boxes();
+  const double top = Centre(boxes[box]).y() + HalfExtent(boxes[box]).y();
+  std::vector<std::size_t> above;
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    if (Centre(boxes[i]).y() - HalfExtent(boxes[i]).y() > top - kSamePlace) above.push_back(i);
+  }
+  return above;
 }
 
-bool SameUpToQuarterTurns(const Structure& first, const Structure& second) {
-  const std::vector<Box> a = VisibleBoxes(first);
-  std::vector<Box> b = VisibleBoxes(second);
-  const Eigen::Vector3d column_a = ColumnOf(a);
-  for (int quarter = 0; quarter < 4; ++quarter) {
-    const Eigen::Vector3d column_b = ColumnOf(b);
-    const Eigen::Vector3d shift(column_a.x() - column_b.x(), 0, column_a.z() - column_b.z());
-    for (Box& box : b) box.structure_from_box.translation() += shift;
-    if (SameSolids(a, b)) return true;
-    for (Box& box : b) box = QuarterTurned(box, column_a);
+Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& boxes,
+                      const Eigen::Vector3d& offset) {
+  Arrangement arrangement;
+  arrangement.box = structure.boxes()[boxes.front()].name;
+  arrangement.moved = boxes;
+  std::vector<Pose> motions(structure.boxes().size(), Pose::Identity());
+  for (const std::size_t i : boxes) motions[i] = Eigen::Translation3d(offset);
+  arrangement.structure = structure.Displaced(motions);
+  const std::string what =
+      fmt::format("box {}{}", arrangement.box, boxes.size() > 1 ? ", with what stands on it," : "");
+  if (offset.y() != 0) {
+    arrangement.code = SensorCode::kAssemblyHeight;
+    arrangement.sentence =
+        fmt::format("{} stands {:.0f} cm {} than described", what, 100 * std::abs(offset.y()),
+                    offset.y() > 0 ? "higher" : "lower");
+  } else {
+    arrangement.code = SensorCode::kAssemblyShifted;
+    arrangement.sentence = fmt::format("{} is shifted by {:.0f} cm along x and {:.0f} cm along z",
+                                       what, 100 * offset.x(), 100 * offset.z());
   }
-  return false;
+  return arrangement;
 }
 
 }  // namespace volalign

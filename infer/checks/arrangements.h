@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -15,31 +17,29 @@ struct Arrangement {
   std::string sentence;        ///< "box mid_top is turned by 90 deg"
   std::string box, other_box;  ///< that stand otherwise, where the code is about boxes
   int turn_deg = 0;            ///< about the vertical, from +x towards +z
-  Structure structure;         ///< boxes and labels as described, moved
+  Structure structure;         ///< the boxes as they stand; labels are its own
+  /// Indices among its boxes of those that stand otherwise, apart from all together.
+  std::vector<std::size_t> moved;
 };
 
 /// The arrangement as described, first, and every other one that can be told from it:
 /// - each box missing, with what stood on it let down;
 /// - the stack mirrored;
-/// - each box turned by 90, 180 or 270 deg about the column that all boxes share, or by 90 deg
-///   about its own middle;
-/// - each two boxes exchanged.
+/// - each box turned by 90, 180 or 270 deg about the column that all boxes share, by 90 deg about
+///   its own middle, or laid on another edge;
+/// - each two boxes exchanged, each in its own place beside the column or in the other one's.
 /// Of several ways to the same boxes in the same places the first is kept, so that exchanges that
 /// amount to a mirror image are called mirrored. A box that is turned by half a turn about its own
 /// middle, or exchanged with one of the same size, is the same structure to a depth sensor, and is
 /// left out.
-///
-/// A side's label goes by the direction that it faces in the stack, as a network that was trained
-/// on the described stack labels it: a box that is turned by 90 deg has its front where its left
-/// side was.
 std::vector<Arrangement> Arrangements(const Structure& structure);
 
-/// The whole stack a quarter turn further about the vertical, from +x towards +z. Its sides are
-/// named by the directions that they face.
-Structure QuarterTurned(const Structure& structure);
+/// The boxes that stand on a box or higher.
+std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box);
 
-/// Are these the same solids in the same places, to 2 cm, when the whole stack may be turned by
-/// quarters and moved? Boxes that stand for missing ones do not count.
-bool SameUpToQuarterTurns(const Structure& a, const Structure& b);
+/// The arrangement with some boxes displaced by so much, m, what stands on them with them if that
+/// is among them. `boxes`: with the lowest one first.
+Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& boxes,
+                      const Eigen::Vector3d& offset);
 
 }  // namespace volalign

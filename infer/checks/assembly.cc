@@ -1,247 +1,299 @@
 #include "infer/checks/assembly.h"
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <string>
 #include <utility>
 
 #include "core/base/lists.h"
+#include "core/base/odds.h"
 #include "core/base/parallel_for.h"
-#include "infer/initial/agreement.h"
-#include "infer/initial/floor.h"
+#include "infer/initial/geometry_search.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Arrangements, the best ones, that are tried with the labels of a stack that is turned by
-/// quarters.
-constexpr std::size_t kTurnedArrangements = kBeam;
-/// Sensors that are asked at most, those with the most labelled pixels.
-constexpr std::size_t kMostAsked = kBeam;
-/// Overlap of a sensor's view from which on no turned labels are tried for it.
-constexpr double kGoodIou = 0.9;
+/// Views that are asked about every arrangement; the others are asked about the best of them.
+constexpr std::size_t kAskedFirst = 3;
+/// m: how far boxes are sought beside their places and above or below them, and in which steps.
+constexpr double kFarthestBeside = 0.25, kFarthestUp = 0.6, kSeekStep = kFarthestOff / 2;
 
-/// A view of about kCoarseRays rays.
-struct CoarseFrame {
-  SensorView view;
-  SegmentationResult segmentation;
-  const InitialPose* described_pose = nullptr;
-  int labelled = 0;  // pixels with a side label and depth
+using Indices = std::vector<std::size_t>;
+using Fit = std::optional<GeometricPose>;
+
+double Support(const Fit& fit) { return fit ? std::max(0.0, fit->shape.LogOdds()) : 0; }
+
+/// An arrangement, and where the views that were asked show it best.
+struct Hypothesis {
+  Arrangement arrangement;
+  std::vector<Fit> fits;  // of each view
+  bool sought = false;    // some of its boxes are where the views show most of them
+
+  double LogOdds() const {
+    double sum = 0;
+    for (const Fit& fit : fits) sum += Support(fit);
+    return sum;
+  }
+  /// What was sought suits the views better by itself.
+  double Worth() const { return LogOdds() - (sought ? std::log(kDecisiveOdds) : 0); }
+  double Gain() const {
+    double sum = 0;
+    for (const Fit& fit : fits) sum += fit ? std::max(0.0, fit->shape.Gain()) : 0;
+    return sum;
+  }
+  /// Of what is measured where the boxes are; a view without their shape explains nothing.
+  double Share() const {
+    double explained = 0, measured = 0;
+    for (const Fit& fit : fits) {
+      if (!fit) continue;
+      explained += Support(fit) > 0 ? fit->shape.explained : 0;
+      measured += fit->shape.explained + fit->shape.contradicted();
+    }
+    return measured > 0 ? explained / measured : 0;
+  }
+  Indices SeenBy() const {
+    Indices seen;
+    for (std::size_t i = 0; i < fits.size(); ++i) {
+      if (Support(fits[i]) > 0) seen.push_back(i);
+    }
+    return seen;
+  }
 };
 
-CoarseFrame MakeCoarse(const AssemblySensor& sensor) {
-  const int stride = StrideForRays(sensor.view->depth.size(), kCoarseRays);
-  CoarseFrame coarse{Decimate(*sensor.view, stride), Decimate(*sensor.segmentation, stride),
-                     sensor.initial, 0};
-  for (std::size_t i = 0; i < coarse.view.depth.size(); ++i)
-    coarse.labelled += coarse.segmentation.labels[i] > 0 && coarse.view.depth[i] > 0 ? 1 : 0;
-  return coarse;
-}
-
-std::vector<CoarseFrame> MostLabelled(const std::vector<AssemblySensor>& sensors) {
-  std::vector<CoarseFrame> views;
-  views.reserve(sensors.size());
-  for (const AssemblySensor& sensor : sensors) views.push_back(MakeCoarse(sensor));
-  KeepLargest(kMostAsked, &views, [](const CoarseFrame& view) { return view.labelled; });
-  return views;
-}
-
-/// ShapeIou at a pose; that of a structure which is not seen at all where there is no pose, or
-/// where the pose is upside down.
-ShapeIou IouAt(const CoarseFrame& coarse, const Structure& structure, const InitialPose& pose,
-               double min_confidence) {
-  if (pose.found && FindFloor(coarse.view, structure, pose.structure_from_sensor).balance() >= 0) {
-    return MeasureShapeIou(coarse.view, coarse.segmentation, structure, pose.structure_from_sensor,
-                           min_confidence);
+class Inspection {
+ public:
+  Inspection(const std::vector<const SensorView*>& views, const Structure& structure, int threads)
+      : structure_(structure), threads_(threads), views_(views.size()) {
+    ParallelFor(views.size(), threads, [&](std::size_t i) {
+      if (views[i]) views_[i] = LookAround(*views[i], structure);
+    });
   }
-  return {0, coarse.labelled};
-}
 
-ShapeIou EstimatedIou(const CoarseFrame& coarse, const Structure& structure,
-                      const InitialPoseOptions& initial) {
-  const InitialPose pose =
-      EstimateInitialPose(coarse.view, coarse.segmentation, structure, initial);
-  return IouAt(coarse, structure, pose, initial.patch.min_confidence);
-}
+  /// The one described first, then those that explain most.
+  std::vector<Hypothesis> Try() const {
+    std::vector<Hypothesis> all;
+    for (Arrangement& arrangement : Arrangements(structure_))
+      all.push_back({std::move(arrangement), std::vector<Fit>(views_.size())});
+    std::vector<Hypothesis> tried(all.begin(), all.begin() + 1);
+    all.erase(all.begin());
+    Ask(All(), &tried);
 
-/// The best ShapeIou of a view with a stack, labels that are quarter turns off included. `best`:
-/// with labels that are not.
-ShapeIou BestTurned(const CoarseFrame& view, Structure structure, const InitialPoseOptions& initial,
-                    ShapeIou best) {
-  for (int quarter = 1; quarter < 4 && best.ratio() < kGoodIou; ++quarter) {
-    structure = QuarterTurned(structure);
-    const ShapeIou other = EstimatedIou(view, structure, initial);
-    if (other.ratio() > best.ratio()) best = other;
+    // Those views first that show most of the boxes, in whichever order.
+    Indices views = All();
+    const auto explained = [&](std::size_t i) {
+      const Fit& fit = tried.front().fits[i];
+      return fit ? fit->shape.explained : 0;
+    };
+    SortLargestFirst(&views, explained);
+    const auto rest =
+        views.begin() + static_cast<std::ptrdiff_t>(std::min(kAskedFirst, views.size()));
+    Ask(Indices(views.begin(), rest), &all);
+    const auto is_mirrored = [](const Hypothesis& each) {
+      return each.arrangement.code == SensorCode::kAssemblyMirrored;
+    };
+    KeepLargest(kBeam, &all, [&](const Hypothesis& each) {
+      return is_mirrored(each) ? std::numeric_limits<double>::infinity() : each.Gain();
+    });
+    Ask(Indices(rest, views.end()), &all);
+
+    std::vector<Hypothesis> moved = Displaced();
+    for (const Hypothesis& each : all) {
+      if (each.arrangement.turn_deg == 180) continue;  // beside its place, that is displaced
+      Hypothesis aside = each;
+      for (const std::size_t box : each.arrangement.moved) MoveAside(box, &aside);
+      moved.push_back(std::move(aside));
+    }
+    Ask(All(), &moved);
+    for (std::vector<Hypothesis>* more : {&all, &moved})
+      std::move(more->begin(), more->end(), std::back_inserter(tried));
+    return tried;
   }
-  return best;
-}
 
-ShapeIou DescribedIou(const std::vector<CoarseFrame>& views, const Structure& structure,
-                      double min_confidence) {
-  ShapeIou sum;
-  for (const CoarseFrame& view : views)
-    sum += IouAt(view, structure, *view.described_pose, min_confidence);
-  return sum;
-}
-
-/// Overlaps of every arrangement with every view.
-struct IouTable {
-  std::size_t views = 0;
-  std::vector<ShapeIou> cells;  // row by row: arrangement * views + view
-
-  /// Of an arrangement with all views together.
-  double ratio(std::size_t arrangement) const {
-    ShapeIou sum;
-    for (std::size_t view = 0; view < views; ++view) sum += cells[arrangement * views + view];
-    return sum.ratio();
+ private:
+  Indices All() const {
+    Indices all(views_.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return all;
   }
-  std::size_t arrangements() const { return cells.size() / views; }
+
+  Fit Find(std::size_t view, const Structure& structure) const {
+    if (!views_[view]) return std::nullopt;
+    return FindBestOnFloors(*views_[view], structure);
+  }
+
+  void Ask(const Indices& views, std::vector<Hypothesis>* hypotheses) const {
+    ParallelFor(views.size() * hypotheses->size(), threads_, [&](std::size_t k) {
+      Hypothesis& of = (*hypotheses)[k / views.size()];
+      const std::size_t view = views[k % views.size()];
+      of.fits[view] = Find(view, of.arrangement.structure);
+    });
+  }
+
+  /// Poses by the boxes of a structure that are where it has them; by all, where one that is not
+  /// stands on the floor.
+  std::vector<Fit> PosesWithout(const Structure& structure, const Indices& moved) const {
+    std::vector<Box> boxes;
+    for (std::size_t i = 0; i < structure.boxes().size(); ++i) {
+      if (std::find(moved.begin(), moved.end(), i) == moved.end())
+        boxes.push_back(structure.boxes()[i]);
+    }
+    Structure still = structure;
+    if (!boxes.empty()) still = Structure::FromBoxes(structure.name(), std::move(boxes));
+    const bool on_floor = still.FloorHeight() < structure.FloorHeight() + kSamePlace;
+    std::vector<Fit> poses(views_.size());
+    ParallelFor(views_.size(), threads_,
+                [&](std::size_t i) { poses[i] = Find(i, on_floor ? still : structure); });
+    return poses;
+  }
+
+  /// Where, along these axes, the views show most of boxes that stand elsewhere.
+  Eigen::Vector3d Seek(const Structure& structure, const Indices& moved,
+                       const std::vector<int>& axes, const std::vector<Fit>& poses) const {
+    const auto gain_at = [&](const Eigen::Vector3d& offset) {
+      const Structure there = volalign::Displaced(structure, moved, offset).structure;
+      double gain = 0;
+      for (std::size_t i = 0; i < views_.size(); ++i) {
+        if (poses[i])
+          gain +=
+              MeasureShape(views_[i]->first_look, there, poses[i]->structure_from_sensor).Gain();
+      }
+      return gain;
+    };
+    Eigen::Vector3d best = Eigen::Vector3d::Zero();
+    for (const double step : {kSeekStep, kSeekStep, kSeekStep / 2, kSeekStep / 4}) {
+      for (const int axis : axes) {
+        const double reach = step < kSeekStep ? step : axis == 1 ? kFarthestUp : kFarthestBeside;
+        const int steps = static_cast<int>(std::lround(reach / step));
+        std::vector<double> gains(static_cast<std::size_t>(2 * steps + 1));
+        const auto offset = [&](std::size_t k) {
+          Eigen::Vector3d there = best;
+          there[axis] += (static_cast<double>(k) - steps) * step;
+          return there;
+        };
+        ParallelFor(gains.size(), threads_, [&](std::size_t k) { gains[k] = gain_at(offset(k)); });
+        const auto most = std::max_element(gains.begin(), gains.end());
+        if (*most > gains[static_cast<std::size_t>(steps)])
+          best = offset(static_cast<std::size_t>(most - gains.begin()));
+      }
+    }
+    return best;
+  }
+
+  /// Each box, alone and with what stands on it, beside its place, and with that above or below it.
+  std::vector<Hypothesis> Displaced() const {
+    std::vector<Hypothesis> displaced;
+    for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
+      Indices with_above = BoxesAbove(structure_, box);
+      const bool top = with_above.empty();
+      with_above.insert(with_above.begin(), box);
+      if (!top) Displace({box}, {0, 2}, &displaced);
+      if (with_above.size() == structure_.boxes().size()) continue;
+      Displace(with_above, {0, 2}, &displaced);
+      Displace(with_above, {1}, &displaced);
+    }
+    return displaced;
+  }
+
+  void Displace(const Indices& moved, const std::vector<int>& axes,
+                std::vector<Hypothesis>* displaced) const {
+    const Eigen::Vector3d offset = Seek(structure_, moved, axes, PosesWithout(structure_, moved));
+    if (offset.norm() < 2 * kRoughPose) return;  // that may be sizes, or the lens
+    displaced->push_back(
+        {volalign::Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true});
+  }
+
+  /// A box that stands otherwise may also stand a little beside.
+  void MoveAside(std::size_t box, Hypothesis* hypothesis) const {
+    Structure& structure = hypothesis->arrangement.structure;
+    const Eigen::Vector3d offset = Seek(structure, {box}, {0, 2}, PosesWithout(structure, {box}));
+    structure = volalign::Displaced(structure, {box}, offset).structure;
+    hypothesis->sought = true;
+  }
+
+  const Structure& structure_;
+  int threads_;
+  std::vector<std::optional<SurfaceInRoom>> views_;
 };
 
-/// A network that knows one stack may take a side of another one for its neighbour: its labels are
-/// a quarter turn off. The described arrangement and the best others also get poses with such
-/// labels, and each view's best ShapeIou counts.
-void TryTurnedLabels(const std::vector<Arrangement>& arrangements,
-                     const std::vector<CoarseFrame>& views, const InitialPoseOptions& initial,
-                     int threads, IouTable* table) {
-  std::vector<double> ratios;
-  for (std::size_t k = 0; k < table->arrangements(); ++k) ratios.push_back(table->ratio(k));
-  std::vector<std::size_t> tried(arrangements.size() - 1);
-  for (std::size_t k = 0; k < tried.size(); ++k) tried[k] = k + 1;
-  KeepLargest(kTurnedArrangements, &tried, [&](std::size_t k) { return ratios[k]; });
-  tried.push_back(0);
-  ParallelFor(tried.size() * views.size(), threads, [&](std::size_t k) {
-    const std::size_t which = tried[k / views.size()], view = k % views.size();
-    ShapeIou& best = table->cells[which * views.size() + view];
-    best = BestTurned(views[view], arrangements[which].structure, initial, best);
-  });
-}
-
-IouTable TryArrangements(const std::vector<Arrangement>& arrangements,
-                         const std::vector<CoarseFrame>& views, const InitialPoseOptions& initial,
-                         int threads) {
-  IouTable table{views.size(), std::vector<ShapeIou>(arrangements.size() * views.size())};
-  ParallelFor(table.cells.size(), threads, [&](std::size_t k) {
-    table.cells[k] =
-        EstimatedIou(views[k % views.size()], arrangements[k / views.size()].structure, initial);
-  });
-  TryTurnedLabels(arrangements, views, initial, threads, &table);
-  return table;
-}
-
-/// The best arrangement but the described one; 0 where there is no other.
-std::size_t BestOther(const IouTable& table) {
-  std::size_t best = 0;
-  for (std::size_t k = 1; k < table.arrangements(); ++k) {
-    if (best == 0 || table.ratio(k) > table.ratio(best)) best = k;
-  }
-  return best;
-}
-
-/// What one view says of being a mirror image.
-struct MirrorFit {
-  ShapeIou described, mirrored;
-  bool fits = false;            ///< the stack as described
-  bool looks_mirrored = false;  ///< the mirror image fits clearly better
-};
-
-MirrorFit AskForMirrorImage(const CoarseFrame& view, const std::vector<Arrangement>& arrangements,
-                            const InitialPoseOptions& initial, const AssemblyOptions& options) {
-  MirrorFit fit;
-  const Structure& described = arrangements.front().structure;
-  fit.described = IouAt(view, described, *view.described_pose, initial.patch.min_confidence);
-  fit.fits = fit.described.ratio() >= options.suspicious_frame_shape_iou;
-  if (fit.fits) return fit;
-  for (const Arrangement& other : arrangements) {
-    if (other.code != SensorCode::kAssemblyMirrored) continue;
-    const ShapeIou iou =
-        BestTurned(view, other.structure, initial, EstimatedIou(view, other.structure, initial));
-    if (iou.ratio() > fit.mirrored.ratio()) fit.mirrored = iou;
-  }
-  const auto mirrored_is_better = [&] {
-    return fit.mirrored.ratio() >= options.min_shape_iou &&
-           fit.mirrored.ratio() >= fit.described.ratio() + options.margin;
-  };
-  if (!mirrored_is_better()) return fit;
-  const ShapeIou again =
-      BestTurned(view, described, initial, EstimatedIou(view, described, initial));
-  if (again.ratio() > fit.described.ratio()) fit.described = again;
-  fit.looks_mirrored = mirrored_is_better();
-  return fit;
-}
-
-/// ShapeIou of all views where those that look mirrored are.
-double RatioWithMirrored(const std::vector<MirrorFit>& fits) {
-  ShapeIou sum;
-  for (const MirrorFit& of : fits) sum += of.looks_mirrored ? of.mirrored : of.described;
-  return sum.ratio();
-}
-
-/// An arrangement whose sentence also names the others that look the same: a stack without its
-/// highest box may be the one without its lowest, seen from the next side.
-Arrangement WithEquals(const std::vector<Arrangement>& arrangements, std::size_t which) {
-  Arrangement result = arrangements[which];
-  for (std::size_t k = 1; k < arrangements.size(); ++k) {
-    if (k == which || arrangements[k].sentence == arrangements[which].sentence) continue;
-    if (SameUpToQuarterTurns(result.structure, arrangements[k].structure))
-      result.sentence += " or " + arrangements[k].sentence;
+/// The arrangement of the best hypothesis, whose sentence also names those that are as probable but
+/// for `margin`: a stack without its highest box may be the one without its lowest, seen from the
+/// next side.
+Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& best,
+                       double margin) {
+  Arrangement result = best.arrangement;
+  std::vector<const Arrangement*> named{&best.arrangement};
+  for (std::size_t k = 1; k < tried.size(); ++k) {
+    const Arrangement& other = tried[k].arrangement;
+    if (tried[k].Worth() < best.Worth() - margin || named.size() == kAskedFirst) continue;
+    // A quarter turn and three of them, each with the box a little beside, are one.
+    const bool known = std::any_of(named.begin(), named.end(), [&](const Arrangement* each) {
+      return each->sentence == other.sentence ||
+             (each->box == other.box && each->turn_deg % 180 == 90 && other.turn_deg % 180 == 90);
+    });
+    if (known) continue;
+    named.push_back(&other);
+    result.sentence += " or " + other.sentence;
   }
   return result;
 }
 
-/// The sensors whose frames alone are mirrored, see InspectAssembly.
-std::vector<std::size_t> FindMirroredFrames(const std::vector<AssemblySensor>& sensors,
-                                            const Structure& structure,
-                                            const InitialPoseOptions& initial,
-                                            const AssemblyOptions& options, int threads) {
-  const std::vector<Arrangement> arrangements = Arrangements(structure);
-  std::vector<MirrorFit> fits(sensors.size());
-  ParallelFor(sensors.size(), threads, [&](std::size_t i) {
-    fits[i] = AskForMirrorImage(MakeCoarse(sensors[i]), arrangements, initial, options);
-  });
-  std::vector<std::size_t> mirrored;
+/// Of each view, for how much more than the stack as described its mirror image speaks; and of all,
+/// the log odds where those of the views that it explains are mirrored.
+struct MirrorImages {
+  Indices frames;
+  double log_odds = 0;
+};
+
+MirrorImages FindMirrorImages(const std::vector<Hypothesis>& tried) {
+  const Hypothesis& described = tried.front();
+  MirrorImages mirrored;
   bool others_fit = false;
-  for (std::size_t i = 0; i < fits.size(); ++i) {
-    if (fits[i].looks_mirrored) mirrored.push_back(i);
-    others_fit = others_fit || fits[i].fits;
+  for (std::size_t i = 0; i < described.fits.size(); ++i) {
+    double image = 0;
+    for (const Hypothesis& each : tried) {
+      if (each.arrangement.code == SensorCode::kAssemblyMirrored)
+        image = std::max(image, Support(each.fits[i]));
+    }
+    const double as_described = Support(described.fits[i]);
+    const bool is_mirrored = image > as_described + std::log(kModelOdds);
+    if (is_mirrored) mirrored.frames.push_back(i);
+    others_fit = others_fit || (!is_mirrored && as_described > 0);
+    mirrored.log_odds += is_mirrored ? image : as_described;
   }
-  if (mirrored.empty() || !others_fit) return {};
-  // A single box that stands otherwise may be seen by some sensors only.
-  const IouTable table = TryArrangements(arrangements, MostLabelled(sensors), initial, threads);
-  const std::size_t best = BestOther(table);
-  const bool explains_all =
-      best > 0 && table.ratio(best) >= RatioWithMirrored(fits) - options.margin / 2;
-  return explains_all ? std::vector<std::size_t>() : mirrored;
+  if (!others_fit) mirrored.frames.clear();
+  return mirrored;
 }
 
 }  // namespace
 
-AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
-                               const Structure& structure, const InitialPoseOptions& initial,
-                               const AssemblyOptions& options, int threads) {
-  std::vector<AssemblySensor> asked = sensors;
-  std::vector<std::size_t> mirrored =
-      FindMirroredFrames(sensors, structure, initial, options, threads);
-  for (auto i = mirrored.rbegin(); i != mirrored.rend(); ++i)
-    asked.erase(asked.begin() + static_cast<std::ptrdiff_t>(*i));
-  const std::vector<CoarseFrame> views = MostLabelled(asked);
-  const double described = DescribedIou(views, structure, initial.patch.min_confidence).ratio();
+AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
+                               const Structure& structure, int threads) {
+  const std::vector<Hypothesis> tried = Inspection(views, structure, threads).Try();
+  const Hypothesis& described = tried.front();
+  const Hypothesis& best = *std::max_element(
+      tried.begin(), tried.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.Worth() < b.Worth(); });
   AssemblyReport report;
-  report.mirrored_frames = std::move(mirrored);
-  report.arrangement.sentence = "the boxes stand as described";
-  report.arrangement.structure = structure;
-  report.described_shape_iou = report.shape_iou = described;
-  if (views.empty() || described >= options.suspicious_shape_iou) return report;
-
-  const std::vector<Arrangement> arrangements = Arrangements(structure);
-  const IouTable table = TryArrangements(arrangements, views, initial, threads);
-  // The pose search on fewer pixels may do better or worse than on all of them: the best counts.
-  report.described_shape_iou = report.shape_iou = std::max(described, table.ratio(0));
-  const std::size_t best = BestOther(table);
-  if (best > 0 && table.ratio(best) >= options.min_shape_iou &&
-      table.ratio(best) >= report.described_shape_iou + options.margin) {
-    report.shape_iou = table.ratio(best);
-    report.arrangement = WithEquals(arrangements, best);
+  report.arrangement = described.arrangement;
+  report.described_share = report.share = described.Share();
+  report.seen_by = described.SeenBy();
+  const double decides = std::log(kDecisiveOdds);
+  if (MirrorImages mirrored = FindMirrorImages(tried);
+      !mirrored.frames.empty() && best.Worth() < mirrored.log_odds + decides) {
+    report.mirrored_frames = std::move(mirrored.frames);
+    return report;
+  }
+  const double needed = decides + std::log(static_cast<double>(tried.size()));
+  if (best.Worth() > described.Worth() + needed && best.SeenBy().size() >= report.seen_by.size()) {
+    report.arrangement = WithEquals(tried, best, decides);
+    report.share = best.Share();
+    report.seen_by = best.SeenBy();
   }
   return report;
 }

@@ -7,67 +7,46 @@
 #include "core/geometry/structure.h"
 #include "infer/checks/arrangements.h"
 #include "infer/checks/outcome.h"
-#include "infer/initial/initial_pose.h"
-#include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
 
 struct AssemblyOptions {
   bool enabled = true;
-  double suspicious_shape_iou = 0.92;
-  double min_shape_iou = 0.7;
-  double margin = 0.08;
-  double suspicious_frame_shape_iou = 0.85;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("enabled", enabled, "look for a stack that is built otherwise than the structure says");
-    ar("suspicious_shape_iou", suspicious_shape_iou,
-       "intersection over union of the structure as described and what the sensors see, below "
-       "which "
-       "other arrangements are tried",
-       Between(0, 1), FormerlyNamed("suspicious_overlap"));
-    ar("min_shape_iou", min_shape_iou,
-       "least intersection over union of another arrangement that is believed", Between(0, 1),
-       FormerlyNamed("min_overlap"));
-    ar("margin", margin,
-       "by how much its intersection over union has to exceed that of the structure as described",
-       Between(0, 1));
-    ar("suspicious_frame_shape_iou", suspicious_frame_shape_iou,
-       "intersection over union of the structure as described and what one sensor sees, below "
-       "which "
-       "its frame may be mirrored",
-       Between(0, 1), FormerlyNamed("suspicious_frame_overlap"));
+    ar("enabled", enabled,
+       "look for a stack that is built otherwise than the structure says, and for mirrored frames, "
+       "where sensors fail or contradict each other");
   }
 };
 
-/// A sensor whose view is asked. What it refers to must outlive the check.
-struct AssemblySensor {
-  const SensorView* view = nullptr;
-  const SegmentationResult* segmentation = nullptr;
-  const InitialPose* initial = nullptr;  ///< of the arrangement as described
-};
-
+/// How the stack stands, as far as the sensors tell.
 struct AssemblyReport {
-  Arrangement arrangement;         ///< code kNone: nothing speaks for another one
-  double described_shape_iou = 0;  ///< of all sensors together (ShapeIou::ratio)
-  double shape_iou = 0;            ///< the same of `arrangement`
-  /// Indices of sensors whose frames alone are mirrored: the others see the stack as described.
+  Arrangement arrangement;           ///< code kNone: nothing speaks for another one
+  double described_share = 0;        ///< of what is measured where the described boxes are, they
+  double share = 0;                  ///< the same of `arrangement`
+  std::vector<std::size_t> seen_by;  ///< indices of the views that have the arrangement's shape
+  /// Indices of the views that alone are mirrored: others see the stack as described.
   std::vector<std::size_t> mirrored_frames;
+
   bool altered() const { return arrangement.code != SensorCode::kNone; }
 };
 
-/// Does another arrangement explain the sensors' views clearly better than the one described?
-/// Others are tried only where the one described leaves something to explain. For each, every
-/// sensor's pose is estimated again, and has to stand on a floor where there is one. At most
-/// eight are asked, those with the most labelled pixels. `threads` >= 1.
+/// Does another arrangement explain the views more probably than the one described? Each is
+/// searched for in every view by its shape alone (FindBestOnFloors). An arrangement is worth the
+/// sum of the log odds (ViewFit::LogOdds) of the views that have its shape. The best one has to be
+/// more probable than the described one by kDecisiveOdds for each that was tried, and to be seen by
+/// as many views. Beside Arrangements, each box is sought beside its place and, with what stands on
+/// it, beside it, above and below it. The sentence names others that are about as probable.
 ///
-/// Before that, every sensor on its own is asked for a mirrored frame: where the mirror image of
-/// the stack explains some views clearly better, others fit as described, and no single arrangement
-/// explains all of them as well, those frames are mirrored and left out of the rest.
-AssemblyReport InspectAssembly(const std::vector<AssemblySensor>& sensors,
-                               const Structure& structure, const InitialPoseOptions& initial,
-                               const AssemblyOptions& options, int threads);
+/// Where the mirror image explains some views so, others show the stack as described, and no single
+/// arrangement explains them all as well, those frames are mirrored.
+///
+/// Views that are null, or show no floor, are not asked. Takes some 10 s on one processor, so it is
+/// for stacks that were not found.
+AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
+                               const Structure& structure, int threads);
 
 }  // namespace volalign

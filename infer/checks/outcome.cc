@@ -9,7 +9,7 @@ namespace {
 constexpr Words<SensorStatus, 3> kStatuses = {
     {{"ok", SensorStatus::kOk}, {"weak", SensorStatus::kWeak}, {"failed", SensorStatus::kFailed}}};
 
-constexpr Words<SensorCode, 26> kCodes = {{
+constexpr Words<SensorCode, 28> kCodes = {{
     {"", SensorCode::kNone},
     {"no_depth", SensorCode::kNoDepth},
     {"wrong_units", SensorCode::kWrongUnits},
@@ -20,6 +20,8 @@ constexpr Words<SensorCode, 26> kCodes = {{
     {"assembly_turned", SensorCode::kAssemblyTurned},
     {"assembly_swapped", SensorCode::kAssemblySwapped},
     {"assembly_missing", SensorCode::kAssemblyMissing},
+    {"assembly_shifted", SensorCode::kAssemblyShifted},
+    {"assembly_height", SensorCode::kAssemblyHeight},
     {"frame_mirrored", SensorCode::kFrameMirrored},
     {"unconnected", SensorCode::kUnconnected},
     {"duplicate_depth", SensorCode::kDuplicateDepth},

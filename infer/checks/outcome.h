@@ -22,6 +22,8 @@ enum class SensorCode {
   kAssemblyTurned,
   kAssemblySwapped,
   kAssemblyMissing,
+  kAssemblyShifted,
+  kAssemblyHeight,
   kFrameMirrored,
   kUnconnected,
   // Failed or weak.

@@ -57,12 +57,14 @@ Finding ExplainAlteredStack(const AssemblyReport& report) {
            "; if it is the frames, which then show everything as a mirror does, switch that off in "
            "the capture program or flip the stored pictures";
   }
-  return {report.arrangement.code,
-          fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
-                      "{:.0f} %",
-                      report.arrangement.sentence, 100 * report.shape_iou,
-                      100 * report.described_shape_iou),
-          std::move(hint)};
+  if (report.arrangement.code == SensorCode::kAssemblyHeight)
+    hint += "; a box may be missing in that file, or have another height there";
+  return {
+      report.arrangement.code,
+      fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
+                  "{:.0f} %",
+                  report.arrangement.sentence, 100 * report.share, 100 * report.described_share),
+      std::move(hint)};
 }
 
 Finding MirroredFrame() {
@@ -73,9 +75,8 @@ Finding MirroredFrame() {
           "stored picture"};
 }
 
-bool IsMirrored(const AssemblyReport& assembly, std::size_t frame) {
-  const std::vector<std::size_t>& mirrored = assembly.mirrored_frames;
-  return std::find(mirrored.begin(), mirrored.end(), frame) != mirrored.end();
+bool Contains(const std::vector<std::size_t>& frames, std::size_t frame) {
+  return std::find(frames.begin(), frames.end(), frame) != frames.end();
 }
 
 Finding UpUnknown(const Labelled& labelled) {
@@ -176,36 +177,15 @@ std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                   options);
 }
 
-StackFinding InspectStack(const Seen& seen, const AssemblyOptions& assembly,
-                          const LocateOptions& options) {
-  StackFinding stack(seen.views.stills());
-  for (std::size_t still = 0; still < stack.size(); ++still) {
-    std::vector<AssemblySensor> sensors;
-    std::vector<std::size_t> frames;  // of each of them
-    for (std::size_t i = 0; i < seen.views.OfStill(still).size(); ++i) {
-      const Labelled& labelled = seen.labelled[{still, i}];
-      if (!SeesManySides(labelled.initial.patches, options.verdict)) continue;
-      sensors.push_back({&seen.views[{still, i}], &labelled.segmentation, &labelled.initial});
-      frames.push_back(i);
-    }
-    if (!assembly.enabled || sensors.empty()) continue;
-    stack[still] = InspectAssembly(sensors, seen.capture->structure, options.initial, assembly,
-                                   options.threads);
-    for (std::size_t& sensor : stack[still]->mirrored_frames) sensor = frames[sensor];
-  }
-  return stack;
-}
-
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options) {
   PerFrame<LocateResult> results =
       MapFrames(seen.views, options.threads, [&](FrameId id) -> LocateResult {
         if (const std::optional<Finding>& failure = seen.depths[id].failure) return *failure;
         const std::optional<AssemblyReport>& assembly = stack[id.still];
-        if (assembly && IsMirrored(*assembly, id.frame)) return MirroredFrame();
+        if (assembly && Contains(assembly->mirrored_frames, id.frame)) return MirroredFrame();
         const bool altered = assembly && assembly->altered();
-        if (altered && SeesManySides(seen.labelled[id].initial.patches, options.verdict))
-          return ExplainAlteredStack(*assembly);
+        if (altered && Contains(assembly->seen_by, id.frame)) return ExplainAlteredStack(*assembly);
         LocateResult result = LocateByItself(seen, id, options);
         if (altered && std::holds_alternative<LocatedFrame>(result))
           return ExplainAlteredStack(*assembly);

@@ -66,18 +66,13 @@ std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,
                                              const LocateOptions& options);
 
-/// How the stack is built, by each still; nothing where no frame sees many sides, or where
-/// `assembly` leaves it out.
+/// How the stack is built, by each still, its frames being the views; nothing where that was not
+/// asked.
 using StackFinding = std::vector<std::optional<AssemblyReport>>;
 
-/// InspectAssembly with the frames of each still that see many sides; the reports' mirrored_frames
-/// are indices in the still.
-StackFinding InspectStack(const Seen& seen, const AssemblyOptions& assembly,
-                          const LocateOptions& options);
-
 /// Refines each frame alone and decides, by what its view then explains, whether it sees the
-/// structure. Where the stack is built otherwise than described, no frame
-/// is located.
+/// structure. Where the stack is built otherwise than described, no frame is located, nor is one
+/// that is mirrored.
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options);
 

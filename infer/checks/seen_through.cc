@@ -43,6 +43,12 @@ class Pairs {
     return LogOddsOfPairs(sum);
   }
 
+  /// Do the others tell that of two sensors the first is the one elsewhere?
+  bool Decide(std::size_t first, std::size_t second, std::vector<char> out, double odds) const {
+    out[first] = out[second] = 1;
+    return LogOdds(second, out) - LogOdds(first, out) > std::log(odds);
+  }
+
   /// The sensor that shows most clearly that this one is elsewhere.
   SeenThrough Clearest(std::size_t i, const std::vector<char>& out) const {
     SeenThrough clearest{size_};
@@ -89,6 +95,11 @@ std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const 
     }
     if (worst.empty()) break;
     for (const std::size_t i : worst) found[i] = pairs.Clearest(i, out);
+    if (worst.size() == 1 &&
+        !pairs.Decide(worst.front(), found[worst.front()]->other, out, refuting_odds)) {
+      worst.push_back(found[worst.front()]->other);
+      found[worst.back()] = pairs.Clearest(worst.back(), out);
+    }
     for (const std::size_t i : worst) out[i] = 1;
   }
   return found;

@@ -20,8 +20,9 @@ struct SeenThrough {
 
 /// Of sensors at their final poses (structure from sensor; null views take no part): nothing where
 /// no pair of a sensor speaks against it with odds of `refuting_odds`. The sensor that most speaks
-/// against is taken out before the others are asked, so that one in a wrong place is named alone;
-/// of two sensors, both are, as either may be the one.
+/// against is taken out before the others are asked, so that one in a wrong place is named alone.
+/// Where the others do not tell it from the one that shows it most clearly, as of two sensors, both
+/// are named: either may be the one.
 std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const SensorView*>& views,
                                                         const std::vector<Pose>& poses,
                                                         const Structure& structure,

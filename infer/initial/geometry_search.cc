@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "core/base/lists.h"
@@ -14,6 +15,7 @@
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/same_pose.h"
+#include "infer/initial/shape_check.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
 #include "infer/view/alike.h"
@@ -42,15 +44,10 @@ std::vector<Eigen::Vector3d> UsualUps() {
           Eigen::Vector3d::UnitY()};
 }
 
-/// What a pose explains, less what contradicts it, m^2.
-double Gain(const ViewFit& shape) {
-  return shape.explained - shape.behind - shape.larger - (shape.turned + shape.goes_on) / 2;
-}
-
 using Poses = std::vector<GeometricPose>;
 
 void SortByGain(Poses* poses) {
-  SortLargestFirst(poses, [](const GeometricPose& pose) { return Gain(pose.shape); });
+  SortLargestFirst(poses, [](const GeometricPose& pose) { return pose.shape.Gain(); });
 }
 
 template <class Refuted>
@@ -87,42 +84,48 @@ double LargestFlat(const Structure& structure) {
 
 class Search {
  public:
-  Search(const SensorView& view, const Structure& structure)
-      : structure_(structure),
-        surface_(MakeSensorSurface(view, kCoarseRays)),
-        planes_(FindRoomPlanes(PointsOf(surface_), kBeam, surface_.view.errors)),
-        outline_(MakeStackOutline(structure)) {
-    floor_points_ = PointsOf(surface_);
-    MarkRoom(planes_, kLargerThanStack * LargestFlat(structure), &surface_);
-    first_look_ = Decimate(surface_, kFirstLook);
-    points_ = PointsOf(surface_);
-  }
+  Search(const SurfaceInRoom& view, const Structure& structure)
+      : view_(view), structure_(structure) {}
 
   /// `tables`: on the planes that have something behind them.
   Poses CandidatesOnFloors(bool tables) const {
     Poses found;
-    const std::vector<StandingGuess> floors = GuessFloors(planes_, tables);
-    for (const auto& candidates : SearchStack(points_, outline_, floors, kMostLookedAt))
-      Append(FitWell(FitRoughly(Look(candidates), true), true), &found);
+    for (const Poses& poses : RoughOnFloors(kCellsAlongEdge, tables))
+      Append(FitWell(poses, true), &found);
     return found;
+  }
+
+  std::optional<GeometricPose> BestOnFloors() const {
+    Poses found;
+    for (const bool tables : {false, true}) {
+      if (!found.empty()) break;
+      for (const Poses& poses : RoughOnFloors(kCoarseCells, tables)) Append(poses, &found);
+    }
+    if (found.empty()) return std::nullopt;
+    // The rough order of two is no more than a hint.
+    KeepLargest(2, &found, [](const GeometricPose& pose) { return pose.shape.Gain(); });
+    found = FitWell(std::move(found), true);
+    SortByGain(&found);
+    const GeometricPose& best = found.front();
+    return StandsOnFloor(best) ? std::optional(best) : std::nullopt;
   }
 
   /// Those with the structure's shape and floor round them: a side of the structure itself may have
   /// been taken for one.
   Poses VerifyOnFloors(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
-      return !HasShape(pose.shape) ||
-             !(FindFloor(surface_.view, structure_, pose.structure_from_sensor).balance() > 0);
+      return !HasShape(pose.shape) || !StandsOnFloor(pose);
     });
   }
 
   Poses CandidatesWithoutFloor() const {
     const StackOutline coarse = MakeStackOutline(structure_, kCoarseCells);
-    const std::vector<RoomPlane> small = FindRoomPlanes(points_, kBeam, surface_.view.errors);
+    const std::vector<RoomPlane> small =
+        FindRoomPlanes(view_.points, kBeam, view_.surface.view.errors);
     std::vector<StackCandidate> candidates;
     for (const StandingGuess& guess :
-         GuessWithoutFloor(points_, planes_, small, structure_, coarse, UsualUps())) {
-      Append(SearchStack(points_, coarse, {guess}, kBeam).front(), &candidates);
+         GuessWithoutFloor(view_.points, view_.planes, small, structure_, coarse, UsualUps())) {
+      Append(SearchStack(view_.points, coarse, {guess}, kBeam).front(), &candidates);
     }
     KeepLargest(kMostOfAllGuesses, &candidates, [](const auto& each) { return each.votes; });
     Poses found = CandidatesOnFloors(true);
@@ -133,7 +136,7 @@ class Search {
   Poses VerifyWithoutFloor(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
       return !HasShape(pose.shape) ||
-             FindFloor(surface_.view, structure_, pose.structure_from_sensor).Floats();
+             FindFloor(view_.surface.view, structure_, pose.structure_from_sensor).Floats();
     });
   }
 
@@ -145,7 +148,7 @@ class Search {
         moved.push_back(pose);
         moved.back().structure_from_sensor = alias.motion * pose.structure_from_sensor;
         moved.back().shape =
-            MeasureShape(first_look_, structure_, moved.back().structure_from_sensor);
+            MeasureShape(view_.first_look, structure_, moved.back().structure_from_sensor);
       }
     }
     SortByGain(&moved);
@@ -162,12 +165,27 @@ class Search {
     std::move(more.begin(), more.end(), std::back_inserter(*all));
   }
 
+  bool StandsOnFloor(const GeometricPose& pose) const {
+    return FindFloor(view_.surface.view, structure_, pose.structure_from_sensor).balance() > 0;
+  }
+
+  /// Of each floor, the best first.
+  std::vector<Poses> RoughOnFloors(double cells, bool tables) const {
+    std::vector<Poses> rough;
+    const std::vector<StandingGuess> floors = GuessFloors(view_.planes, tables);
+    for (const auto& candidates :
+         SearchStack(view_.points, MakeStackOutline(structure_, cells), floors, kMostLookedAt))
+      rough.push_back(FitRoughly(Look(candidates), true));
+    return rough;
+  }
+
   Poses Look(const std::vector<StackCandidate>& candidates) const {
     Poses poses;
     for (const StackCandidate& candidate : candidates) {
       ThrowIfStopped();
-      poses.push_back({candidate.structure_from_sensor,
-                       MeasureShape(first_look_, structure_, candidate.structure_from_sensor)});
+      poses.push_back(
+          {candidate.structure_from_sensor,
+           MeasureShape(view_.first_look, structure_, candidate.structure_from_sensor)});
     }
     SortByGain(&poses);
     return poses;
@@ -178,9 +196,9 @@ class Search {
     BoxFit fit;
     fit.floor = floor;
     for (GeometricPose& pose : poses) {
-      pose.structure_from_sensor =
-          FitToBoxes(floor ? floor_points_ : points_, structure_, fit, pose.structure_from_sensor);
-      pose.shape = MeasureShape(first_look_, structure_, pose.structure_from_sensor);
+      pose.structure_from_sensor = FitToBoxes(floor ? view_.floor_points : view_.points, structure_,
+                                              fit, pose.structure_from_sensor);
+      pose.shape = MeasureShape(view_.first_look, structure_, pose.structure_from_sensor);
     }
     SortByGain(&poses);
     return Distinct(poses, structure_);
@@ -192,14 +210,14 @@ class Search {
     if (poses.size() > kBeam) poses.resize(kBeam);
     for (GeometricPose& pose : poses) {
       // One that no floor holds may be off by degrees at first.
-      GeometricPose alone = FitWell(pose, points_, false);
+      GeometricPose alone = FitWell(pose, view_.points, false);
       for (int round = 1; round <= kRounds; ++round) {
-        const GeometricPose again = FitWell(alone, points_, false);
-        if (!(Gain(again.shape) > Gain(alone.shape))) break;
+        const GeometricPose again = FitWell(alone, view_.points, false);
+        if (!(again.shape.Gain() > alone.shape.Gain())) break;
         alone = again;
       }
-      pose = floor ? FitWell(pose, floor_points_, true) : alone;
-      if (Gain(alone.shape) > Gain(pose.shape)) pose = alone;
+      pose = floor ? FitWell(pose, view_.floor_points, true) : alone;
+      if (alone.shape.Gain() > pose.shape.Gain()) pose = alone;
     }
     return poses;
   }
@@ -208,16 +226,12 @@ class Search {
                         bool floor) const {
     const BoxFit fit{4, 1500, 2 * kRoughPose, kRoughPose, floor};
     pose.structure_from_sensor = FitToBoxes(points, structure_, fit, pose.structure_from_sensor);
-    pose.shape = MeasureShape(surface_, structure_, pose.structure_from_sensor);
+    pose.shape = MeasureShape(view_.surface, structure_, pose.structure_from_sensor);
     return pose;
   }
 
+  const SurfaceInRoom& view_;
   const Structure& structure_;
-  SensorSurface surface_, first_look_;
-  std::vector<RoomPlane> planes_;
-  std::vector<OrientedPoint> points_;        // without those of the room
-  std::vector<OrientedPoint> floor_points_;  // with them
-  StackOutline outline_;
 };
 
 /// Minus infinity where there are none.
@@ -245,16 +259,30 @@ Poses Compete(Poses poses, const Structure& structure) {
 
 }  // namespace
 
+SurfaceInRoom LookAround(const SensorView& view, const Structure& structure) {
+  SurfaceInRoom seen;
+  seen.surface = MakeSensorSurface(view, kCoarseRays);
+  seen.floor_points = PointsOf(seen.surface);
+  seen.planes = FindRoomPlanes(seen.floor_points, kBeam, seen.surface.view.errors);
+  MarkRoom(seen.planes, kLargerThanStack * LargestFlat(structure), &seen.surface);
+  seen.first_look = Decimate(seen.surface, kFirstLook);
+  seen.points = PointsOf(seen.surface);
+  return seen;
+}
+
 SensorSurface PrepareSurface(const SensorView& view, const Structure& structure) {
-  SensorSurface surface = MakeSensorSurface(view, kCoarseRays);
-  MarkRoom(FindRoomPlanes(PointsOf(surface), kBeam, surface.view.errors),
-           kLargerThanStack * LargestFlat(structure), &surface);
-  return surface;
+  return LookAround(view, structure).surface;
+}
+
+std::optional<GeometricPose> FindBestOnFloors(const SurfaceInRoom& view,
+                                              const Structure& structure) {
+  return Search(view, structure).BestOnFloors();
 }
 
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
                                                const std::vector<StructureAlias>& aliases) {
-  const Search search(view, structure);
+  const SurfaceInRoom surface = LookAround(view, structure);
+  const Search search(surface, structure);
   Poses found = search.VerifyOnFloors(search.CandidatesOnFloors(false));
   // What stands on a floor and has the shape by poor odds only may be other boxes, but what it is
   // given up for has to refute it.
@@ -268,7 +296,8 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
 
 std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
                                                     const Structure& structure) {
-  const Search search(view, structure);
+  const SurfaceInRoom surface = LookAround(view, structure);
+  const Search search(surface, structure);
   Poses found = search.CandidatesOnFloors(false);
   const Poses others = search.CandidatesWithoutFloor();
   found.insert(found.end(), others.begin(), others.end());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/geometry/pose.h"
@@ -17,8 +18,16 @@ struct GeometricPose {
   ViewFit shape;
 };
 
-/// A view as MeasureShape wants it. Planes that are larger than any of the structure's are the
-/// room's.
+/// A view as structures are searched for in it. Planes that are larger than any of the structure's
+/// are the room's.
+struct SurfaceInRoom {
+  SensorSurface surface, first_look;  ///< with about kCoarseRays rays, and with fewer
+  std::vector<RoomPlane> planes;
+  std::vector<OrientedPoint> points, floor_points;  ///< without those of the room, and with them
+};
+SurfaceInRoom LookAround(const SensorView& view, const Structure& structure);
+
+/// Its surface, as MeasureShape wants it.
 SensorSurface PrepareSurface(const SensorView& view, const Structure& structure);
 
 /// Is it more probable than not that a view shows the structure at this pose?
@@ -34,6 +43,12 @@ inline bool HasShape(const ViewFit& shape) { return shape.LogOdds() > 0; }
 /// well. The best candidates are brought onto the boxes (box_fit.h) and verified (view_fit.h).
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
                                                const std::vector<StructureAlias>& aliases);
+
+/// The pose at which most of a structure is seen, and least contradicts it, on any plane that may
+/// be a floor, whether or not it has the structure's shape: of a search that is some ten times as
+/// fast, for one structure after another. Nothing where no floor is seen.
+std::optional<GeometricPose> FindBestOnFloors(const SurfaceInRoom& view,
+                                              const Structure& structure);
 
 /// The candidates of that search before it is asked whether they have the structure's shape, on the
 /// floors first, without aliases.

@@ -50,7 +50,7 @@ struct InitialPoseOptions {
        "deg",
        Between(1, 90));
     ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"),
-       InPlaceOf("table_height_m",
+       Removed("table_height_m",
                  "what the stack stands on is found by itself; leave the key out"));
   }
 };

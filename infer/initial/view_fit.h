@@ -27,6 +27,8 @@ struct ViewFit {
 
   /// What was measured where the structure is, and is not it.
   double contradicted() const { return behind + larger + turned / 2; }
+  /// What a pose explains, less what contradicts it, m^2.
+  double Gain() const { return explained - behind - larger - (turned + goes_on) / 2; }
   /// Natural logarithm of the odds that the structure stands there, to a pose of other boxes or
   /// beside it that a search comes upon; both being equally probable before.
   double LogOdds() const;

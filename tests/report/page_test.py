@@ -171,6 +171,12 @@ class ReportPage(unittest.TestCase):
                 self.assertIn(f"{1000 * pair['predicted_rms_m']:.1f}", known)
         self.assertIn("calibrate --model models/m05-lite.pt", self.text("#run"))
 
+    def test_a_sensor_in_doubt_is_not_called_usable(self):
+        sensors = [{"name": name, "status": status, "code": code, "structure_from_sensor": []}
+                   for name, status, code in (("S1", "ok", ""), ("S2", "weak", "disagrees"), ("S3", "weak", "uncertain"))]
+        self.assertEqual(self.page.evaluate(f"verdictWords({json.dumps(sensors)})"),
+                         "2 of 3 sensors usable; S2 in doubt (weak); S3 with care (weak)")
+
     def test_position_sigma_is_that_of_the_sensor(self):
         """Against finite differences of T = Exp(delta) T^, column by column."""
         sensor = self.report["extrinsics"]["sensors"]["S3"]

@@ -3,13 +3,19 @@
 const sensorsOf = (report) => Object.entries(report.extrinsics.sensors).map(([name, sensor], index) => ({ name, index, ...sensor }));
 const placedOf = (report) => sensorsOf(report).filter((sensor) => sensor.structure_from_sensor);
 
+// Weak for a reason that leaves open where the sensor stands.
+const IN_DOUBT = ["ambiguous", "disagrees", "duplicate_depth", "same_pose", "unsolved"];
+
 // "7 of 8 sensors usable; S1 failed"
 function verdictWords(all, findings) {
-  const named = (status) => all.filter((sensor) => sensor.status === status).map((sensor) => sensor.name).join(", ");
-  const usable = all.filter((sensor) => sensor.structure_from_sensor).length, failed = named("failed"), weak = named("weak");
+  const isDoubted = (sensor) => sensor.status === "weak" && IN_DOUBT.includes(sensor.code);
+  const names = (sensors) => sensors.map((sensor) => sensor.name).join(", ");
+  const named = (status) => names(all.filter((sensor) => sensor.status === status && !isDoubted(sensor)));
+  const doubted = names(all.filter(isDoubted)), failed = named("failed"), weak = named("weak");
+  const usable = all.filter((sensor) => sensor.structure_from_sensor && !isDoubted(sensor)).length;
   const count = usable < all.length ? `${usable} of ${plural(all.length, "sensor")} usable` : all.length === 1 ? "The sensor is usable" : `All ${all.length} sensors usable`;
   const doubtful = findings.length && (findings.length === 1 ? "but one thing makes all poses doubtful" : `but ${findings.length} things make all poses doubtful`);
-  return [count, failed && `${failed} failed`, weak && `${weak} with care (weak)`, doubtful].filter(Boolean).join("; ");
+  return [count, failed && `${failed} failed`, doubted && `${doubted} in doubt (weak)`, weak && `${weak} with care (weak)`, doubtful].filter(Boolean).join("; ");
 }
 
 const FAR_BEYOND = 2;  // times what is expected of a pair

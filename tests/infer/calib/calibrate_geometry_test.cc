@@ -205,7 +205,8 @@ void ExpectTrueReasons(const CalibrationResult& result, bool sees_no_difference 
     EXPECT_EQ(sensor.status, SensorStatus::kFailed);
     EXPECT_TRUE(
         sensor.code == SensorCode::kNoStructure || sensor.code == SensorCode::kAssemblyTurned ||
-        sensor.code == SensorCode::kAssemblyMirrored || sensor.code == SensorCode::kFrameMirrored);
+        sensor.code == SensorCode::kAssemblyMirrored || sensor.code == SensorCode::kFrameMirrored ||
+        sensor.code == SensorCode::kAssemblyShifted);
   }
 }
 
@@ -229,6 +230,27 @@ TEST(CalibrateByGeometry, AStackThatIsBuiltOtherwiseIsNotFound) {
   for (const Structure& built : {described.Displaced(upper), with(1, turned),
                                  with(0, Pose(Eigen::Translation3d(0.3, 0, 0)))})
     ExpectTrueReasons(WithoutAModel(FourThatSee(built).frames, described), true);
+}
+
+TEST(CalibrateByGeometry, AWrongDescriptionOfOwnBoxesIsNamed) {
+  const Rig rig = RigOfOwnBoxes();
+  std::vector<Box> boxes = rig.structure.boxes();
+  std::swap(boxes[1].size.x(), boxes[1].size.z());
+  const CalibrationResult result = WithoutAModel(rig.frames, Structure::FromBoxes("turned", boxes));
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_EQ(result.assembly->arrangement.sentence, "box middle is turned by 90 deg");
+  for (const FrameResult& sensor : result.sensors)
+    EXPECT_EQ(sensor.code, SensorCode::kAssemblyTurned) << sensor.reason;
+}
+
+TEST(CalibrateByGeometry, AMirroredFrameOfOwnBoxesIsNamed) {
+  Rig rig = RigOfOwnBoxes();
+  testing_infer::FlipFrame(rig.structure, &rig.frames[1], &rig.labels[1]);
+  const CalibrationResult result = WithoutAModel(rig.frames, rig.structure);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(result.sensors[i].code, i == 1 ? SensorCode::kFrameMirrored : SensorCode::kNone)
+        << result.sensors[i].reason;
+  }
 }
 
 TEST(CalibrateByGeometry, MirroredFramesAreNotFound) {

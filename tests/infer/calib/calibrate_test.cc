@@ -446,7 +446,7 @@ TEST(FailureClasses, NoneOfThemOnAGoodRig) {
   EXPECT_EQ(result.verdict(), SensorStatus::kOk);
   ASSERT_TRUE(result.assembly.has_value());
   EXPECT_FALSE(result.assembly->altered());
-  EXPECT_GT(result.assembly->described_shape_iou, 0.97);
+  EXPECT_GT(result.assembly->described_share, 0.97);
 }
 
 TEST(Calibrate, RejectsBadInput) {

@@ -83,6 +83,43 @@ TEST(Judge, ASensorThatCouldNotBeSolvedIsWeak) {
   EXPECT_EQ(result.sensors[2].reason, "its solution is no number");
 }
 
+TEST(Judge, NoSensorIsBelievedWhereMostOthersDoNotFindTheStack) {
+  Stages stages;
+  CalibrationResult result = stages.Judge();
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_EQ(result.assembly->arrangement.sentence, "the boxes stand as described");
+  stages.joint.located[{0, 2}] = Finding{SensorCode::kInconsistent, "reason", "hint"};
+  stages.joint.frames.erase({0, 2});
+  stages.joint.pairs = {{}};
+  result = stages.Judge();
+  EXPECT_EQ(result.sensors[0].status, SensorStatus::kWeak);
+  EXPECT_EQ(result.sensors[0].code, SensorCode::kAmbiguous);
+  EXPECT_EQ(result.sensors[0].reason.rfind("2 of 2 other sensors did not find the stack", 0), 0u);
+  EXPECT_EQ(result.assembly->arrangement.sentence,
+            "not known whether the boxes stand as described: 0 of 3 sensors show it");
+  // That one has no depth says nothing of the stack.
+  stages.joint.located[{0, 1}] = Finding{SensorCode::kNoDepth, "reason", "hint"};
+  EXPECT_EQ(stages.Judge().sensors[0].status, SensorStatus::kOk);
+}
+
+TEST(QuestionsStack, WhereASensorContradictsOthersAtTheOnlyPoseThatItHas) {
+  SensorOutcome sensor;
+  sensor.name = "S0";
+  for (const SensorCode code : {SensorCode::kNoStructure, SensorCode::kDisagrees,
+                                SensorCode::kLargeResidual, SensorCode::kAmbiguous}) {
+    sensor.code = code;
+    EXPECT_TRUE(QuestionsStack(sensor, {}));
+  }
+  RigTwin twin;
+  twin.sensors = {{"S0", 2, Pose::Identity()}};
+  EXPECT_FALSE(QuestionsStack(sensor, {twin}));
+  for (const SensorCode code : {SensorCode::kNone, SensorCode::kNoDepth, SensorCode::kUncertain}) {
+    sensor.code = code;
+    EXPECT_FALSE(QuestionsStack(sensor, {}));
+  }
+}
+
 TEST(Judge, NoSensorThatHasNotSettledIsOk) {
   Stages stages;
   stages.joint.report = {7, false, true, 0.0034, 2.5};

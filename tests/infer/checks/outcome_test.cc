@@ -13,8 +13,9 @@ TEST(SensorCode, HasTheWordsOfTheFiles) {
   for (const SensorCode code : AllOf(SensorCode())) words += std::string(ToString(code)) + " ";
   EXPECT_EQ(words,
             " no_depth wrong_units no_structure degenerate_sides inconsistent assembly_mirrored "
-            "assembly_turned assembly_swapped assembly_missing frame_mirrored unconnected "
-            "duplicate_depth intrinsics_suspect disagrees ambiguous not_finite unsolved unsettled "
+            "assembly_turned assembly_swapped assembly_missing assembly_shifted assembly_height "
+            "frame_mirrored unconnected duplicate_depth intrinsics_suspect disagrees ambiguous "
+            "not_finite unsolved unsettled "
             "same_pose by_neighbours few_inliers large_residual labels_disagree lens_suspect "
             "uncertain ");
 }

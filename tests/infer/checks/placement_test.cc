@@ -94,17 +94,13 @@ TEST(LocateAlone, WhatHidesTheStackDoesNotRefuteThePose) {
 }
 
 TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
-  const Rig rig = NarrowRig();
-  Located frames(rig);
-  ASSERT_TRUE(SeesManySides(frames.seen.labelled[{0, 0}].initial.patches, frames.options.verdict));
-  frames.options.verdict.many_sides =
-      1 + static_cast<int>(frames.seen.labelled[{0, 1}].initial.patches.size());
-  ASSERT_FALSE(SeesManySides(frames.seen.labelled[{0, 1}].initial.patches, frames.options.verdict));
+  const Located frames(NarrowRig());
   AssemblyReport report;
   report.arrangement.code = SensorCode::kAssemblyMirrored;
   report.arrangement.sentence = "the stack or the frames are mirrored";
-  report.described_shape_iou = 0.7;
-  report.shape_iou = 0.98;
+  report.described_share = 0.7;
+  report.share = 0.98;
+  report.seen_by = {0};
   for (const LocateResult& result : frames.Alone(report)) {
     const auto* finding = std::get_if<Finding>(&result);
     ASSERT_NE(finding, nullptr);
@@ -114,6 +110,16 @@ TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
               "the stack as "
               "described 70 %");
   }
+}
+
+TEST(LocateAlone, AMirroredFrameIsNotPlacedAndTheOthersAre) {
+  const Located frames(NarrowRig());
+  AssemblyReport report;
+  report.mirrored_frames = {1};
+  const std::vector<LocateResult> results = frames.Alone(report);
+  EXPECT_TRUE(std::holds_alternative<LocatedFrame>(results[0]));
+  ASSERT_TRUE(std::holds_alternative<Finding>(results[1]));
+  EXPECT_EQ(std::get<Finding>(results[1]).code, SensorCode::kFrameMirrored);
 }
 
 TEST(LocateAlone, AFrameWithoutSidesOrWithOneOnly) {
@@ -171,18 +177,6 @@ TEST(LocateAlone, TheHintKnowsWhichWayTheSensorIsMounted) {
     const std::string there = sign > 0 ? "to the left" : "to the right";
     EXPECT_NE(finding.hint.find("turn the sensor " + there), std::string::npos) << finding.hint;
   }
-}
-
-TEST(InspectStack, NamesMirroredFramesByTheirPlaceInTheCapture) {
-  Rig rig{testing_infer::PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i) rig.Add("S" + std::to_string(i), RingPose(30 + 85 * i), {true, 3.5});
-  rig.labels[0] = LabelImage(320, 288);  // sees no sides, and is not asked
-  testing_infer::FlipFrame(rig.structure, &rig.frames[2], &rig.labels[2]);
-  const Located frames(rig);
-  const std::optional<AssemblyReport> report =
-      InspectStack(frames.seen, frames.options.assembly, frames.locate()).front();
-  ASSERT_TRUE(report.has_value());
-  EXPECT_EQ(report->mirrored_frames, (std::vector<std::size_t>{2}));
 }
 
 TEST(FramesToRefine, AreTheLocatedOnes) {

@@ -78,6 +78,20 @@ TEST(FindSeenThrough, OfSeveralTheWrongOneAlone) {
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(found[i].has_value(), i == 3) << i;
 }
 
+// The third sees nothing but the carton.
+TEST(FindSeenThrough, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
+  Room room(3);
+  room.TurnAboutTheVertical(1);
+  DepthImage& depth = room.views[2].depth;
+  const Structure carton = Structure::FromBoxes("carton", Carton());
+  const ExpectedView seen = CastView(carton, room.views[2].rays, room.poses[2]);
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    if (!(seen.depth[i] > 0)) depth[i] = 0;
+  }
+  const auto found = room.Find(kDoubtful);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(found[i].has_value(), i < 2) << i;
+}
+
 TEST(FindSeenThrough, ASensorWithoutAPoseTakesNoPart) {
   Room room(3);
   room.TurnAboutTheVertical(2);

@@ -168,7 +168,7 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
   EXPECT_EQ(read.timings_s.size(), result_->timings_s.size());
   ASSERT_TRUE(read.assembly.has_value());
   EXPECT_EQ(read.assembly->arrangement.code, SensorCode::kNone);
-  EXPECT_DOUBLE_EQ(read.assembly->shape_iou, result_->assembly->shape_iou);
+  EXPECT_DOUBLE_EQ(read.assembly->share, result_->assembly->share);
 }
 
 TEST_F(ExportTest, EstimatesAreReadBackAndReported) {
@@ -267,8 +267,8 @@ TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
   found.sentence = "box top is turned by 90 deg";
   found.box = "top";
   found.turn_deg = 90;
-  result.assembly->shape_iou = 0.98;
-  result.assembly->described_shape_iou = 0.8;
+  result.assembly->share = 0.98;
+  result.assembly->described_share = 0.8;
   WriteExtrinsics(*folder_ / "altered.json",
                   MakeExtrinsics(result, {{"", rig_->frames}}, rig_->structure, {}));
   const Extrinsics read = ReadExtrinsics(*folder_ / "altered.json");
@@ -277,8 +277,8 @@ TEST_F(ExportTest, AnAlteredStackIsReadBackAndReported) {
   EXPECT_EQ(read.assembly->arrangement.box, "top");
   EXPECT_EQ(read.assembly->arrangement.other_box, "");
   EXPECT_EQ(read.assembly->arrangement.turn_deg, 90);
-  EXPECT_DOUBLE_EQ(read.assembly->shape_iou, 0.98);
-  EXPECT_DOUBLE_EQ(read.assembly->described_shape_iou, 0.8);
+  EXPECT_DOUBLE_EQ(read.assembly->share, 0.98);
+  EXPECT_DOUBLE_EQ(read.assembly->described_share, 0.8);
   EXPECT_NE(FormatReport(result).find("verdict: failed: box top is turned by 90 deg"),
             std::string::npos);
 }
