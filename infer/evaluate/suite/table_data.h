@@ -53,8 +53,6 @@ TableData MakeTable(const SuiteConfig& suite, const SuiteTable& table,
 std::string FormatMarkdown(const TableData& table);
 /// A line for each row and block.
 std::string FormatCsv(const TableData& table);
-/// A tabular environment with booktabs' rules.
-std::string FormatLatex(const TableData& table);
 /// All numbers, with every value that went into them.
 std::string FormatTableJson(const TableData& table);
 

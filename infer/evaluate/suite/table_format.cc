@@ -96,15 +96,6 @@ std::string TruthTable(const TableData& data) {
   return text;
 }
 
-std::string EscapeLatex(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '%' || c == '_' || c == '&' || c == '#') out += '\\';
-    out += c;
-  }
-  return out;
-}
-
 }  // namespace
 
 std::string FormatMarkdown(const TableData& data) {
@@ -156,33 +147,6 @@ std::string FormatCsv(const TableData& data) {
     }
   }
   return text;
-}
-
-std::string FormatLatex(const TableData& data) {
-  std::string columns = "l", first, second;
-  for (const SuiteBlock& block : data.table.blocks) {
-    columns += "|lllll";
-    first += fmt::format(" & \\multicolumn{{5}}{{c}}{{{}}}", EscapeLatex(block.title));
-    second += " & Mean & STD & RSD & & Floor";
-  }
-  std::string text = fmt::format(
-      "% {}\n% In brackets: the paper's figures.\n\\begin{{tabular}}{{{}}}\n\\toprule\n{} \\\\\n"
-      "Method{} \\\\\n\\midrule\n",
-      data.table.title, columns, first, second);
-  for (const TableRowData& row : data.rows) {
-    text += EscapeLatex(Label(row));
-    for (std::size_t b = 0; b < row.cells.size(); ++b) {
-      const SuiteMetric metric = data.table.blocks[b].metric;
-      const std::vector<std::string> cells = Cells(row.cells[b], metric);
-      for (std::size_t c = 0; c < cells.size(); ++c) {
-        const std::string paper = Paper(row.row, b, c);
-        text += " & " + EscapeLatex(cells[c] + (paper.empty() ? "" : " (" + paper + ")"));
-      }
-      text += " & " + EscapeLatex(Floor(row.cells[b], metric));
-    }
-    text += " \\\\\n";
-  }
-  return text + "\\bottomrule\n\\end{tabular}\n";
 }
 
 // The keys of table JSON.

@@ -9,9 +9,8 @@
 
 namespace volalign {
 
-/// Writes into a folder, for each table, TABLE.md, .csv, .tex, .json and a box plot
-/// TABLE_METRIC.svg of each block; and suite.md, all tables, and suite.json, the scores. Returns
-/// suite.md's text.
+/// Writes into a folder, for each table, TABLE.md, .csv and .json; and suite.md, all tables, and
+/// suite.json, the scores. Returns suite.md's text.
 std::string WriteSuite(const std::filesystem::path& folder, const SuiteConfig& suite,
                        const std::vector<CaptureScores>& scores);
 

@@ -5,8 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "infer/evaluate/suite/box_plot.h"
-
 namespace volalign::table_data_test {
 namespace {
 
@@ -97,27 +95,9 @@ TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
             std::string::npos)
       << markdown;
   EXPECT_NE(markdown.find("none (no model yet)"), std::string::npos);
-  const std::string latex = FormatLatex(data);
-  EXPECT_NE(latex.find("first\\_row & 0.0600 (1\\%)"), std::string::npos) << latex;
   const std::string csv = FormatCsv(data);
   EXPECT_NE(csv.find("\n\"second\",a,initial,\"RMS\",d1,2,0.03,0.01,"), std::string::npos) << csv;
   EXPECT_NE(FormatTableJson(data).find("\"to_best\""), std::string::npos);
-}
-
-TEST(BoxPlot, FiguresAreTukeys) {
-  // 1 ... 9 and a far value: quartiles by linear interpolation.
-  const BoxFigures box = FiguresOf({9, 2, 3, 4, 5, 6, 7, 8, 1, 100});
-  EXPECT_DOUBLE_EQ(box.q1, 3.25);
-  EXPECT_DOUBLE_EQ(box.median, 5.5);
-  EXPECT_DOUBLE_EQ(box.q3, 7.75);
-  EXPECT_DOUBLE_EQ(box.low, 1);
-  EXPECT_DOUBLE_EQ(box.high, 9);
-  EXPECT_EQ(box.outliers, std::vector<double>{100});
-  const std::string svg = BoxPlotSvg("a < b", "m & s", {{"<one>", {1, 2, 4}}, {"none", {}}}, 0.5);
-  for (const char* text : {">a &lt; b<", ">m &amp; s<", ">&lt;one&gt;<", ">none<"})
-    EXPECT_NE(svg.find(text), std::string::npos) << text;
-  EXPECT_NE(svg.find("stroke-dasharray"), std::string::npos);
-  EXPECT_EQ(svg.find("nan"), std::string::npos);
 }
 
 }  // namespace
