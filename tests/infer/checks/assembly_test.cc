@@ -45,7 +45,7 @@ Structure Stack(const std::vector<Footprint>& footprints) {
 AssemblyReport InspectViews(const std::vector<SensorView>& views, const Structure& described) {
   std::vector<const SensorView*> asked;
   for (const SensorView& view : views) asked.push_back(&view);
-  return InspectAssembly(asked, described, 0, 2);
+  return InspectAssembly(asked, described, 2);
 }
 
 std::vector<SensorView> ViewsOf(const Structure& built, double look_at_y, int views = 3) {
