@@ -32,7 +32,7 @@ bool Covered(const Structure& structure, const Side& side) {
   });
 }
 
-using Corners = std::vector<std::vector<cv::Point2f>>;
+using MarkerCorners = std::vector<std::vector<cv::Point2f>>;
 
 // OpenCV 4.7 has a new interface to markers.
 #if CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR < 7
@@ -43,7 +43,7 @@ void Draw(int label, int cells, cv::Mat* drawn) {
                         kBorderCells);
 }
 
-void Detect(const cv::Mat& image, Corners* corners, std::vector<int>* ids) {
+void Detect(const cv::Mat& image, MarkerCorners* corners, std::vector<int>* ids) {
   cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(kDictionary), *corners, *ids);
 }
 #else
@@ -54,7 +54,7 @@ void Draw(int label, int cells, cv::Mat* drawn) {
                                  *drawn, kBorderCells);
 }
 
-void Detect(const cv::Mat& image, Corners* corners, std::vector<int>* ids) {
+void Detect(const cv::Mat& image, MarkerCorners* corners, std::vector<int>* ids) {
   const cv::aruco::ArucoDetector detector(cv::aruco::getPredefinedDictionary(kDictionary));
   detector.detectMarkers(image, *corners, *ids);
 }
@@ -137,7 +137,7 @@ std::vector<MarkerPrint> StructureMarkers(const Structure& structure) {
 std::vector<FoundMarker> FindMarkers(const GreyImage& infrared, const Structure& structure) {
   const cv::Mat image(infrared.height(), infrared.width(), CV_8UC1,
                       const_cast<std::uint8_t*>(infrared.data()));
-  Corners corners;
+  MarkerCorners corners;
   std::vector<int> ids;
   Detect(image, &corners, &ids);
   std::vector<FoundMarker> found;
