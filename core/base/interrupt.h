@@ -38,8 +38,8 @@ constexpr int StatusOfSignal(int number) { return 128 + number; }
 /// begins.
 void EndOnInterrupt();
 
-/// What EndOnInterrupt says behind an exception that nothing can catch: what a library's threads are
-/// at, and what may be wrong there. Stays from now on.
+/// What EndOnInterrupt says behind an exception that nothing can catch: what a library's threads
+/// are at, and what may be wrong there. Stays from now on.
 void ExplainUncaught(const std::string& sentence);
 
 /// EndOnInterrupt waits while the lock is held: for steps that belong together and take no time.

@@ -14,7 +14,7 @@ namespace volalign {
 namespace {
 
 constexpr double kShortestBox = 0.1, kLongestBox = 5;  // m, of the longest edge
-constexpr double kWidestSlip = 0.05;                   // m: a wider gap is meant
+constexpr double kWidestSlip = 0.05;  // m: of rough measures and slips; a wider gap is meant
 constexpr double kUpright = 1 - 1e-6;
 
 /// How far two boxes are apart along a direction; negative where they overlap in it.
@@ -108,7 +108,7 @@ class Stack {
       if (depth <= kStackTolerance) continue;
       shares = true;
       if (a > b) continue;
-      Add(true,
+      Add(depth > kWidestSlip,
           fmt::format("boxes '{}' and '{}' share space, {:g} mm deep: correct the position or "
                       "the size of one of them",
                       boxes_[a].name, boxes_[b].name, Millimetres(depth)));
@@ -130,13 +130,17 @@ class Stack {
     const Eigen::AlignedBox3d around = Around(box);
     const double bottom = around.min().y();
     if (bottom - floor_ <= kStackTolerance) return;
-    Eigen::AlignedBox3d support;
-    bool carries = false;
+    Eigen::AlignedBox3d support;  // as seen from above
+    bool stands = false, carries = false;
     for (const Box& other : boxes_) {
-      if (Carries(other, box)) support.extend(Around(other).intersection(around));
       carries = carries || Carries(box, other);
+      if (!Carries(other, box)) continue;
+      stands = true;
+      const Eigen::AlignedBox3d below = Around(other);
+      support.extend(below.min().cwiseMax(around.min()).eval());
+      support.extend(below.max().cwiseMin(around.max()).eval());
     }
-    if (support.isEmpty()) return AddFloating(box, bottom);
+    if (!stands) return AddFloating(box, bottom);
     const Eigen::Vector3d middle = around.center();
     const Eigen::Vector3d beyond = (support.min() - middle).cwiseMax(middle - support.max());
     const double out = std::max(beyond.x(), beyond.z());
@@ -157,10 +161,11 @@ class Stack {
       below = &other;
       top = height;
     }
-    Add(true, fmt::format("box '{}' stands on nothing: its lower side is {:g} mm above {}; correct "
-                          "its height, or add what it stands on as a box",
-                          box.name, Millimetres(bottom - top),
-                          below ? fmt::format("box '{}'", below->name) : "the floor"));
+    Add(bottom - top > kWidestSlip,
+        fmt::format("box '{}' stands on nothing: its lower side is {:g} mm above {}; correct "
+                    "its height, or add what it stands on as a box",
+                    box.name, Millimetres(bottom - top),
+                    below ? fmt::format("box '{}'", below->name) : "the floor"));
   }
 
   /// Beside earlier boxes.

@@ -431,8 +431,11 @@ class CommandLine(unittest.TestCase):
                 file.write("boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n" + "".join(f"  - {{name: {box}}}\n" for box in boxes))
 
         write("b, x: [0, 500], y: [420, 700], z: [0, 300]")
+        self.expect("structure show s.yaml", 0, "warning: s: box 'b' stands on nothing: its lower side is 20 mm above box 'a'")
+        self.expect("structure check s.yaml", 0, "doubtful: box 'b' stands on nothing")
+        write("b, x: [0, 500], y: [480, 700], z: [0, 300]")
         for command in ("show s.yaml", "check s.yaml", "build s.yaml -o s.glb", "sheet s.yaml -o s.svg"):
-            self.expect("structure " + command, 1, "error: s.yaml: box 'b' stands on nothing: its lower side is 20 mm above box 'a'")
+            self.expect("structure " + command, 1, "error: s.yaml: box 'b' stands on nothing: its lower side is 80 mm above box 'a'")
         write("b, x: [520, 900], y: [0, 400], z: [0, 300]")
         self.expect("structure show s.yaml", 0, "warning: s: there is a gap of 20 mm between boxes 'a' and 'b'")
         self.expect("structure check s.yaml", 0, "doubtful: there is a gap of 20 mm")
@@ -450,7 +453,7 @@ class CommandLine(unittest.TestCase):
 
     def test_a_full_standard_output(self):
         for command in ("structure show configs/structure.yaml", "--help", "--version", "config show configs/m05-lite.yaml"):
-            output = self.expect(command + " > /dev/full", 1, "error: cannot write ", "No space left on device")
+            output = self.expect(command + " > /dev/full", 1, "error: cannot write ")
             self.assertEqual(output.count("\n"), 1, output)
 
     def test_where_an_argument_belongs(self):

@@ -134,7 +134,7 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
                        {(folder / "file").string()});
   std::filesystem::create_directory(folder / "taken");
   ExpectError<IoError>([&] { WriteFileAtomically(folder / "taken", "y"); },
-                       {(folder / "taken").string(), "rename"});
+                       {(folder / "taken").string(), "a folder is there"});
   const std::string long_name(300, 'a');
   ExpectError<IoError>([&] { WriteFileAtomically(folder / long_name, "y"); },
                        {"create", "too long"});
@@ -142,7 +142,6 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
   EXPECT_EQ(ReadFile(folder / "file"), "x");
 }
 
-// The names of the file and of the folders that were made for it outlive a power failure, too.
 TEST(FileUtil, NoDeviceOrPipeIsReplaced) {
   const TempFolder folder;
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0666), 0);
@@ -155,6 +154,7 @@ TEST(FileUtil, NoDeviceOrPipeIsReplaced) {
   EXPECT_TRUE(std::filesystem::is_symlink(folder / "null"));
 }
 
+// The names of the file and of the folders that were made for it outlive a power failure, too.
 TEST(FileUtil, SyncsTheFileAndWhatNamesIt) {
   const TempFolder folder;
   const std::filesystem::path base = std::filesystem::canonical(folder.path());

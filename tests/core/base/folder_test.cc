@@ -130,7 +130,7 @@ int NumberIn(const fs::path& out) {
 TEST(ResultFolder, WritesNothingBehindALink) {
   const TempFolder folder;
   const fs::path out = folder / "out";
-  folder.Write("victim/S1.png", "mine");
+  WriteFileAtomically(folder / "victim/S1.png", "mine");
   fs::create_directory(out);
   fs::create_directory_symlink(folder / "victim", out / "labels");
   const ResultFolder result(out);

@@ -50,20 +50,24 @@ TEST(FindStackFaults, StacksThatStandHaveNone) {
 }
 
 TEST(FindStackFaults, BoxesShareNoSpace) {
-  ExpectFault({kLow, MakeBox("a", {-0.2, 0.38, -0.2}, {0.2, 0.7, 0.2})}, true,
+  ExpectFault({kLow, MakeBox("a", {-0.2, 0.38, -0.2}, {0.2, 0.7, 0.2})}, false,
               {"'low' and 'a' share space, 20 mm deep"});
   ExpectFault({kLow, MakeBox("again", {-0.3, 0, -0.2}, {0.3, 0.4, 0.2})}, true, {"400 mm deep"});
   ExpectFault({kLow, MakeBox("within", {-0.1, 0.1, -0.1}, {0.1, 0.3, 0.1})}, true, {"'within'"});
   // Turned by 45 deg, the corner of one is in the other; their bounding boxes overlap far more.
   ExpectFault({kLow, MakeBox("turned", {0.4, 0, -0.2}, {0.8, 0.4, 0.2}, M_PI / 4)}, false,
               {"gap of 17 mm"});
-  ExpectFault({kLow, MakeBox("turned", {0.36, 0, -0.2}, {0.76, 0.4, 0.2}, M_PI / 4)}, true,
+  ExpectFault({kLow, MakeBox("turned", {0.36, 0, -0.2}, {0.76, 0.4, 0.2}, M_PI / 4)}, false,
               {"share space, 23 mm deep"});
+  ExpectFault({kLow, MakeBox("turned", {0.3, 0, -0.2}, {0.7, 0.4, 0.2}, M_PI / 4)}, true,
+              {"share space, 83 mm deep"});
 }
 
 TEST(FindStackFaults, EveryBoxStandsOnSomething) {
-  ExpectFault({kLow, MakeBox("a", {-0.2, 0.42, -0.2}, {0.2, 0.7, 0.2})}, true,
+  ExpectFault({kLow, MakeBox("a", {-0.2, 0.42, -0.2}, {0.2, 0.7, 0.2})}, false,
               {"'a' stands on nothing", "20 mm above box 'low'"});
+  ExpectFault({kLow, MakeBox("a", {-0.2, 0.48, -0.2}, {0.2, 0.7, 0.2})}, true,
+              {"'a' stands on nothing", "80 mm above box 'low'"});
   ExpectFault({kLow, MakeBox("a", {1, 0.6, -0.2}, {1.4, 0.9, 0.2})}, true,
               {"600 mm above the floor"});
   ExpectFault({kLow, MakeBox("a", {0.1, 0.4, -0.2}, {0.9, 0.7, 0.2})}, false,
