@@ -35,7 +35,11 @@ int RunInit(const InitOptions& options) {
   }
   CaptureDraftOptions draft_options;
   if (options.depth_scale > 0) draft_options.depth_scale = options.depth_scale;
-  if (!options.intrinsics.empty()) draft_options.intrinsics = options.intrinsics;
+  if (options.intrinsics == "typical") {
+    draft_options.typical = ReadIntrinsicsPool("configs/intrinsics.yaml");
+  } else if (!options.intrinsics.empty()) {
+    draft_options.intrinsics = options.intrinsics;
+  }
   if (!options.structure.empty()) {
     ReadStructure(options.structure);
     draft_options.structure = FindInputFile(options.structure);
@@ -73,7 +77,9 @@ Command AddInitCommand(CLI::App& program) {
                   "100 um, 1 for metres; a recording states its own")
       ->check(CLI::PositiveNumber);
   app->add_option("--intrinsics", options->intrinsics,
-                  "file of intrinsics for the sensors that have none of their own");
+                  "file of intrinsics for the sensors that have none of their own; typical: those "
+                  "of configs/intrinsics.yaml for the kind that --sensor names, with which poses "
+                  "are weak");
   app->add_option("--structure", options->structure,
                   "the structure that the sensors see (.glb or .yaml), for `calibrate`");
   app->add_option("--sensor", options->sensor,

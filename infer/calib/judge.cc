@@ -48,6 +48,15 @@ void TakeLens(const Joint& joint, FrameId id, FrameResult* sensor) {
   sensor->lens.sigmas = refined.sigmas;
 }
 
+Finding TypicalIntrinsics(const std::string& kind) {
+  return {SensorCode::kTypicalIntrinsics,
+          fmt::format("its intrinsics are typical of {}, not its own: principal points of one kind "
+                      "differ by several pixels, and each pixel turns the pose",
+                      kind),
+          "read the intrinsics from the device or from a recording of it, and give them in the "
+          "capture"};
+}
+
 /// Empty where the frame has settled.
 std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
   if (frame.settled) return "";
@@ -90,7 +99,11 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
                     located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
                    options.verdict);
   sensor->status = SensorStatus::kOk;
-  if (weakness) SetFinding(SensorStatus::kWeak, *weakness, sensor);
+  if (weakness) {
+    SetFinding(SensorStatus::kWeak, *weakness, sensor);
+  } else if (frame.typical_intrinsics) {
+    SetFinding(SensorStatus::kWeak, TypicalIntrinsics(frame.sensor), sensor);
+  }
   DemoteIfNotFinite(sensor);
 }
 

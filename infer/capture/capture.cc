@@ -185,6 +185,15 @@ Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem
   return ParseIntrinsics(object.Child("intrinsics"));
 }
 
+/// Whether the intrinsics are said to be of the kind of device only.
+bool ParseTypical(const JsonObject& object) {
+  if (!object.Has("typical_intrinsics")) return false;
+  const Json& given = object.Get("typical_intrinsics");
+  if (!given.is_boolean())
+    throw DataError(object.Place("typical_intrinsics") + ": true or false is expected");
+  return given.get<bool>();
+}
+
 std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   if (!object.Has("colour")) return std::nullopt;
   const JsonObject given = object.Child("colour");
@@ -213,7 +222,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
   // First, because what is misspelled is missing, too.
   object.RejectOthers({"depth", "stream", "frames", "intrinsics", "quarter_turns", "sensor",
-                       "serial", "renderer", "colour", "depth_scale"});
+                       "serial", "renderer", "colour", "depth_scale", "typical_intrinsics"});
   frame.depth_files = ParseDepthFiles(object);
   const std::uint64_t kept = budget->kept();
   RecordedDepth source;
@@ -230,6 +239,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   }
   const Image<float>& first = source.frames.front().values;
   frame.intrinsics = ParseSensorIntrinsics(object, folder, source, {first.width(), first.height()});
+  frame.typical_intrinsics = ParseTypical(object);
   frame.quarter_turns = ParseTurns(object);
   frame.sensor = object.Has("sensor") ? ParsePlainText(object, "sensor") : source.kind;
   frame.serial = object.Has("serial") ? ParsePlainText(object, "serial") : source.serial;

@@ -39,6 +39,7 @@ struct DraftSensor {
   double median = 0;       // of the first frame's measured values, in the file's units
   RecordedDepth recorded;  // what a recording says of it, without its frames
   std::optional<Intrinsics> intrinsics;
+  bool typical_intrinsics = false;
 };
 
 /// Whether two frames show the same scene from the same place: hardly any depth differs, nor where
@@ -54,6 +55,27 @@ bool SeeTheSame(const Image<float>& a, const Image<float>& b) {
     other += std::abs(a[i] - b[i]) > kAlike * far;
   }
   return static_cast<double>(other) <= kMostOther * static_cast<double>(measured);
+}
+
+/// The mean of the pool's intrinsics of that kind and size, without distortion: the kind tells the
+/// lens. None where the pool has none of the size.
+std::optional<Intrinsics> MeanIntrinsics(const std::vector<IntrinsicsPoolEntry>& pool,
+                                         const std::string& kind, int width, int height) {
+  for (const IntrinsicsPoolEntry& entry : pool) {
+    if (entry.sensor != kind || entry.intrinsics.front().width != width ||
+        entry.intrinsics.front().height != height)
+      continue;
+    Intrinsics mean{width, height, 0, 0, 0, 0, {}};
+    for (const Intrinsics& k : entry.intrinsics) {
+      const double share = 1.0 / static_cast<double>(entry.intrinsics.size());
+      mean.fx += share * k.fx;
+      mean.fy += share * k.fy;
+      mean.cx += share * k.cx;
+      mean.cy += share * k.cy;
+    }
+    return mean;
+  }
+  return std::nullopt;
 }
 
 class Drafter {
@@ -345,6 +367,7 @@ class Drafter {
       }
     }
     if (sensor->intrinsics) return;  // those of a camera that says that it is not calibrated
+    if (TakeTypical(sensor)) return;
     if (candidates.empty())
       why.push_back("no file of intrinsics is beside it" + PassedOver(top, *sensor));
     draft_.unknown.push_back(
@@ -362,6 +385,25 @@ class Drafter {
     const bool more = files.size() > kMostListed;
     files.resize(std::min(files.size(), kMostListed));
     return fmt::format(" that can be read ({}{})", fmt::join(files, "; "), more ? "; ..." : "");
+  }
+
+  /// Typical intrinsics, where they are asked for.
+  bool TakeTypical(DraftSensor* sensor) {
+    if (options_.typical.empty()) return false;
+    const std::string kind = sensor->kind.empty() ? options_.sensor : sensor->kind;
+    sensor->intrinsics = MeanIntrinsics(options_.typical, kind, sensor->width, sensor->height);
+    sensor->typical_intrinsics = sensor->intrinsics.has_value();
+    if (sensor->intrinsics) {
+      draft_.found.push_back(fmt::format(
+          "{}: intrinsics typical of {}, not its own: its pose will be weak", sensor->name, kind));
+    } else {
+      draft_.unknown.push_back(fmt::format(
+          "{}: typical intrinsics of {} at {}x{} are not known (configs/intrinsics.yaml has those "
+          "that are)",
+          sensor->name, kind.empty() ? "a kind that is not named (--sensor names it)" : kind,
+          sensor->width, sensor->height));
+    }
+    return true;
   }
 
   nlohmann::ordered_json SensorJson(const DraftSensor& sensor, const fs::path& output_folder) {
@@ -408,6 +450,7 @@ class Drafter {
       json["intrinsics"] = {{"width", k.width}, {"height", k.height}, {"fx", k.fx},
                             {"fy", k.fy},       {"cx", k.cx},         {"cy", k.cy}};
       if (!k.distortion.empty()) json["intrinsics"]["distortion"] = k.distortion;
+      if (sensor.typical_intrinsics) json["typical_intrinsics"] = true;
       lenses_[LensSentence(k.distortion, kind)].push_back(sensor.name);
     }
     return json;

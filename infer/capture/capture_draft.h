@@ -5,9 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "core/geometry/camera.h"
+
 namespace volalign {
 
 struct CaptureDraftOptions {
+  std::vector<IntrinsicsPoolEntry> typical;  ///< intrinsics for sensors that have none, by kind
   std::optional<std::filesystem::path> structure;  ///< what the sensors see
   // Each of the sensors that do not state theirs.
   std::optional<double> depth_scale;

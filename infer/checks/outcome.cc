@@ -38,6 +38,7 @@ constexpr Words<SensorCode, 28> kCodes = {{
     {"labels_disagree", SensorCode::kLabelsDisagree},
     {"lens_suspect", SensorCode::kLensSuspect},
     {"uncertain", SensorCode::kUncertain},
+    {"typical_intrinsics", SensorCode::kTypicalIntrinsics},
 }};
 
 }  // namespace

@@ -41,7 +41,8 @@ enum class SensorCode {
   kLargeResidual,
   kLabelsDisagree,
   kLensSuspect,
-  kUncertain
+  kUncertain,
+  kTypicalIntrinsics
 };
 /// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);

@@ -22,6 +22,7 @@ struct SensorFrame {
   /// m: standard error of each depth, where it is the mean of several; empty where it is not known.
   Image<float> depth_sigma;
   Intrinsics intrinsics;
+  bool typical_intrinsics = false;  ///< of the kind of device, not of this one
   /// Clockwise quarter turns that bring the image into the network's training orientation, or
   /// kAutoTurns.
   int quarter_turns = kAutoTurns;

@@ -215,6 +215,14 @@ TEST(Weak, Uncertain) {
   }
 }
 
+TEST(Weak, TypicalIntrinsics) {
+  Rig rig = ThreeSensors();
+  rig.frames[1].typical_intrinsics = true;
+  const CalibrationResult result = CalibrateRig(rig);
+  ExpectOk(result.sensors[0]);
+  ExpectWeak(result.sensors[1], SensorCode::kTypicalIntrinsics);
+}
+
 // The same file under two names.
 TEST(Weak, DuplicateDepth) {
   Rig rig = ThreeSensors();

@@ -158,6 +158,34 @@ TEST_F(CaptureDraftTest, NamesThatNoCaptureCanHaveAreSaid) {
                                             "not UTF-8", "rename"});
 }
 
+TEST_F(CaptureDraftTest, TypicalIntrinsicsAreAskedForAndMarked) {
+  WriteDepth("own_depth.png");
+  WriteText("own_intrinsics.json", kIntrinsics);
+  WriteDepth("typical_depth.png");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  options.sensor = "kinect_v2";
+  options.structure = folder_ / "boxes.yaml";
+  options.typical = {{"kinect_v2", {{8, 6, 9, 9, 4, 3, {}}}},
+                     {"kinect_v2", {{4, 3, 5, 6, 1, 1, {0.1}}, {4, 3, 7, 8, 2, 1.5, {0.1}}}}};
+  nlohmann::json sensors = Draft(options);
+  EXPECT_EQ(nlohmann::json::parse(draft_.json)["structure"], "boxes.yaml");
+  EXPECT_FALSE(sensors[0].contains("typical_intrinsics"));
+  EXPECT_EQ(sensors[0]["intrinsics"]["fx"], 5);
+  EXPECT_EQ(sensors[1]["intrinsics"],
+            nlohmann::json::parse(
+                R"({"width": 4, "height": 3, "fx": 6.0, "fy": 7.0, "cx": 1.5, "cy": 1.25})"));
+  EXPECT_EQ(sensors[1]["typical_intrinsics"], true);
+  EXPECT_TRUE(Mentions(draft_.found, "typical: ", "its pose will be weak"));
+  WriteText("capture.json", draft_.json);
+  const Capture capture = ReadCapture(folder_ / "capture.json");
+  EXPECT_FALSE(capture.sensors[0].typical_intrinsics);
+  EXPECT_TRUE(capture.sensors[1].typical_intrinsics);
+  options.typical.pop_back();
+  EXPECT_FALSE(Draft(options)[1].contains("intrinsics"));
+  EXPECT_TRUE(Mentions(draft_.unknown, "typical: ", "typical intrinsics of kinect_v2 at 4x3"));
+}
+
 TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
   ExpectError<IoError>([&] { DraftCapture(folder_ / "none", folder_.path(), {}); }, {"none"});
   ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read"});

@@ -17,7 +17,7 @@ TEST(SensorCode, HasTheWordsOfTheFiles) {
             "frame_mirrored unconnected duplicate_depth intrinsics_suspect disagrees ambiguous "
             "not_finite unsolved unsettled "
             "same_pose by_neighbours few_inliers large_residual labels_disagree lens_suspect "
-            "uncertain ");
+            "uncertain typical_intrinsics ");
 }
 
 TEST(SensorStatus, IsTheWorseTheLarger) {
