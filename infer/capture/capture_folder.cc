@@ -116,6 +116,10 @@ FolderContent LookInto(const std::filesystem::path& folder) {
         content.left_out.push_back(path.filename().string());
       else
         content.images.push_back(path);
+    } else if (HasExtension(path, {".bag", ".db3", ".mcap", ".mkv", ".zst", ".zstd"})) {
+      content.not_read.push_back(
+          fmt::format("{}: it is named as a recording, and does not begin as one",
+                      Shortened(path.filename().string())));
     } else {
       AddText(path, &content);
     }

@@ -85,6 +85,8 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
                                          ReadBudget* budget) {
   const std::string name = path.string();
   const std::string bytes = FirstBytes(path);
+  if (bytes.empty() && IsPacked(path))
+    throw DataError(name + ": damaged: what zstd packed cannot be unpacked");
   if (bytes.empty()) throw IoError(name + ": cannot be read, or is no file");
   const Kind* const kind = KindOf(bytes);
   if (!kind) {

@@ -32,6 +32,7 @@ TEST(LookInto, TellsFilesApartByNameAndContent) {
   folder.Write("rig.json", "{\"sensors\": [{" + intrinsics + "}]}");
   folder.Write("k.dat", "{" + intrinsics + "}");
   folder.Write("notes.txt", "nothing");
+  folder.Write("damaged.mcap", "nothing");
   fs::create_directory(folder / "sub.png");
   const FolderContent found = LookInto(folder.path());
   EXPECT_EQ(Names(found.images),
@@ -39,6 +40,8 @@ TEST(LookInto, TellsFilesApartByNameAndContent) {
   EXPECT_EQ(found.left_out, (Words{"a-colour.png", "cam_ir_1.png", "labels.png"}));
   EXPECT_EQ(Names(found.recordings), Words{"one.bag"});
   EXPECT_EQ(Names(found.intrinsics), Words{"k.json"});
+  ASSERT_EQ(found.not_read.size(), 1u);
+  EXPECT_EQ(found.not_read[0].rfind("damaged.mcap: ", 0), 0u);
   ASSERT_EQ(found.not_understood.size(), 1u);
   EXPECT_EQ(found.not_understood[0].rfind("notes.txt: ", 0), 0u);
 }
