@@ -122,7 +122,8 @@ void AddCalibrate(py::module_& module) {
       "is this one, else geometry alone (Result.model says which). options: a dict, or the path of "
       "a YAML, of docs/config.md's options; further "
       "keywords stand over it: threads=4, "
-      "initial={\"method\": \"geometry\"}, **{\"refine.size_sigma_percent\": 0.7}. progress: called "
+      "initial={\"method\": \"geometry\"}, **{\"refine.size_sigma_percent\": 0.7}. progress: "
+      "called "
       "with a few words when a stage begins; what it raises ends the calibration. A sensor that "
       "cannot be placed is \"failed\" in the Result; the others are placed without it. Raises "
       "ConfigError, DataError, IoError.");
