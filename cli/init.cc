@@ -36,7 +36,7 @@ int RunInit(const InitOptions& options) {
   CaptureDraftOptions draft_options;
   if (options.depth_scale > 0) draft_options.depth_scale = options.depth_scale;
   if (options.intrinsics == "typical") {
-    draft_options.typical = ReadIntrinsicsPool("configs/intrinsics.yaml");
+    draft_options.typical = true;
   } else if (!options.intrinsics.empty()) {
     draft_options.intrinsics = options.intrinsics;
   }

@@ -14,6 +14,7 @@
 #include "core/base/statistics.h"
 #include "core/base/text.h"
 #include "core/geometry/sensor_kind.h"
+#include "core/geometry/typical_intrinsics.h"
 #include "infer/capture/capture.h"
 #include "infer/capture/capture_folder.h"
 #include "infer/formats/depth_file.h"
@@ -55,27 +56,6 @@ bool SeeTheSame(const Image<float>& a, const Image<float>& b) {
     other += std::abs(a[i] - b[i]) > kAlike * far;
   }
   return static_cast<double>(other) <= kMostOther * static_cast<double>(measured);
-}
-
-/// The mean of the pool's intrinsics of that kind and size, without distortion: the kind tells the
-/// lens. None where the pool has none of the size.
-std::optional<Intrinsics> MeanIntrinsics(const std::vector<IntrinsicsPoolEntry>& pool,
-                                         const std::string& kind, int width, int height) {
-  for (const IntrinsicsPoolEntry& entry : pool) {
-    if (entry.sensor != kind || entry.intrinsics.front().width != width ||
-        entry.intrinsics.front().height != height)
-      continue;
-    Intrinsics mean{width, height, 0, 0, 0, 0, {}};
-    for (const Intrinsics& k : entry.intrinsics) {
-      const double share = 1.0 / static_cast<double>(entry.intrinsics.size());
-      mean.fx += share * k.fx;
-      mean.fy += share * k.fy;
-      mean.cx += share * k.cx;
-      mean.cy += share * k.cy;
-    }
-    return mean;
-  }
-  return std::nullopt;
 }
 
 class Drafter {
@@ -389,9 +369,10 @@ class Drafter {
 
   /// Typical intrinsics, where they are asked for.
   bool TakeTypical(DraftSensor* sensor) {
-    if (options_.typical.empty()) return false;
-    const std::string kind = sensor->kind.empty() ? options_.sensor : sensor->kind;
-    sensor->intrinsics = MeanIntrinsics(options_.typical, kind, sensor->width, sensor->height);
+    if (!options_.typical) return false;
+    const std::string& stated = sensor->recorded.kind;
+    const std::string kind = stated.empty() ? options_.sensor : stated;
+    sensor->intrinsics = TypicalIntrinsics(kind, sensor->width, sensor->height);
     sensor->typical_intrinsics = sensor->intrinsics.has_value();
     if (sensor->intrinsics) {
       draft_.found.push_back(fmt::format(

@@ -10,7 +10,7 @@
 namespace volalign {
 
 struct CaptureDraftOptions {
-  std::vector<IntrinsicsPoolEntry> typical;  ///< intrinsics for sensors that have none, by kind
+  bool typical = false;  ///< sensors without intrinsics have those typical of their kind
   std::optional<std::filesystem::path> structure;  ///< what the sensors see
   // Each of the sensors that do not state theirs.
   std::optional<double> depth_scale;

@@ -11,6 +11,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
+#include "core/geometry/typical_intrinsics.h"
 #include "infer/capture/capture.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
@@ -164,24 +165,26 @@ TEST_F(CaptureDraftTest, TypicalIntrinsicsAreAskedForAndMarked) {
   WriteDepth("typical_depth.png");
   CaptureDraftOptions options;
   options.depth_scale = 0.001;
-  options.sensor = "kinect_v2";
+  options.sensor = "kinect_v1";
   options.structure = folder_ / "boxes.yaml";
-  options.typical = {{"kinect_v2", {{8, 6, 9, 9, 4, 3, {}}}},
-                     {"kinect_v2", {{4, 3, 5, 6, 1, 1, {0.1}}, {4, 3, 7, 8, 2, 1.5, {0.1}}}}};
+  options.typical = true;
   nlohmann::json sensors = Draft(options);
   EXPECT_EQ(nlohmann::json::parse(draft_.json)["structure"], "boxes.yaml");
   EXPECT_FALSE(sensors[0].contains("typical_intrinsics"));
   EXPECT_EQ(sensors[0]["intrinsics"]["fx"], 5);
-  EXPECT_EQ(sensors[1]["intrinsics"],
-            nlohmann::json::parse(
-                R"({"width": 4, "height": 3, "fx": 6.0, "fy": 7.0, "cx": 1.5, "cy": 1.25})"));
+  // By the pool for 640x480.
+  const std::optional<Intrinsics> typical = TypicalIntrinsics("kinect_v1", 4, 3);
+  ASSERT_TRUE(typical);
+  EXPECT_NEAR(typical->fx, 580.0 * 4 / 640, 0.2);
+  EXPECT_EQ(sensors[1]["intrinsics"]["fx"], typical->fx);
+  EXPECT_FALSE(sensors[1]["intrinsics"].contains("distortion"));
   EXPECT_EQ(sensors[1]["typical_intrinsics"], true);
   EXPECT_TRUE(Mentions(draft_.found, "typical: ", "its pose will be weak"));
   WriteText("capture.json", draft_.json);
   const Capture capture = ReadCapture(folder_ / "capture.json");
   EXPECT_FALSE(capture.sensors[0].typical_intrinsics);
   EXPECT_TRUE(capture.sensors[1].typical_intrinsics);
-  options.typical.pop_back();
+  options.sensor = "kinect_v2";
   EXPECT_FALSE(Draft(options)[1].contains("intrinsics"));
   EXPECT_TRUE(Mentions(draft_.unknown, "typical: ", "typical intrinsics of kinect_v2 at 4x3"));
 }
