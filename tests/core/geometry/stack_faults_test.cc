@@ -45,7 +45,7 @@ TEST(FindStackFaults, StacksThatStandHaveNone) {
   EXPECT_TRUE(FaultsOf({kLow, MakeBox("a", {0.303, 0, -0.2}, {0.9, 0.4, 0.2})}).empty());
   // What it carries holds a box whose middle is over nothing.
   EXPECT_TRUE(FaultsOf({kLow, MakeBox("out", {0.2, 0.4, -0.2}, {0.9, 0.6, 0.2}),
-                        MakeBox("heavy", {-0.3, 0.6, -0.2}, {0.5, 1, 0.2})})
+                        MakeBox("heavy", {0.2, 0.6, -0.2}, {0.6, 1, 0.2})})
                   .empty());
 }
 
