@@ -9,7 +9,7 @@ namespace {
 constexpr Words<SensorStatus, 3> kStatuses = {
     {{"ok", SensorStatus::kOk}, {"weak", SensorStatus::kWeak}, {"failed", SensorStatus::kFailed}}};
 
-constexpr Words<SensorCode, 28> kCodes = {{
+constexpr Words<SensorCode, 29> kCodes = {{
     {"", SensorCode::kNone},
     {"no_depth", SensorCode::kNoDepth},
     {"wrong_units", SensorCode::kWrongUnits},
