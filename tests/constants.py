@@ -24,10 +24,10 @@ LIMITS = {
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 65,
-    "infer/refine": 47,
+    "infer/refine": 46,
     "infer/checks": 31,
     "core/geometry/depth_error_model": 0,
-    "configs/intrinsics.yaml": 15,
+    "configs/intrinsics.yaml": 14,
 }
 FREE = {0, 1, 2, 0.5}
 

@@ -433,21 +433,22 @@ std::string NearestKey(const std::string& key, const std::vector<std::string>& k
   const std::string name = last_part(key);
   const bool grouped = name.size() < key.size();
   std::string best;
-  // Of the last part or one of its words; then of the whole key.
-  std::pair<std::size_t, std::size_t> least;
+  // Of the last part, or else of one of its words; then of the whole key.
+  std::tuple<std::size_t, bool, std::size_t> least;
   for (const std::string& candidate : known) {
     const std::string other = last_part(candidate);
     if (other == name) return candidate;
-    std::size_t distance = EditDistance(name, other);
+    const std::size_t whole = EditDistance(name, other);
+    std::size_t distance = whole;
     for (const std::string& word : Split(other, '_'))
       distance = std::min(distance, EditDistance(name, word));
     if (distance > name.size() / 2) continue;
-    const std::pair<std::size_t, std::size_t> both{distance,
-                                                   grouped ? EditDistance(key, candidate) : 0};
-    if (best.empty() || both < least) {
-      least = both;
+    const std::tuple<std::size_t, bool, std::size_t> far{
+        distance, distance < whole, grouped ? EditDistance(key, candidate) : 0};
+    if (best.empty() || far < least) {
+      least = far;
       best = candidate;
-    } else if (both == least) {
+    } else if (far == least) {
       best += "' or '" + candidate;
     }
   }

@@ -17,7 +17,6 @@
 #include "core/base/input_file.h"
 #include "core/base/text.h"
 #include "core/formats/gltf_parts.h"
-#include "core/geometry/stack_faults.h"
 #include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 
@@ -59,7 +58,6 @@ class Reader {
     Structure structure;
     try {
       structure = Structure::FromBoxes(Text(scene.extras, "name", "the scene"), boxes_, order);
-      RequireStack(structure);
     } catch (const DataError& e) {
       Fail(e.what());
     }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <memory>
 
+#include "core/base/odds.h"
 #include "core/base/parallel_for.h"
 #include "infer/depth/measured_view.h"
 #include "infer/view/alike.h"
@@ -44,9 +45,9 @@ class Pairs {
   }
 
   /// Do the others tell that of two sensors the first is the one elsewhere?
-  bool Decide(std::size_t first, std::size_t second, std::vector<char> out, double odds) const {
+  bool Decide(std::size_t first, std::size_t second, std::vector<char> out) const {
     out[first] = out[second] = 1;
-    return LogOdds(second, out) - LogOdds(first, out) > std::log(odds);
+    return LogOdds(second, out) - LogOdds(first, out) > std::log(kModelOdds);
   }
 
   /// The sensor that shows most clearly that this one is elsewhere.
@@ -96,7 +97,7 @@ std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const 
     if (worst.empty()) break;
     for (const std::size_t i : worst) found[i] = pairs.Clearest(i, out);
     if (worst.size() == 1 &&
-        !pairs.Decide(worst.front(), found[worst.front()]->other, out, refuting_odds)) {
+        !pairs.Decide(worst.front(), found[worst.front()]->other, out)) {
       worst.push_back(found[worst.front()]->other);
       found[worst.back()] = pairs.Clearest(worst.back(), out);
     }

@@ -283,11 +283,14 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
                                                const std::vector<StructureAlias>& aliases) {
   const SurfaceInRoom surface = LookAround(view, structure);
   const Search search(surface, structure);
-  Poses found = search.VerifyOnFloors(search.CandidatesOnFloors(false));
+  const Poses on_floors = search.CandidatesOnFloors(false);
+  Poses found = search.VerifyOnFloors(on_floors);
   // What stands on a floor and has the shape by poor odds only may be other boxes, but what it is
-  // given up for has to refute it.
+  // given up for has to refute it. What was found on a plane that is no floor may still be right.
   if (BestLogOdds(found) < std::log(kDecisiveOdds)) {
-    const Poses others = search.VerifyWithoutFloor(search.CandidatesWithoutFloor());
+    Poses candidates = search.CandidatesWithoutFloor();
+    candidates.insert(candidates.end(), on_floors.begin(), on_floors.end());
+    const Poses others = search.VerifyWithoutFloor(std::move(candidates));
     if (BestLogOdds(others) - std::log(kDecisiveOdds) >= BestLogOdds(found)) found = others;
   }
   found = Compete(std::move(found), structure);

@@ -35,7 +35,8 @@ def install(cmake, build, source, prefix):
                 script = file.read()
             for path in re.findall(rf'"({re.escape(build)}/[^"]+)"', script):
                 name = os.path.relpath(path, build)
-                if not os.path.isfile(path) or (name in outputs and name not in made):
+                # A link is made with the file that it leads to.
+                if not os.path.isfile(path) or (name in outputs and made.isdisjoint({name, os.path.relpath(os.path.realpath(path), os.path.realpath(build))})):
                     continue
                 os.makedirs(os.path.dirname(os.path.join(copy, name)), exist_ok=True)
                 if name != os.path.join(os.path.relpath(folder, build), "cmake_install.cmake"):

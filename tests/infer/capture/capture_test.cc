@@ -111,7 +111,7 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
   ExpectBad(WriteSensor(depth + "\"quarter_turns\": 4, " + kIntrinsics),
             {"sensor \"A\"", "quarter_turns = 4"});
   ExpectBad(WriteSensor(depth + "\"sensor\": \"azure\\nkinect\", " + kIntrinsics),
-            {"sensor \"A\"", "azure\\nkinect", "control character"});
+            {"sensor \"A\"", "azure\\x0akinect", "control character"});
   ExpectBad(WriteSensor(depth + "\"depth_scale\": -1, " + kIntrinsics), {"depth_scale = -1"});
   ExpectBad(WriteSensor(depth + "\"depth_scale\": \"mm\", " + kIntrinsics),
             {"depth_scale", "finite number"});

@@ -80,8 +80,10 @@ TEST(FindSeenThrough, OfSeveralTheWrongOneAlone) {
 
 // The third sees nothing but the carton.
 TEST(FindSeenThrough, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
-  Room room(3);
+  Room room(2);
   room.TurnAboutTheVertical(1);
+  room.views.push_back(room.views[0]);
+  room.poses.push_back(room.poses[0]);
   DepthImage& depth = room.views[2].depth;
   const Structure carton = Structure::FromBoxes("carton", Carton());
   const ExpectedView seen = CastView(carton, room.views[2].rays, room.poses[2]);

@@ -72,6 +72,7 @@ struct HeadOn {
 TEST(FitToStructure, IsTheMisfitUnderWhatIsUnknown) {
   HeadOn scene;
   Priors priors;  // nothing is unknown
+  priors.gain = 0;
   const auto fit = [&](double nearer) {
     return FitToStructure(scene.model, priors, scene.state, 0, scene.Nearer(nearer),
                           scene.held_out);

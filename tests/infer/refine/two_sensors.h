@@ -45,11 +45,11 @@ inline double SigmaOfPair(const Eigen::Vector3d& p, double warp = 0.005) {
   return std::sqrt(2 * (warp * warp + 0.002 * 0.002 * p.head<2>().squaredNorm()));
 }
 
-/// Two sensors in one place, which see nothing of the structure. All is as the options have it, but
+/// Two sensors in one place, far from the structure. All is as the options have it, but
 /// for what a test changes before it asks for the problem, which refers to this.
 struct TwoSensors {
   Structure structure = PaperStructure();
-  Pose pose = RingPose(40);
+  Pose pose = Eigen::Translation3d(30, 0, 0) * RingPose(40);
   SensorPoints a, b;
   RefineOptions options;
   std::vector<FrameInput> frames = {{Borrowed(a), pose, pose, pose},

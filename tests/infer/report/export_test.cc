@@ -326,7 +326,7 @@ TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
   EXPECT_EQ(json["solution"]["rounds"], solve.rounds);
   EXPECT_EQ(json["solution"]["settled"], solve.settled);
   EXPECT_EQ(json["solution"]["moved_m"], solve.moved_m);
-  EXPECT_NE(FormatReport(*result_).find(fmt::format("settled after {} rounds", solve.rounds)),
+  EXPECT_NE(FormatReport(*result_).find(fmt::format("settled after {} round", solve.rounds)),
             std::string::npos);
   const auto& blind = json["sensors"]["blind"];
   EXPECT_EQ(blind["code"], "no_depth");
