@@ -276,14 +276,21 @@ AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
                                const Structure& structure, int threads) {
   const std::vector<Hypothesis> tried = Inspection(views, structure, threads).Try();
   const Hypothesis& described = tried.front();
-  const Hypothesis& best = *std::max_element(
+  const double decides = std::log(kDecisiveOdds);
+  auto most_probable = std::max_element(
       tried.begin(), tried.end(),
       [](const Hypothesis& a, const Hypothesis& b) { return a.Worth() < b.Worth(); });
+  // Of two that are as probable, the mirror image: one slip explains all frames.
+  const double enough = most_probable->Worth() - decides;
+  const auto mirror_image = std::find_if(tried.begin(), tried.end(), [&](const Hypothesis& each) {
+    return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
+  });
+  if (mirror_image != tried.end()) most_probable = mirror_image;
+  const Hypothesis& best = *most_probable;
   AssemblyReport report;
   report.arrangement = described.arrangement;
   report.described_share = report.share = described.Share();
   report.seen_by = described.SeenBy();
-  const double decides = std::log(kDecisiveOdds);
   if (MirrorImages mirrored = FindMirrorImages(tried);
       !mirrored.frames.empty() && best.Worth() < mirrored.log_odds + decides) {
     report.mirrored_frames = std::move(mirrored.frames);

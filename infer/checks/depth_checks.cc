@@ -98,8 +98,9 @@ void DropStandIns(DepthImage* depth) {
   for (const float z : *depth) {
     if ((z > 0 && z < kNearRoom) || z > kFarRoom) ++counts[z];
   }
+  const double least = std::max<double>(kFewProbes, kNotable * static_cast<double>(depth->size()));
   for (const auto& [value, count] : counts) {
-    if (count < kFewProbes) continue;
+    if (static_cast<double>(count) < least) continue;
     const auto jump = static_cast<float>(DepthJump(value));
     std::size_t near = 0;
     for (auto other = counts.lower_bound(value - jump);

@@ -25,8 +25,9 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
                                       const std::vector<SensorView>& views,
                                       const VerdictOptions& options);
 
-/// Removes values that stand for "no measurement", 65535 units for example: what many pixels have
-/// to the last digit, nothing else is near, and no sensor measures in a room. `depth`: m.
+/// Removes values that stand for "no measurement", 65535 units for example: what a notable share of
+/// the pixels has to the last digit, nothing else is near, and no sensor measures in a room.
+/// `depth`: m.
 void DropStandIns(DepthImage* depth);
 
 }  // namespace volalign
