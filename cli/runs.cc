@@ -61,8 +61,8 @@ void WritePlot(const RunsOptions& options) {
     throw ConfigError(fmt::format(
         "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
   }
-  WriteFileAtomically(options.output, PlotRuns(Shown(GroupRuns(ReadThem(options)), options),
-                                               options.metrics));
+  WriteFileAtomically(options.output,
+                      PlotRuns(Shown(GroupRuns(ReadThem(options)), options), options.metrics));
   SaveCommand(options.output);
   fmt::print("written: {}\n", options.output);
 }

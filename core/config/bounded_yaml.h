@@ -6,7 +6,7 @@
 namespace YAML {
 class Exception;
 class Node;
-}
+}  // namespace YAML
 
 namespace volalign {
 

@@ -14,8 +14,8 @@ std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& yaml,
                                                      const std::string& path);
 
 /// The mean of the intrinsics of the devices of this kind (SensorFrame::sensor), scaled to this
-/// resolution, px, without distortion, by the pool that the program carries within itself. Nothing for a name that is not in it,
-/// and where the pool has no resolution of this aspect ratio.
+/// resolution, px, without distortion, by the pool that the program carries within itself. Nothing
+/// for a name that is not in it, and where the pool has no resolution of this aspect ratio.
 std::optional<Intrinsics> TypicalIntrinsics(const std::string& sensor, int width, int height);
 
 }  // namespace volalign

@@ -15,10 +15,10 @@ namespace {
 
 constexpr double kPixelsAMetre = 120;
 constexpr double kBeside = 1.3, kAbove = 0.6;  // m around all ellipses: room for their names
-constexpr double kMagnification = 20;  // of the errors' ellipses
-constexpr double kSigmas = 2;          // their half axes
-constexpr double kBeyondStack = 0.5;   // m
-constexpr double kLegendHeight = 92;   // px
+constexpr double kMagnification = 20;          // of the errors' ellipses
+constexpr double kSigmas = 2;                  // their half axes
+constexpr double kBeyondStack = 0.5;           // m
+constexpr double kLegendHeight = 92;           // px
 
 /// Structure frame, seen from above, to px: x to the right, z downwards.
 class Paper {

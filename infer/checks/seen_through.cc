@@ -96,8 +96,7 @@ std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const 
     }
     if (worst.empty()) break;
     for (const std::size_t i : worst) found[i] = pairs.Clearest(i, out);
-    if (worst.size() == 1 &&
-        !pairs.Decide(worst.front(), found[worst.front()]->other, out)) {
+    if (worst.size() == 1 && !pairs.Decide(worst.front(), found[worst.front()]->other, out)) {
       worst.push_back(found[worst.front()]->other);
       found[worst.back()] = pairs.Clearest(worst.back(), out);
     }

@@ -38,10 +38,9 @@ TEST(MakePanels, ShowsTheBestGuessOfAFailedSensor) {
   const FramePanels failed = MakePanels(sensor, structure, 0);
   ASSERT_EQ(failed.edges.size(), placed.edges.size());
   EXPECT_GT(placed.edges.size(), 0u);
-  EXPECT_TRUE(std::equal(failed.edges.begin(), failed.edges.end(), placed.edges.begin(),
-                         [](const Rgb& a, const Rgb& b) {
-                           return a.r == b.r && a.g == b.g && a.b == b.b;
-                         }));
+  EXPECT_TRUE(std::equal(
+      failed.edges.begin(), failed.edges.end(), placed.edges.begin(),
+      [](const Rgb& a, const Rgb& b) { return a.r == b.r && a.g == b.g && a.b == b.b; }));
   EXPECT_TRUE(failed.residual.empty());
   sensor.best_guess.reset();
   EXPECT_TRUE(MakePanels(sensor, structure, 0).edges.empty());
