@@ -27,9 +27,10 @@ constexpr double kScaleStep = 1.05;
 constexpr std::size_t kMostSearched = 2, kMostExchanges = 3;
 /// m: a median depth of a frame that shows a structure in a room.
 constexpr double kNearestMedian = 0.5;
-/// Units that cameras and data sets have, m, and how near to one of them a scale is taken for it.
+/// Units that cameras and data sets have, m. A scale that is as near to one of them as the search
+/// can tell is taken for it.
 constexpr double kUsualUnits[] = {1, 0.01, 0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001};
-constexpr double kUsually = 0.02;
+constexpr double kUsually = kScaleStep - 1;
 
 const SensorFrame* FindFrame(const Still& still, const std::string& name) {
   const auto found = std::find_if(still.frames.begin(), still.frames.end(),
