@@ -172,10 +172,13 @@ class ReportPage(unittest.TestCase):
         self.assertIn("calibrate --model models/m05-lite.pt", self.text("#run"))
 
     def test_a_sensor_in_doubt_is_not_called_usable(self):
-        sensors = [{"name": name, "status": status, "code": code, "structure_from_sensor": []}
-                   for name, status, code in (("S1", "ok", ""), ("S2", "weak", "disagrees"), ("S3", "weak", "uncertain"))]
-        self.assertEqual(self.page.evaluate(f"verdictWords({json.dumps(sensors)})"),
-                         "2 of 3 sensors usable; S2 in doubt (weak); S3 with care (weak)")
+        report = json.loads(json.dumps(self.report))
+        for name, code in (("S2", "disagrees"), ("S3", "uncertain")):
+            report["extrinsics"]["sensors"][name].update(status="weak", code=code, reason="a reason", hint="a hint")
+        page = self.open_with(report, "doubt.html")
+        self.assertEqual(page.evaluate("document.querySelector('h1').innerText"), "2 of 4 sensors usable; S4 failed; S2 in doubt (weak); S3 with care (weak)")
+        self.assertEqual(page.complaints(), [])
+        page.close()
 
     def test_position_sigma_is_that_of_the_sensor(self):
         """Against finite differences of T = Exp(delta) T^, column by column."""
