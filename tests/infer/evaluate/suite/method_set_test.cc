@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "core/base/input_file.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -50,6 +52,7 @@ TEST_F(Methods, AreThoseThatHaveTheirModel) {
 TEST_F(Methods, HaveModelsInTheDataFolderToo) {
   suite_.methods[0].model = "models/of_the_suite.pt";
   EXPECT_FALSE(HasModel(suite_.methods[0]));
+  std::filesystem::create_directory(folder_ / "models");
   folder_.Write("models/of_the_suite.pt", "weights");
   const std::string before = DataFolder();
   SetDataFolder(folder_.path().string());
