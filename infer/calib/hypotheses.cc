@@ -77,11 +77,11 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   std::vector<std::pair<std::size_t, double>> found(factors.size());  // views, log odds of them
   ParallelFor(factors.size(), options.threads, [&](std::size_t k) {
     for (const SensorView& view : views) {
-      const std::vector<GeometricPose> poses =
-          FindPosesByGeometry(Corrected(view, factors[k], 0), structure, {});
-      if (poses.empty()) continue;
+      const std::optional<GeometricPose> pose =
+          FindBestOnFloors(LookAround(Corrected(view, factors[k], 0), structure), structure);
+      if (!pose || !HasShape(pose->shape)) continue;
       ++found[k].first;
-      found[k].second += poses.front().shape.LogOdds();
+      found[k].second += pose->shape.LogOdds();
     }
   });
   const auto best = std::max_element(found.begin(), found.end());

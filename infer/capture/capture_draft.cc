@@ -137,7 +137,9 @@ class Drafter {
       if ((*frames)[name].size() == 1 && IsNamedAsFrame(name))
         alike[WithoutNumber(name)].push_back(name);
     }
-    for (const auto& [rest, names] : alike) {
+    for (const auto& each : alike) {
+      const std::string& rest = each.first;
+      const std::vector<std::string>& names = each.second;
       if (names.size() < 2) continue;
       std::vector<std::string> joined;
       try {
