@@ -149,7 +149,7 @@ TEST(OnATable, OfWhichNothingIsSaidEverySensorIsPlaced) {
 
 // Real frames of two Xtions, whose units differ in scale, and cartons on a table. The reference is
 // known to 5 cm and 0.4 deg by itself.
-TEST(OnATable, RealCartonsAreFoundByTwoXtions) {
+TEST(RealCaptures, CartonsOnATableAreFoundByTwoXtions) {
   const char* captures = std::getenv("VOLALIGN_CAPTURES");
   if (!captures || !*captures)
     GTEST_SKIP() << "VOLALIGN_CAPTURES names the folder of frames without a licence to be shipped";
