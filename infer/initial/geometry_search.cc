@@ -140,6 +140,17 @@ class Search {
     });
   }
 
+  /// Of poses, the most that shape and floor together speak for one, log odds. Minus infinity where
+  /// there are none.
+  double BestWithFloor(const Poses& poses) const {
+    double best = -std::numeric_limits<double>::infinity();
+    for (const GeometricPose& pose : poses) {
+      const FloorFit floor = FindFloor(view_.surface.view, structure_, pose.structure_from_sensor);
+      best = std::max(best, pose.shape.LogOdds() + floor.LogOdds());
+    }
+    return best;
+  }
+
   /// The poses, and where their aliases explain the view, these.
   Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
     Poses moved;
@@ -234,8 +245,7 @@ class Search {
   const Structure& structure_;
 };
 
-/// Minus infinity where there are none.
-double BestLogOdds(const Poses& poses) {
+double BestShape(const Poses& poses) {
   double best = -std::numeric_limits<double>::infinity();
   for (const GeometricPose& pose : poses) best = std::max(best, pose.shape.LogOdds());
   return best;
@@ -245,7 +255,7 @@ double BestLogOdds(const Poses& poses) {
 /// part of what another one explains unexplained: 1 of 100 sensors' poses does, by
 /// tests/bench/shape_shares.py. The best first.
 Poses Compete(Poses poses, const Structure& structure) {
-  const double best = BestLogOdds(poses);
+  const double best = BestShape(poses);
   double most = 0;
   for (const GeometricPose& pose : poses) most = std::max(most, pose.shape.explained);
   const auto log_odds = [](const GeometricPose& pose) { return pose.shape.LogOdds(); };
@@ -285,13 +295,12 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   const Search search(surface, structure);
   const Poses on_floors = search.CandidatesOnFloors(false);
   Poses found = search.VerifyOnFloors(on_floors);
-  // What stands on a floor and has the shape by poor odds only may be other boxes, but what it is
-  // given up for has to refute it. What was found on a plane that is no floor may still be right.
-  if (BestLogOdds(found) < std::log(kDecisiveOdds)) {
+  // What has the shape by poor odds only may be other boxes that stand on the floor.
+  if (BestShape(found) < std::log(kDecisiveOdds)) {
     Poses candidates = search.CandidatesWithoutFloor();
     candidates.insert(candidates.end(), on_floors.begin(), on_floors.end());
-    const Poses others = search.VerifyWithoutFloor(std::move(candidates));
-    if (BestLogOdds(others) - std::log(kDecisiveOdds) >= BestLogOdds(found)) found = others;
+    Poses others = search.VerifyWithoutFloor(std::move(candidates));
+    if (search.BestWithFloor(others) > search.BestWithFloor(found)) found = std::move(others);
   }
   found = Compete(std::move(found), structure);
   return Compete(search.WithAliases(found, aliases), structure);
