@@ -254,7 +254,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
   int labelled = 0, looks = 1;
   Moves before;
   Located located = locate_all();
-  SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results, options.refine);
+  SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results);
   RefineSetup setup(options.refine);
   for (;;) {
     const auto labels_stay = [&](const RefineResult& refined) {
@@ -297,7 +297,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);
       located = locate_all();
     }
-    SomeFrames<FrameInput> again = FramesToRefine(seen, located.results, options.refine);
+    SomeFrames<FrameInput> again = FramesToRefine(seen, located.results);
     setup = RefineSetup(options.refine);
     const bool same = std::equal(again.begin(), again.end(), frames.begin(), frames.end(),
                                  [](const auto& a, const auto& b) { return a.first == b.first; });

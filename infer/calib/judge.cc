@@ -1,6 +1,7 @@
 #include "infer/calib/judge.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,9 +11,11 @@
 #include <utility>
 #include <variant>
 
+#include "core/base/lists.h"
 #include "core/base/parallel_for.h"
 #include "infer/calib/combine_stills.h"
 #include "infer/checks/pose_quality.h"
+#include "infer/checks/rig_findings.h"
 #include "infer/checks/seen_through.h"
 
 namespace volalign {
@@ -264,8 +267,20 @@ void DoubtThoseAlone(std::vector<FrameResult>* sensors) {
   }
 }
 
+/// Names of boxes of which something is found.
+std::string BoxesThatAreOff(const std::vector<RigFinding>& findings) {
+  std::vector<std::string> names;
+  for (const RigFinding& finding : findings) {
+    if (finding.code == RigCode::kBoxOff)
+      AddIfNew(finding.about.front(), &names,
+               [&](const std::string& name) { return name == finding.about.front(); });
+  }
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
 /// What the sensors tell of a stack of which nothing else was found.
-AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Structure& structure) {
+AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Structure& structure,
+                           const std::vector<RigFinding>& findings) {
   AssemblyReport report;
   report.arrangement.structure = structure;
   double points = 0;
@@ -277,7 +292,9 @@ AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Struct
   }
   report.share /= std::max(1.0, points);
   report.described_share = report.share;
-  const std::string described = "the boxes stand as described";
+  const std::string off = BoxesThatAreOff(findings);
+  const std::string described =
+      "the boxes stand as described" + (off.empty() ? "" : " but for " + off);
   report.arrangement.sentence = 2 * report.seen_by.size() > sensors.size()
                                     ? described
                                     : fmt::format("not known whether {}: {} of {} sensors show it",
@@ -292,8 +309,11 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
   RefinedPlacement& stack = joint->stacks[still];
   JudgeTwins(options.verdict, &sensors);
   DoubtThoseAlone(&sensors);
-  if (!assembly && options.assembly.enabled)
-    assembly = AsFarAsTold(sensors, joint->seen.capture->structure);
+  if (options.assembly.enabled && !(assembly && assembly->altered())) {
+    AssemblyReport told = AsFarAsTold(sensors, joint->seen.capture->structure, joint->findings);
+    if (assembly) told.mirrored_frames = std::move(assembly->mirrored_frames);
+    assembly = std::move(told);
+  }
   StillResult result;
   result.name = joint->seen.capture->stills[still].name;
   result.first_from_placement = stack.first_from_placement;
@@ -341,6 +361,12 @@ CalibrationResult Judge(Joint joint, const StackFinding& stack,
     const FrameId id = solved[k];
     JudgeFrame(joint, id, suspect_lenses[id], refuted[id.still][id.frame], options, &sensors[id]);
   });
+  std::vector<std::pair<const SensorView*, Pose>> placed;
+  for (const FrameResult& sensor : sensors.OfStill(0)) {
+    if (IsBelieved(sensor)) placed.emplace_back(&sensor.view, *sensor.structure_from_sensor);
+  }
+  for (RigFinding& finding : FindCoveredSides(placed, joint.seen.capture->structure))
+    joint.findings.push_back(std::move(finding));
   std::vector<StillResult> stills;
   for (std::size_t s = 0; s < sensors.stills(); ++s) {
     stills.push_back(GatherStill(s, std::move(sensors.OfStill(s)), stack[s], options, &joint));

@@ -260,18 +260,31 @@ Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>
   std::vector<Pose> motions(structure.boxes().size(), Pose::Identity());
   for (const std::size_t i : boxes) motions[i] = Eigen::Translation3d(offset);
   arrangement.structure = structure.Displaced(motions);
-  const std::string what =
-      fmt::format("box {}{}", arrangement.box, boxes.size() > 1 ? ", with what stands on it," : "");
-  if (offset.y() != 0) {
-    arrangement.code = SensorCode::kAssemblyHeight;
-    arrangement.sentence =
-        fmt::format("{} stands {:.0f} cm {} than described", what, 100 * std::abs(offset.y()),
-                    offset.y() > 0 ? "higher" : "lower");
-  } else {
-    arrangement.code = SensorCode::kAssemblyShifted;
-    arrangement.sentence = fmt::format("{} is shifted by {:.0f} cm along x and {:.0f} cm along z",
-                                       what, 100 * offset.x(), 100 * offset.z());
+  arrangement.code = SensorCode::kAssemblyShifted;
+  arrangement.sentence = fmt::format(
+      "box {}{} is shifted by {:.0f} cm along x and {:.0f} cm along z", arrangement.box,
+      boxes.size() > 1 ? ", with what stands on it," : "", 100 * offset.x(), 100 * offset.z());
+  return arrangement;
+}
+
+Arrangement Raised(const Structure& structure, const std::vector<std::size_t>& boxes, double up) {
+  std::vector<Box> all = structure.boxes();
+  Box below = all[boxes.front()];
+  Arrangement arrangement;
+  arrangement.code = SensorCode::kAssemblyHeight;
+  arrangement.box = below.name;
+  arrangement.sentence = fmt::format("box {}{} stands {:.0f} cm {} than described", arrangement.box,
+                                     boxes.size() > 1 ? ", with what stands on it," : "",
+                                     100 * std::abs(up), up > 0 ? "higher" : "lower");
+  for (const std::size_t i : boxes) all[i].structure_from_box.translation().y() += up;
+  if (boxes.size() == all.size()) {
+    below.name = "below";
+    below.structure_from_box.translation().y() += (up - below.size.y()) / 2;
+    below.size.y() = up;
+    all.push_back(std::move(below));
+    arrangement.sentence = fmt::format("box {} stands higher than described", arrangement.box);
   }
+  arrangement.structure = Structure::FromBoxes(structure.name(), std::move(all));
   return arrangement;
 }
 

@@ -37,9 +37,13 @@ std::vector<Arrangement> Arrangements(const Structure& structure);
 /// The boxes that stand on a box or higher.
 std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box);
 
-/// The arrangement with some boxes displaced by so much, m, what stands on them with them if that
-/// is among them. `boxes`: with the lowest one first.
+/// The arrangement with some boxes displaced along the floor by so much, m, what stands on them
+/// with them if that is among them. `boxes`: with the lowest one first.
 Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& boxes,
                       const Eigen::Vector3d& offset);
+
+/// The arrangement with a box, and all that stands on it, higher by so much, m, or lower. Below
+/// them all there is another box. `boxes`: with the lowest one first.
+Arrangement Raised(const Structure& structure, const std::vector<std::size_t>& boxes, double up);
 
 }  // namespace volalign

@@ -47,6 +47,8 @@ struct Hypothesis {
     for (const Fit& fit : fits) sum += fit ? std::max(0.0, fit->shape.Gain()) : 0;
     return sum;
   }
+  /// By what a search goes on with.
+  double Rank() const { return LogOdds() + Gain(); }
   /// Of what is measured where the boxes are; a view without their shape explains nothing.
   double Share() const {
     double explained = 0, measured = 0;
@@ -103,6 +105,8 @@ class Inspection {
     Ask(Indices(rest, views.end()), &all);
 
     std::vector<Hypothesis> moved = Displaced();
+    for (Hypothesis& raised : Raised(Indices(views.begin(), rest)))
+      moved.push_back(std::move(raised));
     for (const Hypothesis& each : all) {
       if (each.arrangement.turn_deg == 180) continue;  // beside its place, that is displaced
       Hypothesis aside = each;
@@ -152,9 +156,9 @@ class Inspection {
     return poses;
   }
 
-  /// Where, along these axes, the views show most of boxes that stand elsewhere.
+  /// Where, beside their places, the views show most of boxes that stand elsewhere.
   Eigen::Vector3d Seek(const Structure& structure, const Indices& moved,
-                       const std::vector<int>& axes, const std::vector<Fit>& poses) const {
+                       const std::vector<Fit>& poses) const {
     const auto gain_at = [&](const Eigen::Vector3d& offset) {
       const Structure there = volalign::Displaced(structure, moved, offset).structure;
       double gain = 0;
@@ -167,8 +171,8 @@ class Inspection {
     };
     Eigen::Vector3d best = Eigen::Vector3d::Zero();
     for (const double step : {kSeekStep, kSeekStep, kSeekStep / 2, kSeekStep / 4}) {
-      for (const int axis : axes) {
-        const double reach = step < kSeekStep ? step : axis == 1 ? kFarthestUp : kFarthestBeside;
+      for (const int axis : {0, 2}) {
+        const double reach = step < kSeekStep ? step : kFarthestBeside;
         const int steps = static_cast<int>(std::lround(reach / step));
         std::vector<double> gains(static_cast<std::size_t>(2 * steps + 1));
         const auto offset = [&](std::size_t k) {
@@ -185,33 +189,63 @@ class Inspection {
     return best;
   }
 
-  /// Each box, alone and with what stands on it, beside its place, and with that above or below it.
+  /// Each box, alone and with what stands on it, beside its place.
   std::vector<Hypothesis> Displaced() const {
     std::vector<Hypothesis> displaced;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
       Indices with_above = BoxesAbove(structure_, box);
       const bool top = with_above.empty();
       with_above.insert(with_above.begin(), box);
-      if (!top) Displace({box}, {0, 2}, &displaced);
+      if (!top) Displace({box}, &displaced);
       if (with_above.size() == structure_.boxes().size()) continue;
-      Displace(with_above, {0, 2}, &displaced);
-      Displace(with_above, {1}, &displaced);
+      Displace(with_above, &displaced);
     }
     return displaced;
   }
 
-  void Displace(const Indices& moved, const std::vector<int>& axes,
-                std::vector<Hypothesis>* displaced) const {
-    const Eigen::Vector3d offset = Seek(structure_, moved, axes, PosesWithout(structure_, moved));
+  void Displace(const Indices& moved, std::vector<Hypothesis>* displaced) const {
+    const Eigen::Vector3d offset = Seek(structure_, moved, PosesWithout(structure_, moved));
     if (offset.norm() < 2 * kRoughPose) return;  // that may be sizes, or the lens
     displaced->push_back(
         {volalign::Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true});
   }
 
+  /// Each box, with what stands on it, above or below its place, where these views show most.
+  std::vector<Hypothesis> Raised(const Indices& views) const {
+    std::vector<Hypothesis> raised;
+    for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
+      Indices moved = BoxesAbove(structure_, box);
+      moved.insert(moved.begin(), box);
+      const bool all = moved.size() == structure_.boxes().size();
+      std::vector<double> heights;
+      for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
+        if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
+      }
+      double best_up = 0;
+      std::optional<Hypothesis> best;
+      for (const double step : {kSeekStep / 2, kSeekStep / 4, 0.0}) {
+        std::vector<Hypothesis> tried;
+        for (const double up : heights) {
+          tried.push_back(
+              {volalign::Raised(structure_, moved, up), std::vector<Fit>(views_.size()), true});
+        }
+        Ask(views, &tried);
+        for (std::size_t k = 0; k < tried.size(); ++k) {
+          if (best && !(tried[k].Rank() > best->Rank())) continue;
+          best = tried[k];
+          best_up = heights[k];
+        }
+        heights = {best_up - step, best_up + step};
+      }
+      raised.push_back(std::move(*best));
+    }
+    return raised;
+  }
+
   /// A box that stands otherwise may also stand a little beside.
   void MoveAside(std::size_t box, Hypothesis* hypothesis) const {
     Structure& structure = hypothesis->arrangement.structure;
-    const Eigen::Vector3d offset = Seek(structure, {box}, {0, 2}, PosesWithout(structure, {box}));
+    const Eigen::Vector3d offset = Seek(structure, {box}, PosesWithout(structure, {box}));
     structure = volalign::Displaced(structure, {box}, offset).structure;
     hypothesis->sought = true;
   }
@@ -286,13 +320,22 @@ AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
     return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
   });
   if (mirror_image != tried.end()) most_probable = mirror_image;
+  for (auto& t : tried) {
+    fprintf(stderr,
+            "%s: odds %.2f worth %.2f gain %.2f share %.2f:", t.arrangement.sentence.c_str(),
+            t.LogOdds(), t.Worth(), t.Gain(), t.Share());
+    for (auto& f : t.fits) fprintf(stderr, " %.1f", f ? f->shape.LogOdds() : -99.);
+    fprintf(stderr, "\n");
+  }
   const Hypothesis& best = *most_probable;
   AssemblyReport report;
   report.arrangement = described.arrangement;
   report.described_share = report.share = described.Share();
   report.seen_by = described.SeenBy();
   if (MirrorImages mirrored = FindMirrorImages(tried);
-      !mirrored.frames.empty() && best.Worth() < mirrored.log_odds + decides) {
+      !mirrored.frames.empty() &&
+      best.Worth() <
+          mirrored.log_odds + decides * (2 - static_cast<double>(mirrored.frames.size()))) {
     report.mirrored_frames = std::move(mirrored.frames);
     return report;
   }

@@ -39,10 +39,12 @@ struct AssemblyReport {
 /// sum of the log odds (ViewFit::LogOdds) of the views that have its shape. The best one has to be
 /// more probable than the described one by kDecisiveOdds for each that was tried, and to be seen by
 /// as many views. Beside Arrangements, each box is sought beside its place and, with what stands on
-/// it, beside it, above and below it. The sentence names others that are about as probable.
+/// it, beside it, above and below it, and all of them on another box. The sentence names others
+/// that are about as probable.
 ///
 /// Where the mirror image explains some views so, others show the stack as described, and no single
-/// arrangement explains them all as well, those frames are mirrored.
+/// arrangement explains them all as well, those frames are mirrored; each frame beyond the first
+/// has to be worth another kDecisiveOdds.
 ///
 /// Views that are null, or show no floor, are not asked. Takes some 10 s on one processor, so it is
 /// for stacks that were not found.

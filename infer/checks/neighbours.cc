@@ -268,7 +268,7 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
                                           const LocateOptions& options) {
   if (options.refine.max_overlap_points == 0) return results;
   const Structure& structure = seen.capture->structure;
-  const SomeFrames<FrameInput> located = FramesToRefine(seen, results, options.refine);
+  const SomeFrames<FrameInput> located = FramesToRefine(seen, results);
   for (const FrameId id : results.Ids()) {
     const auto* failure = std::get_if<Finding>(&results[id]);
     if (!failure || failure->code != SensorCode::kDegenerateSides) continue;

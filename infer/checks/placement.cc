@@ -196,8 +196,7 @@ PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
   return results;
 }
 
-SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results,
-                                      const RefineOptions& options) {
+SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results) {
   SomeFrames<FrameInput> frames;
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);

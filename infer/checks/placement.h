@@ -80,7 +80,6 @@ PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
 /// to beat on held-out points is the initial pose: one that was fitted to the frame's own points
 /// has absorbed its warp and the boxes' offsets, and would win that comparison against better
 /// poses.
-SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results,
-                                      const RefineOptions& options);
+SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results);
 
 }  // namespace volalign

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "core/base/odds.h"
 #include "core/config/config_word.h"
+#include "core/geometry/visibility.h"
 #include "infer/checks/verdict.h"
 #include "infer/view/alike.h"
 
@@ -81,12 +83,24 @@ bool IsLikely(const RefinedEdge& edge) {
 /// Where frames contradict each other, or all boxes have another size: a single box that explains
 /// it.
 RigFinding ExplainByBox(const RefinedEdge& edge, const Structure& structure) {
+  const Box& box = structure.boxes()[static_cast<std::size_t>(edge.box)];
+  std::string hint =
+      "measure this box first, and correct the structure file; then measure the others";
+  for (int other = 0; other < 3; ++other) {
+    const double exchanged = box.size[other] - box.size[edge.axis];
+    if (other == edge.axis ||
+        std::abs(exchanged - edge.change) > std::max(kSamePlace / 2, kClearly * edge.sigma))
+      continue;
+    hint +=
+        fmt::format("; its {} has that length, so it may {}", NameOfEdge(other),
+                    other == 1 || edge.axis == 1 ? "lie on another edge" : "be turned by 90 deg");
+  }
   return {RigCode::kBoxOff,
-          {structure.boxes()[static_cast<std::size_t>(edge.box)].name},
+          {box.name},
           fmt::format("{}; that explains the frames better than an error of size that all boxes "
                       "share (odds {})",
                       DescribeEdge(edge, structure), FormatOdds(edge.log_odds)),
-          "measure this box first, and correct the structure file; then measure the others"};
+          std::move(hint)};
 }
 
 RigFinding Explain(const RefinedQuantity& quantity, const std::string& name) {
@@ -125,6 +139,47 @@ std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
     findings.push_back(Explain(quantity, quantity.kind == Kind::kSize ? ""
                                          : of_box                     ? structure.boxes()[of].name
                                                                       : sensors[of]));
+  }
+  return findings;
+}
+
+std::vector<RigFinding> FindCoveredSides(
+    const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure) {
+  struct Shown {
+    int frames = 0, pixels = 0, hidden = 0;
+  };
+  std::vector<Shown> of_side(structure.sides().size());
+  for (const auto& [view, pose] : frames) {
+    std::vector<int> pixels(of_side.size(), 0);
+    view->VisitMeasured(StrideForRays(view->depth.size(), kCoarseRays),
+                        [&, &pose = pose, &view = view](int u, int v) {
+                          const Eigen::Vector2d ray = view->rays.at(u, v).cast<double>();
+                          const RayHit hit =
+                              CastRay(structure, pose.translation(),
+                                      pose.linear() * Eigen::Vector3d(ray.x(), ray.y(), 1));
+                          if (hit.side < 0) return;
+                          const auto side = static_cast<std::size_t>(hit.side);
+                          const double nearer = hit.t - view->depth(u, v);
+                          ++pixels[side];
+                          ++of_side[side].pixels;
+                          of_side[side].hidden += nearer >= kRoughPose ? 1 : 0;
+                        });
+    for (std::size_t side = 0; side < of_side.size(); ++side)
+      of_side[side].frames += 4 * pixels[side] >= static_cast<int>(kFewProbes) ? 1 : 0;
+  }
+  std::vector<RigFinding> findings;
+  for (std::size_t k = 0; k < of_side.size(); ++k) {
+    const Shown& shown = of_side[k];
+    if (shown.frames < 2 || shown.hidden < (1 - 2 * kLeastShown) * shown.pixels) continue;
+    const Side& side = structure.sides()[k];
+    const Box& box = structure.boxes()[static_cast<std::size_t>(side.box)];
+    findings.push_back(
+        {RigCode::kBoxOff,
+         {box.name},
+         fmt::format("{} should be seen by {} sensors, and something nearer lies before most of it",
+                     side.name, shown.frames),
+         "look for a box that the structure file does not have, or take away what "
+         "stands there"});
   }
   return findings;
 }

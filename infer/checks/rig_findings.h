@@ -1,10 +1,12 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/geometry/structure.h"
 #include "infer/refine/refine.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
@@ -35,6 +37,12 @@ struct RigFinding {
 std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
                                           const std::vector<std::string>& sensors,
                                           const Structure& structure);
+
+/// Of each side that two frames or more should show and none does, since something nearer lies on
+/// all of it: a box that the structure does not have. `frames`: views with their
+/// structure_from_sensor.
+std::vector<RigFinding> FindCoveredSides(
+    const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure);
 
 /// Of each two sensors whose points are farther apart than their errors let expect.
 std::vector<RigFinding> FindPairsApart(const RefineResult& refined,

@@ -97,6 +97,10 @@ NAMES = {"turned": ["turned"], "edge": ["edge"], "left out": ["higher than descr
 def is_named(kind, fault, result):
     """Is it said, and of the right boxes? What else looks the same may be named beside it."""
     sentence = result.get("assembly", {}).get("sentence", "")
+    if kind in ("turned", "edge") and any(finding["code"] == "box_off" and finding["about"] == [fault] for finding in result.get("findings", [])):
+        return True
+    if kind == "left out" and any("something nearer lies before most of it" in finding["reason"] for finding in result.get("findings", [])):
+        return True
     boxes = [] if kind in ("left out", "put in") else fault.split()
     return any(word in sentence for word in NAMES[kind]) and all(re.search(rf"\b{box}\b", sentence) for box in boxes)
 
@@ -170,7 +174,7 @@ def judge(result, truth, named):
     wrong = wrong_sensors(placed, truth)
     return {"statuses": [statuses.count(status) for status in ("ok", "weak", "failed")], "named": named,
             "described": "as described" in result.get("assembly", {}).get("sentence", "")
-                         and "not known" not in result["assembly"]["sentence"],
+                         and not re.search("not known|but for", result["assembly"]["sentence"]),
             "wrong": wrong, "silent": [name for name in wrong if sensors[name].get("code", "") not in DOUBTS],
             "sentence": result.get("assembly", {}).get("sentence", "-"),
             "codes": ", ".join(f"{name} {sensor['status']} {sensor.get('code', '')}" for name, sensor in sensors.items())}

@@ -182,13 +182,12 @@ TEST(LocateAlone, TheHintKnowsWhichWayTheSensorIsMounted) {
 TEST(FramesToRefine, AreTheLocatedOnes) {
   Located frames(NarrowRig());
   std::vector<LocateResult> results = frames.Alone();
-  SomeFrames<FrameInput> sensors =
-      FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
+  SomeFrames<FrameInput> sensors = FramesToRefine(frames.seen, PerFrame<LocateResult>({results}));
   ASSERT_EQ(sensors.size(), 2u);
   EXPECT_EQ(sensors.at({0, 1}).start.matrix(),
             std::get<LocatedFrame>(results[1]).own_pose.matrix());
   results[0] = Finding{SensorCode::kNoStructure, "", ""};
-  sensors = FramesToRefine(frames.seen, PerFrame<LocateResult>({results}), frames.options.refine);
+  sensors = FramesToRefine(frames.seen, PerFrame<LocateResult>({results}));
   ASSERT_EQ(sensors.size(), 1u);
   const SensorPoints* points = std::get<LocatedFrame>(results[1]).points.get();
   results.clear();

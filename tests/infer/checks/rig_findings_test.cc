@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/infer/view/synthetic.h"
+
 namespace volalign::rig_findings_test {
 namespace {
 
@@ -69,6 +71,36 @@ TEST(RigFindings, ABoxTakesThePlaceOfTheSizeWhereItExplainsMore) {
   findings = Explain(refined);
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].code, RigCode::kSizeOff);
+}
+
+TEST(RigFindings, ABoxThatTurnedHasTheLengthOfItsOtherEdge) {
+  RefineResult refined;
+  refined.wrong_edge = RefinedEdge{0, 0, -0.195, 0.002, 12};  // 600 mm, and 400 mm along z
+  EXPECT_NE(Explain(refined)[0].hint.find("may be turned by 90 deg"), std::string::npos);
+  refined.wrong_edge->change = -0.05;
+  EXPECT_EQ(Explain(refined)[0].hint.find("turned"), std::string::npos);
+}
+
+TEST(RigFindings, WhatStandsOnTheStackCoversIt) {
+  const Structure described = TwoBoxes();
+  std::vector<Box> boxes = described.boxes();
+  for (const bool more : {false, true}) {
+    if (more) boxes.push_back(Box::FromMinMax("more", {-0.25, 0.6, -0.1}, {0.2, 0.8, 0.15}));
+    testing_infer::Rig rig{Structure::FromBoxes("built", boxes), {}, {}};
+    std::vector<SensorView> views;
+    for (const double phi : {20.0, 140.0}) {
+      rig.Add("S", testing_infer::RingPose(phi, 1.5, 1.2, 90, {0, 0.4, 0}));
+      views.push_back(MakeSensorView(rig.frames.back(), rig.frames.back().intrinsics));
+    }
+    const std::vector<RigFinding> findings = FindCoveredSides(
+        {{&views[0], *rig.frames[0].ground_truth}, {&views[1], *rig.frames[1].ground_truth}},
+        described);
+    ASSERT_EQ(findings.size(), more ? 1U : 0U);
+    if (!more) continue;
+    EXPECT_EQ(findings[0].about, std::vector<std::string>{"high"});
+    EXPECT_EQ(findings[0].reason.find("high/up should be seen by 2 sensors"), 0U)
+        << findings[0].reason;
+  }
 }
 
 TEST(RigFindings, PairsFarBeyondTheirPrediction) {
