@@ -27,8 +27,9 @@ int TwinOf(const std::string& name, const std::vector<std::string>& twins) {
   return number;
 }
 
-/// Frames whose depths failed get no labels.
-std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still, Segmenter* segmenter,
+/// Frames whose depths failed get no labels, nor do those of which a pose is `known`.
+std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
+                                 const std::vector<const Pose*>& known, Segmenter* segmenter,
                                  const CalibrateOptions& options, StageClock* clock) {
   const std::vector<SensorFrame>& frames = seen.capture->stills[still].frames;
   std::vector<Intrinsics> intrinsics;
@@ -38,7 +39,7 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still, Segmenter*
   for (std::size_t i = 0; i < frames.size(); ++i) {
     requests.push_back({&seen.views[{still, i}], &intrinsics[i], frames[i].quarter_turns,
                         !seen.depths[{still, i}].failure,
-                        TwinOf(frames[i].name, options.orientation.twins)});
+                        TwinOf(frames[i].name, options.orientation.twins), known[i]});
   }
   return LabelViews(requests, seen.capture->structure, segmenter, options.initial,
                     options.orientation, options.threads, clock);
@@ -75,7 +76,9 @@ Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
   clock->Lap("rays");
   std::vector<std::vector<Labelled>> labelled;
   for (std::size_t s = 0; s < capture.stills.size(); ++s)
-    labelled.push_back(LabelStill(seen, s, segmenter, options, clock));
+    labelled.push_back(LabelStill(seen, s,
+                                  std::vector<const Pose*>(capture.stills[s].frames.size()),
+                                  segmenter, options, clock));
   seen.labelled = PerFrame(std::move(labelled));
   for (const std::string& twin : options.orientation.twins) RequireTwin(seen, ParseTwin(twin));
   return seen;
@@ -103,7 +106,13 @@ PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& re
       if (is_anew({still, i})) anew.push_back({still, i});
     }
     if (anew.empty()) continue;
-    std::vector<Labelled> of_still = LabelStill(seen, still, segmenter, options, clock);
+    std::vector<const Pose*> known;
+    for (std::size_t i = 0; i < results.OfStill(still).size(); ++i) {
+      const InitialPose& initial = labelled[{still, i}].initial;
+      const bool keeps = !is_anew({still, i}) && initial.found;
+      known.push_back(keeps ? &initial.structure_from_sensor : nullptr);
+    }
+    std::vector<Labelled> of_still = LabelStill(seen, still, known, segmenter, options, clock);
     int sets = 0;
     for (const Labelled& frame : labelled.OfStill(still)) {
       for (const PoseTwin& twin : frame.twins) sets = std::max(sets, twin.rig + 1);

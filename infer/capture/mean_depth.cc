@@ -12,6 +12,7 @@ namespace volalign {
 namespace {
 
 constexpr double kFinestStep = 1e-4;  // m, of depth that is stored as floats
+constexpr int kFewest = 3;            // values of which a deviation tells something
 
 }  // namespace
 
@@ -60,6 +61,7 @@ void MeanDepth::BeginAll() {
 }
 
 void MeanDepth::Add(StoredDepth image) {
+  ++images_;
   if (pixels_.empty()) {
     if (kept_.size() < kMostKept) {
       kept_.push_back(std::move(image));
@@ -91,7 +93,7 @@ void MeanDepth::Set(SensorFrame* frame) {
   frame->depth_sigma = Image<float>(pixels_.width(), pixels_.height(), 0.0f);
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const Pixel& pixel = pixels_[i];
-    if (pixel.count == 0) continue;
+    if (pixel.count < std::min(kFewest, images_)) continue;
     frame->depth[i] = static_cast<float>(scale_ * pixel.sum / pixel.near);
     frame->depth_sigma[i] =
         static_cast<float>(scale_ * pixel.spread / std::sqrt(static_cast<double>(pixel.count)));

@@ -13,7 +13,8 @@ namespace volalign {
 /// the mean of those of its non-zero values that are near their (lower) median, so that no value is
 /// invented between foreground and background, and has as sigma the standard error of that mean, by
 /// the deviation from the median that 68 % of the values keep. Median and deviation are those of
-/// the first kMostKept frames, which alone are kept.
+/// the first kMostKept frames, which alone are kept. A pixel that fewer than three of the frames
+/// measure, or than two of two, has no depth: one value tells nothing of its deviation.
 class MeanDepth {
  public:
   static constexpr std::size_t kMostKept = 32;
@@ -38,6 +39,7 @@ class MeanDepth {
   void BeginAll();
 
   double scale_;
+  int images_ = 0;
   std::vector<StoredDepth> kept_;
   Image<Pixel> pixels_;  // empty as long as all frames are kept
 };

@@ -23,6 +23,9 @@ constexpr double kSameMotion = 2 * kSamePlace;
 constexpr double kUpsideDown = -0.5;
 /// deg: a motion by less is called no turn.
 constexpr double kTurned = 5;
+/// Cosine of the angle (1 deg) between axes that are the same, and how many sets of them count.
+constexpr double kAligned = 0.99985;
+constexpr std::size_t kMostAxes = 4;
 /// Far above rounding errors of coordinates, far below tolerances, m.
 constexpr double kRounding = 1e-6;
 
@@ -48,6 +51,38 @@ std::vector<Eigen::Matrix3d> AxisTurns() {
       if (turn.determinant() > 0) turns.push_back(turn);
     }
   } while (std::next_permutation(order.begin(), order.end()));
+  return turns;
+}
+
+/// Turns that take the axes of boxes to those of boxes, for the kMostAxes sets of axes that most
+/// boxes have.
+std::vector<Eigen::Matrix3d> Turns(const std::vector<Box>& boxes) {
+  std::vector<std::pair<Eigen::Matrix3d, int>> axes;  // and how many boxes have them
+  for (const Box& box : boxes) {
+    const Eigen::Matrix3d own = box.structure_from_box.linear();
+    const auto same = std::find_if(axes.begin(), axes.end(), [&](const auto& other) {
+      return (other.first.transpose() * own).cwiseAbs().colwise().maxCoeff().minCoeff() > kAligned;
+    });
+    if (same == axes.end()) {
+      axes.emplace_back(own, 1);
+    } else {
+      ++same->second;
+    }
+  }
+  SortLargestFirst(&axes, [](const auto& set) { return set.second; });
+  if (axes.size() > kMostAxes) axes.resize(kMostAxes);
+  std::vector<Eigen::Matrix3d> turns;
+  for (const auto& [to, count_to] : axes) {
+    for (const auto& [from, count_from] : axes) {
+      for (const Eigen::Matrix3d& turn : AxisTurns()) {
+        AddIfNew(Eigen::Matrix3d(to * turn * from.transpose()), &turns,
+                 [&, &to = to, &from = from](const Eigen::Matrix3d& other) {
+                   return (other.transpose() * to * turn * from.transpose()).trace() >
+                          1 + 2 * kAligned;
+                 });
+      }
+    }
+  }
   return turns;
 }
 
@@ -185,7 +220,7 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
     side_centres.Add(structure.sides()[i].centre, static_cast<int>(i));
 
   std::vector<StructureAlias> aliases;
-  for (const Eigen::Matrix3d& turn : AxisTurns()) {
+  for (const Eigen::Matrix3d& turn : Turns(boxes)) {
     const Fits fits(corners, turn);
     const std::size_t first = aliases.size();
     for (const Box& from : boxes) {
@@ -197,7 +232,8 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
         const auto same = [&](const StructureAlias& other) {
           return (other.motion.translation() - alias.motion.translation()).norm() < kSameMotion;
         };
-        const bool identity = turn.isIdentity() && alias.motion.translation().norm() < kSameMotion;
+        const bool identity =
+            turn.trace() > 1 + 2 * kAligned && alias.motion.translation().norm() < kSameMotion;
         if (identity ||
             std::any_of(aliases.begin() + static_cast<std::ptrdiff_t>(first), aliases.end(), same))
           continue;

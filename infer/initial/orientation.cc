@@ -77,6 +77,12 @@ std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t 
                                        const std::vector<OrientationTrial*>& trials) {
   const LabelRequest& from = context.views[i];
   if (!from.usable || context.initial.method == PoseMethod::kPaper) return {};
+  if (from.known) {
+    PoseCandidate pose;
+    pose.structure_from_sensor = *from.known;
+    pose.source = PoseSource::kGeometry;
+    return {pose};
+  }
   if (const OrientationTrial* only = OnlySettled(trials)) {
     PoseCandidate pose;
     pose.structure_from_sensor = only->initial.structure_from_sensor;
@@ -129,6 +135,7 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
                   const std::vector<OrientationTrial*>& trials, const PoseChoice& choice) {
   const LabelRequest& from = context.views[i];
   Labelled out;
+  if (from.known) return out;
   out.up_unknown = choice.up_unknown;
   out.twins = choice.twins;
   out.given = choice.given;

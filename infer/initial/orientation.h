@@ -33,6 +33,9 @@ struct LabelRequest {
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
   int twin = 0;        ///< SensorCandidates::twin
+  /// Not null: the pose that it has and keeps. It gets no labels, and the others are chosen to suit
+  /// it.
+  const Pose* known = nullptr;
 };
 
 /// A frame with its labels, and the pose that follows from them.

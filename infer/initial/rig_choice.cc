@@ -328,7 +328,8 @@ std::vector<int> OtherPoses(const std::vector<Twin>& twins, const Choice& best, 
   return poses;
 }
 
-/// What the sensors have where a person has chosen, else -1. `best`: without these choices.
+/// What the sensors have where a person has chosen and their views leave it open, else -1. `best`:
+/// without these choices.
 Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& best, Rig* rig) {
   Choice given(rig->size(), -1);
   const std::vector<Twin> twins = OtherChoices(best, given, rig);
@@ -336,8 +337,13 @@ Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& be
     const int twin = sensors[i].twin;
     const std::vector<int> others = OtherPoses(twins, best, i);
     if (twin == 1) given[i] = best[i];
-    if (twin > 1 && twin - 2 < static_cast<int>(others.size()))
-      given[i] = others[static_cast<std::size_t>(twin - 2)];
+    if (twin < 2 || twin - 2 >= static_cast<int>(others.size())) continue;
+    const int asked = others[static_cast<std::size_t>(twin - 2)];
+    if (std::any_of(twins.begin(), twins.end(), [&](const Twin& each) {
+          return each.choice[i] == asked && each.log_odds < kDecides;
+        })) {
+      given[i] = asked;
+    }
   }
   return given;
 }

@@ -18,7 +18,7 @@ struct SensorCandidates {
   std::vector<int> turns;
   /// What a person has chosen: 1, the pose that would be chosen; 2 and on, PoseTwin::number; 0:
   /// nothing. The sensor is then beyond doubt, and the others are chosen to suit it. A number that
-  /// it does not have is ignored.
+  /// it does not have, or whose pose the views refute by kDecisiveOdds, is ignored.
   int twin = 0;
 };
 

@@ -208,12 +208,16 @@ double LogBayesFactor(const LensEstimate& estimate, const Eigen::Vector3d& prior
 }
 
 double LargestShift(const Intrinsics& a, const Intrinsics& b) {
+  Intrinsics straight = a;
+  straight.distortion.clear();
   double largest = 0;
   for (int i = 0; i <= kGridSteps; ++i) {
     for (int j = 0; j <= kGridSteps; ++j) {
-      const Eigen::Vector2d ray((a.width * static_cast<double>(i) / kGridSteps - a.cx) / a.fx,
-                                (a.height * static_cast<double>(j) / kGridSteps - a.cy) / a.fy);
-      largest = std::max(largest, (ProjectRay(a, ray) - ProjectRay(b, ray)).norm());
+      const Eigen::Vector2d pixel(a.width * static_cast<double>(i) / kGridSteps,
+                                  a.height * static_cast<double>(j) / kGridSteps);
+      const Eigen::Vector2d ray =
+          SamePixelRay(straight, a, {(pixel.x() - a.cx) / a.fx, (pixel.y() - a.cy) / a.fy});
+      if (ray.allFinite()) largest = std::max(largest, (pixel - ProjectRay(b, ray)).norm());
     }
   }
   return largest;

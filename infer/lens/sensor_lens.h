@@ -141,7 +141,7 @@ LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor);
 LensSet GivenLenses(const CaptureSet& capture);
 
 /// The largest distance, px, between where two sets of intrinsics of one image size show the same
-/// directions, on a grid over the image.
+/// directions, on a grid over the image of `a`, where that has rays.
 double LargestShift(const Intrinsics& a, const Intrinsics& b);
 /// Of all frames.
 double LargestShift(const LensSet& a, const LensSet& b);

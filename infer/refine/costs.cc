@@ -85,23 +85,23 @@ ceres::CostFunction* DriftCost(double sigma) {
   return new ceres::AutoDiffCostFunction<Drift, 1, 1, 1>(new Drift{sigma});
 }
 
-bool OverlapCost::Evaluate(double const* const* parameters, double* residuals,
-                           double** jacobians) const {
+double PointToPlane(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Eigen::Vector3d& n,
+                    double weight, double const* const* parameters, double** jacobians) {
   const double *a = parameters[0], *b = parameters[1];
-  const Eigen::Vector3d from_b = Transform(a, p_) - Eigen::Vector3d(b[4], b[5], b[6]);
-  const Eigen::Vector3d normal = Rotate(b, n_);
-  residuals[0] = weight_ * (normal.dot(from_b) - n_.dot(q_));
-  if (!jacobians) return true;
+  const Eigen::Vector3d from_b = Transform(a, p) - Eigen::Vector3d(b[4], b[5], b[6]);
+  const Eigen::Vector3d normal = Rotate(b, n);
+  const double distance = weight * (normal.dot(from_b) - n.dot(q));
+  if (!jacobians) return distance;
   if (jacobians[0]) {
     Eigen::Map<Row7> j(jacobians[0]);
-    j = weight_ * DotJacobian(a, p_, normal);
+    j = weight * DotJacobian(a, p, normal);
   }
   if (jacobians[1]) {
     Eigen::Map<Row7> j(jacobians[1]);
-    j.head<4>() = weight_ * from_b.transpose() * RotatedPointJacobian(b, n_);
-    j.tail<3>() = -weight_ * normal.transpose();
+    j.head<4>() = weight * from_b.transpose() * RotatedPointJacobian(b, n);
+    j.tail<3>() = -weight * normal.transpose();
   }
-  return true;
+  return distance;
 }
 
 RobustResidual MakeRobust(double residual, double share) {
@@ -152,7 +152,7 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
   const Eigen::Vector3d p = corrected(match.a, seen_a, 0), q = corrected(match.b, seen_b, 1);
   const double gain = 1 + (parameters[kGain][0] + parameters[kGain + 1][0]) / 2;
   const double weight = match.weight / gain;
-  OverlapCost(p, q, match.n_b, weight).Evaluate(parameters, residual, jacobians);
+  *residual = PointToPlane(p, q, match.n_b, weight, parameters, jacobians);
   if (!jacobians) return;
   if (shared_ && jacobians[kLens]) std::fill_n(jacobians[kLens], kLensParameters, 0.0);
   // `by_point`: derivative by where the corrected point is.

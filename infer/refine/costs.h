@@ -17,20 +17,11 @@
 
 namespace volalign::refine_internal {
 
-/// weight * n_b . (T_b^-1 T_a p_a - q_b): point of sensor a against the plane at q_b that sensor b
-/// measured.
-class OverlapCost : public ceres::SizedCostFunction<1, 7, 7> {
- public:
-  OverlapCost(const Eigen::Vector3d& p_a, const Eigen::Vector3d& q_b, const Eigen::Vector3d& n_b,
-              double weight)
-      : p_(p_a), q_(q_b), n_(n_b), weight_(weight) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Eigen::Vector3d p_, q_, n_;
-  double weight_;
-};
+/// Point p of sensor a against the plane at q that sensor b measured: weight * n . (T_b^-1 T_a p -
+/// q), the poses of a and b being parameters[0] and [1]. `jacobians`, and each of its two, may be
+/// null.
+double PointToPlane(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Eigen::Vector3d& n,
+                    double weight, double const* const* parameters, double** jacobians);
 
 /// A point and the lens that it was seen through.
 struct LensPoint {
@@ -56,19 +47,18 @@ struct RobustResidual {
 /// bends at two.
 RobustResidual MakeRobust(double residual, double share);
 
-/// OverlapCost's point and plane, as they were measured.
+/// A point and a plane (PointToPlane), as they were measured.
 struct MeasuredMatch {
   LensPoint a, b;
   Eigen::Vector3d n_b;
   double weight;
 };
 
-/// MakeRobust, for matches that say less than as many independent ones would, of the OverlapCosts
-/// of points as the sensors' own errors have them, divided by the mean of the gains (see
-/// Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1 (see
-/// Corrected), their own focal lengths, the errors of the frames, and their lenses, a single one
-/// where `shared`.
-/// Normals stay as they were measured.
+/// MakeRobust, for matches that say less than as many independent ones would, of the distances
+/// of points from planes as the sensors' own errors have them, divided by the mean of the gains
+/// (see Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1
+/// (see Corrected), their own focal lengths, the errors of the frames, and their lenses, a single
+/// one where `shared`. Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
   MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share, bool shared);

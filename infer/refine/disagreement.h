@@ -54,8 +54,9 @@ struct Agreed {
 };
 /// Sets aside, one after the other, the frame that disagrees most: it stays where its own
 /// measurements have it, and the others are solved again without its observations, beginning with
-/// everything in `asked_for` free. Takes at least three frames, as between two nothing tells which
-/// one is wrong, and leaves a majority.
+/// everything in `asked_for` free. Takes at least three sensors, as between two nothing tells which
+/// one is wrong, and leaves a majority of those that take part; or, of a sensor of three frames or
+/// more, most of its frames. One that cannot be solved alone stays.
 ///
 /// Whether sensors saw one stack is asked with the boxes and their size free, as far as their
 /// priors leave them open, also where `asked_for` holds them; the solution then holds them still.

@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "infer/initial/aliases.h"
+#include "infer/initial/pose_sources.h"
+#include "infer/initial/same_pose.h"
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -59,6 +62,30 @@ TEST_F(LookAgain, ALocatedFrameKeepsItsLabels) {
   const PerFrame<Labelled> again = LabelAgain(seen_, results_, &segmenter_, {}, &clock_);
   EXPECT_TRUE((again[{0, 0}].segmentation.labels == before));
   EXPECT_TRUE((again[{0, 0}].initial.found));
+}
+
+// Nothing tells up from down but the pose that the other sensor has already.
+TEST(LabelAgain, WhatIsLabelledAnewSuitsThePosesThatStay) {
+  Rig rig{testing_infer::PaperStructure(), {}, {}};
+  for (int i = 0; i < 2; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i), {false, 0});
+  const Pose over = FindAliases(rig.structure).front().motion;
+  const CaptureSet capture({{"", rig.frames}}, rig.structure);
+  Seen seen = testing_infer::SeenWithLabels(capture, rig.labels);
+  Labelled& first = seen.labelled[{0, 0}];
+  const Pose turned = over * *rig.frames[0].ground_truth;
+  first = {};
+  LabelledPose by_pose = LabelByPose(seen.views[{0, 0}], rig.structure, turned, {});
+  ASSERT_TRUE(by_pose.initial.found);
+  first.segmentation = std::move(by_pose.segmentation);
+  first.initial = std::move(by_pose.initial);
+  first.source = PoseSource::kGeometry;
+  seen.labelled[{0, 1}] = {};
+  StageClock clock;
+  const PerFrame<Labelled> again =
+      LabelAgain(seen, PerFrame<LocateResult>({{LocatedFrame(), Finding()}}), nullptr, {}, &clock);
+  ASSERT_TRUE((again[{0, 1}].initial.found));
+  EXPECT_TRUE(SamePose(rig.structure, again[{0, 1}].initial.structure_from_sensor,
+                       over * *rig.frames[1].ground_truth));
 }
 
 }  // namespace

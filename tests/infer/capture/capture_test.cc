@@ -75,10 +75,10 @@ TEST_F(CaptureTest, AListOfFramesIsTheMeanOfWhatTheyMeasured) {
   const std::uint16_t values[4][5] = {
       {0, 0, 7, 10, 1000}, {0, 5, 0, 20, 1000}, {0, 9, 9, 30, 3000}, {0, 0, 8, 0, 3000}};
   // By hand: means of the non-zero ones but, of those on two surfaces, of those about the lower
-  // median; and the second smallest of two, the second of three, the third of four deviations from
-  // that, over the root of their number.
-  const float expected[5] = {0, 7, 8, 20, 1000};
-  const float sigma[5] = {0, 4 / std::sqrt(2.0f), 1 / std::sqrt(3.0f), 10 / std::sqrt(3.0f), 1000};
+  // median; and the second of three, the third of four deviations from that, over the root of their
+  // number. Of two values there is none.
+  const float expected[5] = {0, 0, 8, 20, 1000};
+  const float sigma[5] = {0, 0, 1 / std::sqrt(3.0f), 10 / std::sqrt(3.0f), 1000};
   std::string list;
   for (int i = 0; i < 4; ++i) {
     Image16 image(4, 3);

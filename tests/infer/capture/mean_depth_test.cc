@@ -46,7 +46,7 @@ TEST(SetMeanDepth, IsTheMeanNearTheMedian) {
       {{1000, 1000, 1000, 1000}, 1000, 0.3 / 2},     // rounded to steps
       {{1000, 1000, 1000, 1001}, 1000.25, 0.3 / 2},  // a step is near
       {{1000, 1000, 1000, 1002}, 1000, 0.3 / 2},     // two are not
-      {{0, 1500, 0}, 1500, 0.3},                     // what is measured once
+      {{0, 1500, 0}, 0, 0},                          // what is measured once
       {{0, 0, 0}, 0, 0},
       {{1000, 2000, 1000, 2000, 1000}, 1000, 1000 / std::sqrt(5)},  // of two surfaces the nearer
       {{1000, 2000, 2000, 1000}, 1000, 1000 / 2.0},                 // and of as many of each
@@ -94,6 +94,24 @@ TEST(SetMeanDepth, SigmaIsTheStandardError) {
   const double actual = std::sqrt(squares / kPixels);
   EXPECT_NEAR(actual, kSigma / std::sqrt(kFrames), 0.05);
   EXPECT_NEAR(std::sqrt(stated / kPixels), actual, 0.1 * actual);
+}
+
+TEST(SetMeanDepth, WhatIsMeasuredOnceOrTwiceOfManyIsNot) {
+  std::vector<StoredDepth> images;
+  for (int k = 0; k < 10; ++k) {
+    Image<float> values(3, 1);
+    for (std::size_t i = 0; i < 3; ++i) values[i] = k <= static_cast<int>(i) ? 2000.0f : 0.0f;
+    images.push_back({values, true});
+  }
+  SensorFrame frame;
+  frame.depth_scale = 0.001;
+  SetMeanDepth(images, &frame);
+  EXPECT_EQ(frame.depth[0], 0);
+  EXPECT_EQ(frame.depth[1], 0);
+  EXPECT_NEAR(frame.depth[2], 2, 1e-6);
+  SetMeanDepth({images[0], images[1]}, &frame);
+  EXPECT_EQ(frame.depth[0], 0);
+  EXPECT_NEAR(frame.depth[1], 2, 1e-6);
 }
 
 // Beyond the frames that are kept, by the median and the deviation of these.

@@ -177,6 +177,22 @@ std::vector<StructureAlias> AliasesByDefinition(const Structure& structure) {
   return aliases;
 }
 
+TEST(FindAliases, AreThoseOfTheStackHoweverItIsTurned) {
+  const Structure structure = PaperStructure();
+  const Pose turn(Eigen::AngleAxisd(M_PI / 6, Eigen::Vector3d::UnitY()));
+  std::vector<Box> boxes = structure.boxes();
+  for (Box& box : boxes) box.structure_from_box = turn * box.structure_from_box;
+  const Structure turned = Structure::FromBoxes("turned", boxes);
+  const std::vector<StructureAlias> before = FindAliases(structure), after = FindAliases(turned);
+  ASSERT_EQ(after.size(), before.size());
+  for (const StructureAlias& alias : before) {
+    const Pose motion = turn * alias.motion * turn.inverse();
+    EXPECT_TRUE(std::any_of(after.begin(), after.end(), [&](const StructureAlias& other) {
+      return other.motion.isApprox(motion, 1e-6) && other.boxes == alias.boxes;
+    }));
+  }
+}
+
 TEST(FindAliases, AreAllMotionsByDefinition) {
   std::size_t all = 0;
   for (const Structure& structure : {PaperStructure(), Grid(9), Heap(6), Heap(3), Grid(1)}) {

@@ -118,6 +118,15 @@ TEST(ChooseAlone, LabelsDoNotTellUpFromDown) {
       << "a floor does";
 }
 
+TEST(ChooseAlone, APersonsChoiceIsIgnoredWhereTheViewRefutesIt) {
+  for (const double floor : {2.0, 8.0}) {
+    const Candidates rig({{floor, 0, 0, 0}});
+    const PoseChoice choice = rig.Choose({}, 2).front();
+    EXPECT_EQ(rig.IsRight(choice, 0), floor > std::log(kDecisiveOdds));
+    EXPECT_EQ(choice.given, floor < std::log(kDecisiveOdds));
+  }
+}
+
 TEST(ChooseAlone, TheRivalIsTheBestOfSeveral) {
   const PoseChoice choice =
       ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), 0, 0),

@@ -197,6 +197,14 @@ TEST(LargestShift, IsTheFarthestThatAnyPixelMoves) {
               1e-3 * corner);
 }
 
+TEST(LargestShift, OfAWideLensIsThatOfItsPixels) {
+  Intrinsics lens = Kinect();
+  lens.distortion = {-0.2, 0.02, 0, 0};
+  const double corner = std::hypot(lens.cx, lens.cy);
+  EXPECT_NEAR(LargestShift(lens, WithLensChange(lens, LensChange(0.01, 0, 0))), 0.01005 * corner,
+              1e-3 * corner);
+}
+
 /// By numerical integration over one parameter at a time, which is all that a measurement of it
 /// leaves open.
 TEST(LogBayesFactor, IsTheRatioOfTheEvidences) {

@@ -97,13 +97,28 @@ Eigen::Vector3d RandomPoint(RandomStream& random) {
   return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
 }
 
-TEST(RefineCosts, OverlapCostIsThePlaneDistanceInTheOtherSensorAndItsDerivative) {
+/// PointToPlane as a cost.
+class PointToPlaneCost : public ceres::SizedCostFunction<1, 7, 7> {
+ public:
+  PointToPlaneCost(Eigen::Vector3d p, Eigen::Vector3d q, Eigen::Vector3d n)
+      : p_(std::move(p)), q_(std::move(q)), n_(std::move(n)) {}
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    *residuals = PointToPlane(p_, q_, n_, 2.5, parameters, jacobians);
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d p_, q_, n_;
+};
+
+TEST(RefineCosts, PointToPlaneIsTheDistanceInTheOtherSensorAndItsDerivative) {
   RandomStream random(3, 0, "overlap_cost");
   for (int trial = 0; trial < 20; ++trial) {
     const Pose a = RandomPose(random), b = RandomPose(random);
     const Eigen::Vector3d p = RandomPoint(random), q = RandomPoint(random);
     const Eigen::Vector3d n = RandomVector(random, 1).normalized();
-    const OverlapCost cost(p, q, n, 2.5);
+    const PointToPlaneCost cost(p, q, n);
     const PoseBlock block_a(a), block_b(b);
     const double* parameters[] = {block_a.values, block_b.values};
     double residual = 0;

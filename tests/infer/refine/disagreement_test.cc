@@ -318,6 +318,16 @@ TEST(SetAsideDisagreeing, KeepsAsideWhatWasAsideEarlier) {
   EXPECT_EQ(aside({false, false, true}), (std::array<bool, 3>{false, false, true}));
 }
 
+TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
+  OddOne scene(0.04);
+  for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
+  scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
+  scene.solution.state.frame_of = scene.problem->frame_of;
+  const Agreed agreed =
+      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
+}
+
 TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
   OddOne scene(0.012);
   FrameObservations& observed = scene.solution.observed[1];
