@@ -176,19 +176,6 @@ the Kinect), a constant of up to 11 mm, and multipath, on a structure that is ha
 3.5 mm. Four boxes that are each 3 mm off their place also move the mean that fixes the frame by 1.5 mm along each axis.""")
 
 
-def paper_estimator(page):
-    seeds = page.seeds(1000, 5)
-    summary, cases = page.evaluate("paper", "--rigs", *RIGS, "--sensors", KINECT, D415, "--seeds", seeds, "--set-rig", "assembly.position_mm=3",
-                                   "--compare", "initial.method=paper,network")
-    page.add("### With the paper's estimator of the initial pose")
-    page.command(f"volalign evaluate ... --seeds {seeds} --compare initial.method=paper,network -o out/paper")
-    page.add("""
-The same rigs. `paper` is the paper's estimator of the initial pose, `network` is volalign's from the same labels; both are refined in the same way.""")
-    page.table(["sensors", "estimator", "initial, mm", "deg", "refined, mm", "deg", "placed", "lost", "wrong"],
-               [[s["sensor_model"], s["variant"], *errors(s, "initial"), *errors(s, "refined"), f"{s['placed']} of {s['sensors']}", str(s["lost"]),
-                 str(s["wrong"])] for s in summary if s["rig"].startswith("all")])
-
-
 def estimates(page):
     seeds = page.seeds(1000, 4)
     page.add("### What estimating more than poses is worth")
@@ -306,7 +293,7 @@ s: seconds for the initial pose of one sensor.""")
     page.add("\n".join(line for line in empty.splitlines() if line.startswith("- ")))
 
 
-SECTIONS = {"rigs": rendered_rigs, "paper": paper_estimator, "estimates": estimates, "frames": other_frames, "situations": situations,
+SECTIONS = {"rigs": rendered_rigs, "estimates": estimates, "frames": other_frames, "situations": situations,
             "placements": placements, "boxes": without_model}
 
 
