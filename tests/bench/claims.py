@@ -1,22 +1,20 @@
 #!/usr/bin/env python3
-"""What attention, the soft Procrustes term and the range of distances are worth, over seeds.
+"""What attention and the soft Procrustes term are worth, in validation.
 
   claims.py VOLALIGN RUNS [--samples 1008]
   claims.py VOLALIGN MODELS --validations 5 [--samples 400] [--scores FOLDER]
 
-RUNS holds the runs of `volalign train --sweep SWEEP -o RUNS`, SWEEP configs/paper/claims.yaml or lite_seeds.yaml; those that are not finished
-are left out. Each model is scored (volalign validate) on samples of its own recipe, and m03, m05 and m07 on those of m07's distances, 150 to 350 cm;
-scores that are there already are kept (RUNS/NAME/own.json, far.json). Printed as Markdown: mean and standard deviation over seeds of each model; the
-differences that the paper claims, with Student's paired t-test over seeds (two-sided; models with the same seed and range see
-the same samples); and scores by distance. Needs SciPy.
+RUNS holds the runs of a sweep over seeds (`volalign train --sweep configs/paper/own.yaml -o RUNS` with `seeds: [1, 2, 3]` in the sweep); those that are not
+finished are left out. MODELS holds one checkpoint of each model, m01.pt for example, which so many validation sets score: intervals then speak of these very
+networks and not of others that the same recipe would give.
 
-MODELS holds one checkpoint of each model, m01.pt to m07.pt: seeds are then those of so many validation sets, so that intervals speak
-of these very networks and not of others that the same recipe would give.
+Each model is scored (volalign validate) on samples of its own recipe; scores that are there already are kept. Printed as Markdown: mean and standard deviation
+over seeds or sets; the differences that the paper claims, with Student's 95 % interval over seeds or sets (models with the same seed and range see the same
+samples). Needs SciPy.
 """
 
 import argparse
 import json
-import math
 import pathlib
 import re
 import statistics
@@ -27,12 +25,23 @@ from scipy import stats
 
 CLAIMS = [("attention", "m01", "m02"), ("Procrustes, 150-225 cm", "m02", "m03"),
           ("Procrustes, 150-275 cm", "m04", "m05"), ("Procrustes, 150-350 cm", "m06", "m07")]
-RANGES = ["m03", "m05", "m07"]
-BANDS = ["150-225", "225-275", "275-350"]
 # Name in the file, heading, factor, decimals.
 METRICS = [("miou", "mIoU", 100, 1), ("miou_authors", "mIoU, authors'", 100, 1), ("posed_share", "with a pose, %", 100, 1),
            ("keypoint_rmse_m", "3D RMSE, cm", 100, 2), ("median_translation_error_m", "translation, cm", 100, 2),
            ("median_rotation_error_deg", "rotation, deg", 1, 2)]
+
+
+def interval(gains, decimals):
+    """Mean of paired differences and their 95 % interval, as text."""
+    if len(gains) < 2:
+        return "-"
+    half = stats.t.ppf(0.975, len(gains) - 1) * statistics.stdev(gains) / len(gains) ** 0.5
+    return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f}"
+
+
+def table(heading, rows):
+    lines = ["| " + " | ".join(map(str, row)) + " |" for row in [heading, *rows]]
+    return "\n".join([lines[0], "|" + "---|" * len(heading), *lines[1:]])
 
 
 def finished(run):
@@ -51,45 +60,21 @@ def score(program, model, path, samples, assignments):
         for assignment in assignments:
             command += ["--set", assignment]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return json.loads(path.read_text())[0]
-
-
-def values(scores, metric):
-    """Of each seed that has the metric."""
-    found = {}
-    for seed, of in scores.items():
-        if metric == "posed_share":
-            found[seed] = of["posed"] / of["samples"]
-        elif metric in of:
-            found[seed] = of[metric]
-    return found
+    scores = json.loads(path.read_text())[0]
+    return {**scores, "posed_share": scores["posed"] / scores["samples"]}
 
 
 def mean_and_spread(scores, metric, factor, decimals):
-    all_of = [factor * v for v in values(scores, metric).values()]
-    if not all_of:
+    values = [factor * of[metric] for of in scores.values() if metric in of]
+    if not values:
         return "-"
-    spread = f" ± {statistics.stdev(all_of):.{decimals}f}" if len(all_of) > 1 else ""
-    return f"{statistics.mean(all_of):.{decimals}f}{spread}"
+    spread = f" ± {statistics.stdev(values):.{decimals}f}" if len(values) > 1 else ""
+    return f"{statistics.mean(values):.{decimals}f}{spread}"
 
 
 def difference(before, after, metric, factor, decimals):
-    a, b = values(before, metric), values(after, metric)
-    seeds = sorted(set(a) & set(b))
-    if len(seeds) < 2:
-        return "-"
-    gains = [factor * (b[s] - a[s]) for s in seeds]
-    p = stats.ttest_rel([b[s] for s in seeds], [a[s] for s in seeds]).pvalue
-    half = stats.t.ppf(0.975, len(gains) - 1) * statistics.stdev(gains) / len(gains) ** 0.5
-    told = "" if math.isnan(p) else f" (p = {p:.3f})"  # without variation there is no p
-    return f"{statistics.mean(gains):+.{decimals}f} ± {half:.{decimals}f}{told}"
-
-
-def table(heading, rows):
-    print("| " + " | ".join(heading) + " |\n|" + "---|" * len(heading))
-    for row in rows:
-        print("| " + " | ".join(str(cell) for cell in row) + " |")
-    print()
+    seeds = [seed for seed in sorted(before) if metric in before[seed] and metric in after.get(seed, {})]
+    return interval([factor * (after[seed][metric] - before[seed][metric]) for seed in seeds], decimals)
 
 
 def main():
@@ -100,40 +85,26 @@ def main():
     parser.add_argument("--validations", type=int, default=0)
     parser.add_argument("--scores", type=pathlib.Path, default=pathlib.Path("out/claims"))
     arguments = parser.parse_args()
-    entries = []  # model, seed, checkpoint, folder of its scores, settings
+    scores = {}  # model -> seed of its training or of a validation set -> what validate writes
     if arguments.validations:
-        for model in sorted(arguments.runs.glob("m0?.pt")):
+        for model in sorted(arguments.runs.glob("*.pt")):
             for seed in range(2000001, 2000001 + arguments.validations):
-                entries.append((model.stem, seed, model, arguments.scores / f"{model.stem}_{seed}", [f"run.validation_seed={seed}"]))
+                scores.setdefault(model.stem, {})[seed] = score(arguments.program, model, arguments.scores / f"{model.stem}_{seed}.json", arguments.samples,
+                                                                [f"run.validation_seed={seed}"])
     else:
         for run in sorted(arguments.runs.iterdir()):
             name = re.fullmatch(r"(m0\d)_run\.seed=(\d+)", run.name)
             if name and finished(run):
-                entries.append((name[1], int(name[2]), run / "model.pt", run, []))
-    own, far = {}, {}  # model -> seed -> scores
-    for model, seed, checkpoint, folder, settings in entries:
-        own.setdefault(model, {})[seed] = score(arguments.program, checkpoint, folder / "own.json", arguments.samples, settings)
-        if model in RANGES:
-            far.setdefault(model, {})[seed] = score(arguments.program, checkpoint, folder / "far.json", arguments.samples,
-                                                    settings + ["data.pose.rho_cm=[150,350]"])
-    if not own:
-        sys.exit(f"{arguments.runs} holds no finished run of a sweep over seeds, and no m01.pt for --validations")
+                scores.setdefault(name[1], {})[int(name[2])] = score(arguments.program, run / "model.pt", run / "own.json", arguments.samples, [])
+    if not scores:
+        sys.exit(f"{arguments.runs} holds no finished run of a sweep over seeds, and no checkpoint for --validations")
 
     headings = [heading for _, heading, _, _ in METRICS]
-    print("Mean and standard deviation over seeds, each model on samples of its own distances:\n")
-    table(["model", "seeds"] + headings,
-          [[model, len(of)] + [mean_and_spread(of, m, f, d) for m, _, f, d in METRICS] for model, of in own.items()])
-    print("What is added changes the mean by (95 % interval; p of Student's paired t-test over seeds):\n")
-    table(["added", "from", "to"] + headings,
-          [[what, a, b] + [difference(own[a], own[b], m, f, d) for m, _, f, d in METRICS]
-           for what, a, b in CLAIMS if a in own and b in own])
-    print("By distance, on the same samples for all (150 to 350 cm):\n")
-    rows = []
-    for model, of in far.items():
-        for band in BANDS:
-            inside = {seed: s["by_rho_cm"][band] for seed, s in of.items()}
-            rows.append([model, band] + [mean_and_spread(inside, m, f, d) for m, _, f, d in METRICS])
-    table(["model", "distance, cm"] + headings, rows)
+    print(table(["model", "sets" if arguments.validations else "seeds", *headings],
+                [[model, len(of), *(mean_and_spread(of, m, f, d) for m, _, f, d in METRICS)] for model, of in scores.items()]) + "\n")
+    print(table(["added", "from", "to", *headings],
+                [[what, a, b, *(difference(scores[a], scores[b], m, f, d) for m, _, f, d in METRICS)]
+                 for what, a, b in CLAIMS if a in scores and b in scores]))
 
 
 if __name__ == "__main__":
