@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <set>
 #include <stdexcept>
@@ -11,6 +12,7 @@
 
 #include "core/base/error.h"
 #include "tests/core/base/read_file.h"
+#include "tests/core/base/temp_folder.h"
 #include "tests/fuzz/targets.h"
 
 namespace volalign::corpora_test {
@@ -23,9 +25,12 @@ constexpr char kCorpora[] = "tests/fuzz/corpus";
 class Corpora : public testing::TestWithParam<FuzzTarget> {};
 
 TEST_P(Corpora, AreReadOrRefusedInOneLine) {
+  const TempFolder inputs;
+  const std::string unpack = std::string("tar -xf ") + kCorpora + "/" + GetParam().name +
+                             ".tar -C " + inputs.path().string();
+  ASSERT_EQ(std::system(unpack.c_str()), 0);
   int read = 0, refused = 0;
-  for (const fs::directory_entry& file :
-       fs::directory_iterator(fs::path(kCorpora) / GetParam().name)) {
+  for (const fs::directory_entry& file : fs::directory_iterator(inputs.path())) {
     SCOPED_TRACE(file.path().string());
     const std::string message = ReadFuzzInput(GetParam(), ReadFile(file.path()));
     EXPECT_EQ(std::count_if(message.begin(), message.end(),
@@ -54,13 +59,13 @@ TEST(ReadFuzzInput, WantsTheSameMessageTwice) {
   EXPECT_EQ(ReadFuzzInput(steady, ""), "bad");
 }
 
-// A folder that no target reads would be tested by nobody.
-TEST(CorpusFolders, AreThoseOfTheTargets) {
-  std::set<std::string> folders, names;
-  for (const fs::directory_entry& folder : fs::directory_iterator(kCorpora))
-    folders.insert(folder.path().filename().string());
-  for (const FuzzTarget& target : FuzzTargets()) names.insert(target.name);
-  EXPECT_EQ(folders, names);
+// An archive that no target reads would be tested by nobody.
+TEST(CorpusArchives, AreThoseOfTheTargets) {
+  std::set<std::string> archives, names;
+  for (const fs::directory_entry& archive : fs::directory_iterator(kCorpora))
+    archives.insert(archive.path().filename().string());
+  for (const FuzzTarget& target : FuzzTargets()) names.insert(std::string(target.name) + ".tar");
+  EXPECT_EQ(archives, names);
 }
 
 }  // namespace

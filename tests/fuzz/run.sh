@@ -2,7 +2,8 @@
 # Fuzzes the readers of tests/fuzz/targets.cc under the sanitizers (preset fuzz). New inputs are kept in build/fuzz/found, what a reader
 # does not take well in build/fuzz/findings; the script fails where there is one.
 #   tests/fuzz/run.sh SECONDS [TARGET ...]   each target, or these, for so many seconds of processor time
-#   tests/fuzz/run.sh --keep TARGET ...      adds to tests/fuzz/corpus the found inputs of at most 4 kB that reach what it does not
+#   tests/fuzz/run.sh --keep TARGET ...      packs into tests/fuzz/corpus/TARGET.tar its inputs that have a name, and of the others, and of
+#                                            those found of at most 4 kB, the fewest that reach all that they reach together
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 source cmake/packages.sh
@@ -14,19 +15,23 @@ export ASAN_SYMBOLIZER_PATH=/usr/lib/llvm-14/bin/llvm-symbolizer ASAN_OPTIONS=al
 export TMPDIR=/dev/shm
 what=${1:?usage: tests/fuzz/run.sh SECONDS [TARGET ...] | --keep TARGET ...}
 shift
-[ $# -gt 0 ] || set -- $(ls tests/fuzz/corpus)
+[ $# -gt 0 ] || set -- $(basename -s .tar tests/fuzz/corpus/*)
 
 failed=0
 for target in "$@"; do
-  corpus=tests/fuzz/corpus/$target found=build/fuzz/found/$target findings=build/fuzz/findings/$target-
-  mkdir -p "$found" build/fuzz/findings
+  archive=tests/fuzz/corpus/$target.tar corpus=build/fuzz/corpus/$target found=build/fuzz/found/$target findings=build/fuzz/findings/$target-
+  rm -rf "$corpus" build/fuzz/kept
+  mkdir -p "$corpus" build/fuzz/kept "$found" build/fuzz/findings
+  tar -xf "$archive" -C "$corpus"
   options=(--target="$target" -rss_limit_mb=1024 -timeout=10 -artifact_prefix="$findings")
   # OpenEXR asks for up to 2 GiB for an attribute before it reads it, and libebml for as much as an element says; neither touches what the file
   # does not have, and libebml passes over an element for which there is no memory: what is used counts.
   # Whether libmatroska's own leaks are all there is would be asked for almost every damaged file of mkv, for seconds each.
   case "$target" in exr) options+=(-malloc_limit_mb=2560) ;; mkv) options+=(-malloc_limit_mb=1000000000 -detect_leaks=0 -rss_limit_mb=4096) ;; esac
   if [ "$what" = --keep ]; then
-    build/fuzz/tests/fuzz/fuzz "${options[@]}" -merge=1 -max_len=4096 "$corpus" "$found" 2>&1 | grep 'MERGE-OUTER' | tail -n 1
+    find "$corpus" -type f -regextype posix-extended ! -regex '.*/[0-9a-f]{40}' -exec cp -t build/fuzz/kept {} +
+    build/fuzz/tests/fuzz/fuzz "${options[@]}" -merge=1 -max_len=4096 build/fuzz/kept "$corpus" "$found" 2>&1 | grep 'MERGE-OUTER' | tail -n 1
+    tar --sort=name --format=ustar --owner=0 --group=0 --numeric-owner --mtime=@0 --mode=644 -cf "$archive" -C build/fuzz/kept $(ls build/fuzz/kept)
     continue
   fi
   dictionary=tests/fuzz/dictionaries/$target.dict

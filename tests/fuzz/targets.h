@@ -7,7 +7,7 @@ namespace volalign {
 
 /// A reader of what comes from anywhere, fed with the bytes of a file of its kind.
 struct FuzzTarget {
-  const char* name;  ///< its folder in tests/fuzz/corpus
+  const char* name;  ///< of its archive in tests/fuzz/corpus, without .tar
   void (*read)(const std::string& bytes);
 };
 
