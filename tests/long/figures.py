@@ -1,0 +1,35 @@
+#!/usr/bin/env python3
+"""Runs the command of docs/results.md again, whose numbers are the README's: as many sensors, medians and 95th percentiles within a tenth,
+shares of the intervals within 3 of 100. From the root of the repository, after the build of build/release."""
+
+import json
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+
+import numpy
+
+page = open("docs/results.md", encoding="utf-8").read().split("### ")[0]
+command = re.search(r"^    volalign (evaluate .*?) -o \S+$", page, re.DOTALL | re.MULTILINE)[1].replace("\\\n", " ").split()
+shutil.rmtree("build/long/evaluation", ignore_errors=True)
+subprocess.run(["build/release/cli/volalign", *command, "-o", "build/long/evaluation"], check=True)
+evaluation = json.load(open("build/long/evaluation/evaluation.json"))
+failed = False
+for kind in ("azure_kinect_nfov_binned", "realsense_d415"):
+    errors_row, placed_row = ([cell.strip() for cell in row.split("|")] for row in re.findall(rf"^\| all rigs \| {kind} \|.*$", page, re.MULTILINE))
+    median, p95, _ = map(float, errors_row[5].split("/"))
+    placed = int(placed_row[3].split()[0])
+    shares = [float(placed_row[column].split()[0]) / 100 for column in (7, 8)]
+    errors = [1000 * sensor["error"]["refined"]["translation_m"] for case in evaluation["cases"] if case["sensor_model"] == kind
+              for sensor in case["sensors"] if "refined" in sensor.get("error", {})]
+    rows = [row for row in evaluation["summary"] if row["sensor_model"] == kind]
+    weight = sum(row["measured"] for row in rows)
+    cover = [sum(row[key] * row["measured"] for row in rows) / weight for key in ("cover_68", "cover_95")]
+    found = statistics.median(errors), numpy.percentile(errors, 95)
+    print(f"{kind}: {found[0]:.1f} / {found[1]:.1f} mm, page {median} / {p95}; {cover[0]:.2f} and {cover[1]:.2f} of the intervals, page {shares}; "
+          f"{len(errors)} sensors, page {placed}")
+    failed |= len(errors) != placed or found[0] > 1.1 * median or found[1] > 1.1 * p95
+    failed |= any(abs(share - said) > 0.03 for share, said in zip(cover, shares))
+sys.exit(failed)
