@@ -30,13 +30,3 @@ if(DOXYGEN_FOUND)
     add_dependencies(reference pages)  # which empties the folder first
   endif()
 endif()
-
-# volalign_site_test(NAME TOOL COMMAND c ...): makes that part of the site, without a warning; skipped where the tool is absent.
-function(volalign_site_test name tool)
-  cmake_parse_arguments(ARG "" "" "COMMAND" ${ARGN})
-  if(NOT ${tool})
-    set(ARG_COMMAND "${CMAKE_COMMAND}" -E echo "skipped: ${name} is made by a tool that is not installed; docs/install.md says how to have it")
-  endif()
-  add_test(NAME site/${name} COMMAND ${ARG_COMMAND} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-  set_tests_properties(site/${name} PROPERTIES TIMEOUT 120 LABELS quick SKIP_REGULAR_EXPRESSION "^skipped: ")
-endfunction()

@@ -86,26 +86,27 @@ function(volalign_time_limit seconds variable)
   set(${variable} ${seconds} PARENT_SCOPE)
 endfunction()
 
-# volalign_script_test(NAME SECONDS [LONG] SCRIPT ARGUMENT ...): a slow test by a Python script, which is skipped where that ends with 77; with LONG
-# one for tests/long.sh.
+# volalign_script_test(NAME SECONDS [LABELS l ...] COMMAND SCRIPT ARGUMENT ...): a test by a Python script. Its label is `slow`, or those of LABELS
+# (see volalign_tests).
 function(volalign_script_test name seconds)
-  cmake_parse_arguments(ARG "LONG" "" "" ${ARGN})
-  set(labels slow)
-  if(ARG_LONG)
-    list(APPEND labels long)
+  cmake_parse_arguments(ARG "" "" "LABELS;COMMAND" ${ARGN})
+  if(NOT "long" IN_LIST ARG_LABELS)
+    list(PREPEND ARG_LABELS slow)
   endif()
-  add_test(NAME ${name} COMMAND Python3::Interpreter ${ARG_UNPARSED_ARGUMENTS})
+  add_test(NAME ${name} COMMAND Python3::Interpreter ${ARG_COMMAND})
   volalign_time_limit(${seconds} timeout)
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} COST ${seconds} LABELS "${labels}" SKIP_RETURN_CODE 77 ENVIRONMENT "LP_NUM_THREADS=0")
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} COST ${seconds} LABELS "${ARG_LABELS}" ENVIRONMENT "LP_NUM_THREADS=0")
 endfunction()
 
-# volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ...): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as
+# volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ... [NEEDS a:PART:l ...]): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as
 # the test ROOM/a, a process of its own.
 # Their label is `quick`, or `slow` with SLOW, which are the program ROOM_slow_tests: several minutes under the sanitizers, or in need of more than
-# their own folder and those below. The target quick_tests_FOLDER builds the quick tests of a folder and those
+# their own folder and those below. NEEDS takes the tests of a_test.cc whose names have PART out of it, as the test ROOM/a.PART with the further
+# label needs-l: tests/missing.sh says which of these labels a machine cannot run. A label is one of quick, slow and long besides.
+# The target quick_tests_FOLDER builds the quick tests of a folder and those
 # below it, with _ for /.
 function(volalign_tests room)
-  cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "DEPENDS;TESTS" ${ARGN})
+  cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "DEPENDS;TESTS;NEEDS" ${ARGN})
   set(label quick)
   string(REPLACE "/" "_" target "${room}_tests")
   if(ARG_SLOW)
@@ -128,11 +129,27 @@ function(volalign_tests room)
     set(cost ${ARG_TIMEOUT})
   endif()
   volalign_time_limit(${ARG_TIMEOUT} timeout)
+  set(names)
   foreach(test IN LISTS ARG_TESTS)
-    add_test(NAME ${room}/${test} COMMAND ${target} "tests/${room}/${test}_test.cc" WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-    # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
-    set_tests_properties(${room}/${test} PROPERTIES TIMEOUT ${timeout} COST ${cost} LABELS ${label} ENVIRONMENT "LP_NUM_THREADS=0")
+    set(command ${target} "tests/${room}/${test}_test.cc")
+    set(others)
+    foreach(need IN LISTS ARG_NEEDS)
+      string(REPLACE ":" ";" labels "${need}")
+      list(POP_FRONT labels file part)
+      if(file STREQUAL test)
+        list(TRANSFORM labels PREPEND needs-)
+        add_test(NAME ${room}/${test}.${part} COMMAND ${command} ${part} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+        set_tests_properties(${room}/${test}.${part} PROPERTIES LABELS "${labels}")
+        list(APPEND names ${room}/${test}.${part})
+        list(APPEND others -${part})
+      endif()
+    endforeach()
+    add_test(NAME ${room}/${test} COMMAND ${command} ${others} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+    list(APPEND names ${room}/${test})
   endforeach()
+  # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
+  set_tests_properties(${names} PROPERTIES TIMEOUT ${timeout} COST ${cost} ENVIRONMENT "LP_NUM_THREADS=0")
+  set_property(TEST ${names} APPEND PROPERTY LABELS ${label})
   if(NOT ARG_SLOW)
     set(folder ${room})
     while(folder)

@@ -29,7 +29,7 @@ if [ -z "${VOLALIGN_BUILD:-}" ]; then
   cmake --preset "$preset" -B "$build" -DVOLALIGN_TESTS=ON -DVOLALIGN_BENCHMARKS=ON
   cmake --build "$build" --target volalign core_nn_tests core_nn_cpu_tests render_tests render_egl_tests render_tiles_tests train_tests train_distributed_tests train_log_tests \
     device_parity
-  ctest --test-dir "$build" --output-on-failure -j "$(nproc)" -LE slow -R '^(core/nn|render|train)'
+  ctest --test-dir "$build" --output-on-failure -j "$(nproc)" -L quick -LE "$(tests/missing.sh "$(command -v python3)")" -R '^(core/nn|render|train)'
 fi
 program=$build/cli/volalign
 [ -x "$program" ] || program=$build/volalign

@@ -252,14 +252,6 @@ Intrinsics FromPool(const std::string& sensor, int width, std::size_t entry) {
 /// boxes. Bounds are 1.25 times what was measured when they were set; what came out is printed.
 class RealCaptures : public testing::Test {
  protected:
-  void SetUp() override {
-    if (!std::filesystem::exists(CapturesFolder())) {
-      GTEST_SKIP() << "no folder " << CapturesFolder()
-                   << ": set VOLALIGN_CAPTURES to the one of the real frames (they have no licence "
-                      "to be shipped)";
-    }
-  }
-
   /// The residual has what a pose does not take away: light that bounced, and bulges of boxes.
   /// `weaknesses`: what it may be weak for.
   static void ExpectFit(const FrameResult& sensor, double measured_rms_mm,

@@ -683,7 +683,6 @@ std::vector<std::string> SpinCounts(const char* policy) {
 
 TEST(Train, WaitsPassivelyUnlessToldOtherwise) {
   const std::vector<std::string> counts = SpinCounts(nullptr);
-  if (counts.empty()) GTEST_SKIP() << "another OpenMP than GCC's";
   ASSERT_EQ(counts.size(), 2u);  // it starts itself again
   EXPECT_NE(counts[0], "0");
   EXPECT_EQ(counts[1], "0");

@@ -103,7 +103,6 @@ class Packages(unittest.TestCase):
         self.use("cc", "-std=c99", os.path.join(SOURCE, "examples", "calibrate_c", "main.c"), "-o", program, *words)
         self.expect_poses(program)
 
-    @unittest.skipUnless(shutil.which("mcs") and shutil.which("mono"), "mono-mcs and mono-runtime are not installed")
     def test_the_csharp_example(self):
         program = os.path.join(self.work, "calibrate.exe")
         sources = [os.path.join(SOURCE, "examples", "calibrate_csharp", name) for name in ("Calibrate.cs", "Volalign.cs")]

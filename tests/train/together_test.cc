@@ -135,12 +135,7 @@ double Difference(const fs::path& a, const fs::path& b) {
 
 constexpr char kLast[] = "states/000000000035.state";
 
-class Together : public testing::TestWithParam<const char*> {
- protected:
-  void SetUp() override {
-    if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
-  }
-};
+class Together : public testing::TestWithParam<const char*> {};
 
 // Also with a slice of 1 beside slices of 2 samples, and resumed with another number of processes.
 TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
@@ -173,14 +168,7 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
 }
 INSTANTIATE_TEST_SUITE_P(Normalization, Together, testing::Values("none", "group"));
 
-class Processes : public testing::Test {
- protected:
-  void SetUp() override {
-    if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
-  }
-};
-
-TEST_F(Processes, ALostOneEndsTheRunWithAStateToGoOnFrom) {
+TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
   const TrainConfig config = TogetherConfig("none");
   const TempFolder folder;
   InProcesses(1, folder.path(),
@@ -206,7 +194,7 @@ TEST_F(Processes, ALostOneEndsTheRunWithAStateToGoOnFrom) {
 }
 
 // One that is there and does not answer: its machine hangs, or the network is cut.
-TEST_F(Processes, ASilentOneIsLostAfterTheTimeLimit) {
+TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
   TrainConfig config = TogetherConfig("none");
   config.run.lost_after_s = 2;
   const TempFolder folder;
@@ -224,7 +212,7 @@ TEST_F(Processes, ASilentOneIsLostAfterTheTimeLimit) {
 }
 
 // Adam, the default, keeps more between steps than what rounding makes of a sum.
-TEST_F(Processes, ResumeAdamExactly) {
+TEST(TogetherInProcesses, ResumeAdamExactly) {
   TrainConfig config = TogetherConfig("none");
   config.optim.optimizer = OptimizerKind::kAdam;
   const TempFolder folder;
@@ -241,7 +229,7 @@ TEST_F(Processes, ResumeAdamExactly) {
   EXPECT_TRUE(ReadFile(folder / "whole" / kLast) == ReadFile(folder / "parts" / kLast));
 }
 
-TEST_F(Processes, AgreeOnConfigurationOrSayWhatDiffers) {
+TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   const TempFolder folder;
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
@@ -265,7 +253,7 @@ TEST_F(Processes, AgreeOnConfigurationOrSayWhatDiffers) {
 }
 
 // The gradient of one step, with buckets so small that several are under way.
-TEST_F(Processes, AddUpGradientsInBuckets) {
+TEST(TogetherInProcesses, AddUpGradientsInBuckets) {
   const TempFolder folder;
   for (const char* normalization : {"none", "group"}) {
     TrainConfig config = TogetherConfig(normalization);

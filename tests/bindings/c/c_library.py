@@ -271,7 +271,6 @@ class CLibrary(Calls):
         self.assertIn("OpenCV", self.runtime_of_example())
         self.assert_poses(self.run_example([self.example], "-"), "geometry")
 
-    @unittest.skipUnless(shutil.which("mcs") and shutil.which("mono"), "mono-mcs and mono-runtime are not installed")
     def test_csharp(self):
         program = os.path.join(self.folder, "calibrate.exe")
         sources = [os.path.join(SOURCE, "examples", "calibrate_csharp", name) for name in ("Calibrate.cs", "Volalign.cs")]

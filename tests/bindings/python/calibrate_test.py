@@ -180,9 +180,7 @@ def reference_poses(command):
 
 
 def test_the_same_poses_as_the_cpp_example(capture_file, capture, tmp_path):
-    example = os.environ.get("VOLALIGN_CALIBRATE_CAPTURE", "")
-    if not os.path.exists(example):
-        pytest.skip("VOLALIGN_CALIBRATE_CAPTURE names no program")
+    example = os.environ["VOLALIGN_CALIBRATE_CAPTURE"]
     expected = reference_poses([example, str(capture_file), str(capture_file.parent / "boxes.yaml")])
     assert list(expected) == NAMES
     for found in (volalign.calibrate(capture_file, model=None), volalign.calibrate(capture, model=None)):
@@ -190,10 +188,9 @@ def test_the_same_poses_as_the_cpp_example(capture_file, capture, tmp_path):
             np.testing.assert_allclose(pose, expected[name], rtol=0, atol=1e-9)
 
 
+@pytest.mark.program
 def test_the_same_poses_as_the_program(tmp_path):
-    program = os.environ.get("VOLALIGN_PROGRAM", "")
-    if not os.path.exists(program):
-        pytest.skip("VOLALIGN_PROGRAM names no program")
+    program = os.environ["VOLALIGN_PROGRAM"]
     capture = tmp_path / "capture" / "capture.json"
     for command in (
         ["render", "--rig", "configs/rig_ring8.yaml", "-o", capture.parent],

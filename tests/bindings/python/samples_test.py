@@ -56,7 +56,8 @@ def test_recipes():
 
 
 def test_torch_takes_them_without_a_copy():
-    torch = pytest.importorskip("torch")
+    import torch
+
     sample = draw(1)[0]
     tensor = torch.from_numpy(sample.depth)
     assert tensor.data_ptr() == sample.depth.ctypes.data

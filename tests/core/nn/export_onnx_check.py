@@ -1,5 +1,5 @@
-"""Runs what export_onnx_test.cc and parity_test.cc wrote to a folder by ONNX Runtime and, where torch is installed, by torch.jit.load,
-without any of our code: exit 0 if they agree with LibTorch, 77 without onnxruntime.
+"""Runs what export_onnx_test.cc and parity_test.cc wrote to a folder by ONNX Runtime and by torch.jit.load, without any of our code:
+exit 0 if they agree with LibTorch.
 
 A folder has NAME.fp32.onnx, NAME.fp16.onnx, NAME.fp32.ts, NAME.fp16.ts, and of each case the values depth*_BxCxHxW.f32 and
 NAME.expected*_BxKxHxW.f32.
@@ -11,17 +11,9 @@ import os
 import re
 import sys
 
-try:
-    import numpy
-    import onnxruntime
-except ImportError:
-    print("skipped: needs PyPI's onnxruntime and numpy")
-    sys.exit(77)
-try:
-    import torch
-except ImportError:
-    torch = None
-    print("torch is not installed: TorchScript is not checked")
+import numpy
+import onnxruntime
+import torch
 
 folder = sys.argv[1]
 THREADS = 2
@@ -60,7 +52,7 @@ def script_runner(path):
 
 failed = False
 cases = 0
-for path in sorted(glob.glob(folder + "/*.onnx") + (glob.glob(folder + "/*.ts") if torch else [])):
+for path in sorted(glob.glob(folder + "/*.onnx") + glob.glob(folder + "/*.ts")):
     name, precision, ending = os.path.basename(path).rsplit(".", 2)
     run = onnx_runner(path) if ending == "onnx" else script_runner(path)
     pixels = same = 0

@@ -13,7 +13,8 @@
 namespace volalign::export_safetensors_test {
 namespace {
 
-TEST(ExportSafetensors, IsReadByOthers) {
+/// `options`: of export_safetensors_check.py, a blank before each.
+void ExpectThatOthersReadIt(const std::string& options) {
   const TempFolder folder;
   CheckpointMeta meta;
   meta.structure = ReadStructureYaml("configs/structure.yaml");
@@ -24,11 +25,13 @@ TEST(ExportSafetensors, IsReadByOthers) {
   SaveCheckpoint(folder / "model.pt", StructureNet(meta.network), meta, false);
   ExportSafetensors(folder / "model.pt", folder / "model.fp32.safetensors", false);
   ExportSafetensors(folder / "model.pt", folder / "model.fp16.safetensors", true);
-  const int status = testing_nn::RunCheck(
-      VOLALIGN_PYTHON, "tests/core/nn/export_safetensors_check.py", folder.path());
-  if (status == 77) GTEST_SKIP() << VOLALIGN_PYTHON << " has no torch";
-  EXPECT_EQ(status, 0);
+  const std::string check = "tests/core/nn/export_safetensors_check.py" + options;
+  EXPECT_EQ(testing_nn::RunCheck(VOLALIGN_PYTHON, check, folder.path()), 0);
 }
+
+TEST(ExportSafetensors, IsReadByOthers) { ExpectThatOthersReadIt(""); }
+
+TEST(ExportSafetensors, IsReadBySafetensors) { ExpectThatOthersReadIt(" --safetensors"); }
 
 TEST(ExportSafetensors, WritesNothingWhereItFails) {
   const TempFolder folder;

@@ -26,7 +26,7 @@ inline void WriteValues(const std::filesystem::path& folder, const std::string& 
              static_cast<std::streamsize>(plain.nbytes()));
 }
 
-/// Exit status of `python SCRIPT FOLDER`; 77: a package is missing.
+/// Exit status of `python SCRIPT FOLDER`.
 inline int RunCheck(const std::string& python, const std::string& script,
                     const std::filesystem::path& folder) {
   const int status = std::system((python + " " + script + " " + folder.string()).c_str());

@@ -38,8 +38,7 @@ TEST(ProcessGroup, AloneDoesNothing) {
   EXPECT_EQ(group.FromLead([] { return std::string("made"); }), "made");
 }
 
-TEST(ProcessGroup, SumsBroadcastsAndGathers) {
-  if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+TEST(ConnectedProcesses, SumsBroadcastsAndGathers) {
   const TempFolder folder;
   const auto work = [](const World& world) {
     ProcessGroup group;
@@ -125,8 +124,7 @@ std::string Messages(const TempFolder& folder) {
   return all;
 }
 
-TEST(ProcessGroup, OnOneMachineNoOtherMachineReachesIt) {
-  if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+TEST(ConnectedProcesses, OnOneMachineNoOtherMachineReachesIt) {
   const TempFolder folder;
   {
     const Listener open(INADDR_ANY);
@@ -142,8 +140,7 @@ TEST(ProcessGroup, OnOneMachineNoOtherMachineReachesIt) {
   EXPECT_EQ(InProcesses(2, folder.path(), work), std::vector<int>(2, 0)) << Messages(folder);
 }
 
-TEST(ProcessGroup, MeetsAtAPortToo) {
-  if (!ProcessGroup::IsBuilt()) GTEST_SKIP() << "this build has no Gloo";
+TEST(ConnectedProcesses, MeetsAtAPortToo) {
   const TempFolder folder;
   // Another program may take the port in between.
   std::vector<int> statuses;

@@ -88,12 +88,8 @@ double RelativeError(const at::Tensor& ours, const at::Tensor& expected) {
 
 constexpr const char* kWhat[] = {"values", "gradient of x", "gradient of the weight"};
 
-class WinogradConvolveOf : public testing::TestWithParam<at::ScalarType> {};
-
-TEST_P(WinogradConvolveOf, IsTheConvolutionWithItsGradients) {
-  const at::ScalarType type = GetParam();
-  if (simd::FindWinogradKernels(type == at::kBFloat16) == nullptr)
-    GTEST_SKIP() << "no kernels for this processor";
+void ExpectTheConvolutionWithItsGradients(at::ScalarType type) {
+  ASSERT_NE(simd::FindWinogradKernels(type == at::kBFloat16), nullptr);
   const int threads = at::get_num_threads();
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
@@ -114,14 +110,19 @@ TEST_P(WinogradConvolveOf, IsTheConvolutionWithItsGradients) {
   at::set_num_threads(threads);
 }
 
-INSTANTIATE_TEST_SUITE_P(Types, WinogradConvolveOf, testing::Values(at::kFloat, at::kBFloat16),
-                         [](const auto& test) { return at::toString(test.param); });
+TEST(WinogradConvolve, IsTheConvolutionWithItsGradients) {
+  ExpectTheConvolutionWithItsGradients(at::kFloat);
+}
+
+TEST(WinogradInBFloat16, IsTheConvolutionWithItsGradients) {
+  ExpectTheConvolutionWithItsGradients(at::kBFloat16);
+}
 
 TEST(WinogradConvolve, GivesTheSameTwice) {
   const Inputs in = MakeInputs({3, 2, 20, 20, 64, 64});
   const at::ScalarType type =
       simd::FindWinogradKernels(true) != nullptr ? at::kBFloat16 : at::kFloat;
-  if (!WinogradSuits(in.x, in.weight, type)) GTEST_SKIP() << "no kernels for this processor";
+  ASSERT_TRUE(WinogradSuits(in.x, in.weight, type));
   const Results first = ByWinograd(in, type), second = ByWinograd(in, type);
   for (std::size_t i = 0; i < first.size(); ++i)
     EXPECT_TRUE(at::equal(first[i], second[i])) << kWhat[i];
@@ -130,7 +131,7 @@ TEST(WinogradConvolve, GivesTheSameTwice) {
 /// Slices of larger tensors, as the network's joined passes give.
 TEST(WinogradConvolve, TakesGradientsAndWeightsInAnyOrder) {
   const Inputs in = MakeInputs({3, 2, 8, 12, 32, 32});
-  if (!WinogradSuits(in.x, in.weight, at::kFloat)) GTEST_SKIP() << "no kernels for this processor";
+  ASSERT_TRUE(WinogradSuits(in.x, in.weight, at::kFloat));
   Inputs other = in;
   other.weight = in.weight.contiguous(at::MemoryFormat::ChannelsLast);
   other.of_y =
@@ -158,11 +159,11 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
 
 #if defined(__x86_64__)
 /// The kernels of float32 that this processor has but FindWinogradKernels does not choose, too.
-TEST(WinogradKernels, OfEachInstructionSet) {
+TEST(WinogradConvolve, ByTheKernelsOfEachInstructionSet) {
   std::vector<simd::WinogradKernels> all;
   if (ThisProcessor().avx2) all.push_back(simd::avx2_winograd::GetWinograd());
   if (ThisProcessor().avx512) all.push_back(simd::avx512_winograd::GetWinograd());
-  if (all.empty()) GTEST_SKIP() << "no kernels for this processor";
+  ASSERT_FALSE(all.empty());
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
     const Results expected = Direct(in, at::kDouble);
