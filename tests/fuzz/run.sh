@@ -34,8 +34,9 @@ for target in "$@"; do
     tar --sort=name --format=ustar --owner=0 --group=0 --numeric-owner --mtime=@0 --mode=644 -cf "$archive" -C build/fuzz/kept $(ls build/fuzz/kept)
     continue
   fi
-  dictionary=tests/fuzz/dictionaries/$target.dict
-  [ ! -e "$dictionary" ] || options+=(-dict="$dictionary")
+  dictionary=build/fuzz/$target.dict
+  awk -v part="[$target]" '/^\[/ {within = $0 == part; next} within' tests/fuzz/dictionaries.txt >"$dictionary"
+  [ ! -s "$dictionary" ] || options+=(-dict="$dictionary")
   log=build/fuzz/$target.log
   build/fuzz/tests/fuzz/fuzz "${options[@]}" -max_len=65536 -print_final_stats=1 "$found" "$corpus" >"$log" 2>&1 &
   # libFuzzer counts seconds of the clock alone, and ends with its figures at this signal.
