@@ -43,10 +43,7 @@ std::string UnknownOption(CLI::App* program);
 /// Markdown of every sub-command (docs/cli.md).
 std::string CommandReference(CLI::App* program);
 
-/// Scripts that complete sub-commands, options and their choices; the one for zsh is bash's, by
-/// zsh's bashcompinit.
+/// A script for bash that completes sub-commands, options and their choices.
 std::string BashCompletion(CLI::App* program);
-std::string ZshCompletion(CLI::App* program);
-std::string FishCompletion(CLI::App* program);
 
 }  // namespace volalign

@@ -45,54 +45,12 @@ std::string BashCompletion(CLI::App* program) {
          "complete -o default -F _volalign volalign\n";
 }
 
-std::string ZshCompletion(CLI::App* program) {
-  return "typeset -f compdef > /dev/null || { autoload -U compinit && compinit; }\n"
-         "autoload -U bashcompinit && bashcompinit\n" +
-         BashCompletion(program);
-}
-
-std::string FishCompletion(CLI::App* program) {
-  std::string paths, rules;
-  ForEachApp(program, [&](CLI::App* app, const std::string& path) {
-    if (!path.empty()) paths += fmt::format(" '{}'", path);
-    const std::string rule = fmt::format("complete -c volalign -n '__volalign_is \"{}\"'", path);
-    if (const std::vector<std::string> commands = CommandNames(app); !commands.empty())
-      rules += fmt::format("{} -f -a '{}'\n", rule, fmt::join(commands, " "));
-    for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; })) {
-      const std::vector<std::string> choices = Choices(option);
-      std::string takes = option->get_items_expected_max() > 0 ? " -r" : "";
-      if (!choices.empty()) takes = fmt::format(" -x -a '{}'", fmt::join(choices, " "));
-      for (const std::string& name : option->get_lnames())
-        rules += fmt::format("{} -l {}{}\n", rule, name, takes);
-    }
-  });
-  return "# Completion of volalign, as `volalign completion` prints it.\n"
-         "function __volalign_is\n"
-         "  set -l command ''\n"
-         "  for word in (commandline -opc)[2..-1]\n"
-         "    set -l next (string trim \"$command $word\")\n"
-         "    contains -- $next" +
-         paths +
-         "; and set command $next\n"
-         "  end\n"
-         "  test \"$command\" = \"$argv[1]\"\n"
-         "end\n" +
-         rules;
-}
-
 Command AddCompletionCommand(CLI::App& program) {
-  CLI::App* app =
-      program.add_subcommand("completion", "Print a shell's completion of this program");
+  CLI::App* app = program.add_subcommand("completion", "Print a completion for the shell");
   app->require_subcommand(1);
-  for (const char* shell : {"bash", "zsh", "fish"}) {
-    app->add_subcommand(
-        shell, fmt::format("A script for {}: sub-commands, options and their choices", shell));
-  }
-  return {app, [app, &program] {
-            const std::string shell = app->get_subcommands().front()->get_name();
-            fmt::print("{}", shell == "fish"  ? FishCompletion(&program)
-                             : shell == "zsh" ? ZshCompletion(&program)
-                                              : BashCompletion(&program));
+  app->add_subcommand("bash", "A script for bash: sub-commands, options and their choices");
+  return {app, [&program] {
+            fmt::print("{}", BashCompletion(&program));
             return 0;
           }};
 }

@@ -2,17 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "cli/command_line.h"
 #include "cli/table_output.h"
-#include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "train/log/run_log.h"
-#include "train/log/run_plot.h"
 #include "train/log/run_table.h"
 
 namespace volalign {
@@ -20,10 +16,8 @@ namespace volalign {
 namespace {
 
 struct RunsOptions {
-  std::vector<std::string> folders;
-  std::vector<std::string> metrics = {"train/loss_seg", "validation/miou"}, keys;
+  std::vector<std::string> folders, keys;
   TableOutput table;
-  std::string output;
 };
 
 CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, RunsOptions* options) {
@@ -41,13 +35,6 @@ std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
   return runs;
 }
 
-void AddKeys(CLI::App* verb, RunsOptions* options) {
-  verb->add_option("--keys", options->keys,
-                   "keys of the recipes that tell the runs apart, e.g. model.attention,optim.lr; "
-                   "without it, the five that differ most")
-      ->delimiter(',');
-}
-
 /// With the keys that are to be shown; says of those that are not.
 std::vector<RunGroup> Shown(std::vector<RunGroup> groups, const RunsOptions& options) {
   const std::size_t left_out = ShowKeys(options.keys, &groups);
@@ -56,22 +43,11 @@ std::vector<RunGroup> Shown(std::vector<RunGroup> groups, const RunsOptions& opt
   return groups;
 }
 
-void WritePlot(const RunsOptions& options) {
-  if (std::filesystem::path(options.output).extension() != ".svg") {
-    throw ConfigError(fmt::format(
-        "--output = {}: a plot is SVG, so that its name has to end in .svg", options.output));
-  }
-  WriteFileAtomically(options.output,
-                      PlotRuns(Shown(GroupRuns(ReadThem(options)), options), options.metrics));
-  SaveCommand(options.output);
-  fmt::print("written: {}\n", options.output);
-}
-
 }  // namespace
 
 Command AddRunsCommand(CLI::App& program) {
   auto options = std::make_shared<RunsOptions>();
-  CLI::App* app = program.add_subcommand("runs", "List, compare and plot training runs");
+  CLI::App* app = program.add_subcommand("runs", "List and compare training runs");
   app->require_subcommand(1);
   CLI::App* list = AddVerb(
       app, "list", "One row per run: how far it is, its last metrics, its speed", options.get());
@@ -82,18 +58,12 @@ Command AddRunsCommand(CLI::App& program) {
       "standard deviation of the metrics over its seeds, differences from the first one",
       options.get());
   options->table.AddOptions(compare);
-  AddKeys(compare, options.get());
-  CLI::App* plot =
-      AddVerb(app, "plot", "Curves as SVG: a line for each configuration, its seeds as a band",
-              options.get());
-  plot->add_option("-o,--output", options->output, "picture, e.g. runs.svg")->required();
-  plot->add_option("--metrics", options->metrics, "a panel each")->capture_default_str();
-  AddKeys(plot, options.get());
-  return {app, [options, list, plot] {
-            if (*plot) {
-              WritePlot(*options);
-              return 0;
-            }
+  compare
+      ->add_option("--keys", options->keys,
+                   "keys of the recipes that tell the runs apart, e.g. model.attention,optim.lr; "
+                   "without it, the five that differ most")
+      ->delimiter(',');
+  return {app, [options, list] {
             const std::vector<LoggedRun> runs = ReadThem(*options);
             if (*list) {
               const Table table = ListRuns(runs);

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "core/base/error.h"
-#include "core/base/portable_math.h"
 #include "core/geometry/point_in_ball.h"
 
 namespace volalign {
@@ -28,8 +27,7 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random) {
   const double rho = 0.01 * random.Uniform(config.rho_cm[0], config.rho_cm[1]);
   const double phi = SampleAzimuth(config, random);
   const double y = 0.01 * random.Uniform(config.height_cm[0], config.height_cm[1]);
-  const SinCos place = PortableSinCos(phi);
-  const Eigen::Vector3d position(rho * place.cos, y, rho * place.sin);
+  const Eigen::Vector3d position(rho * std::cos(phi), y, rho * std::sin(phi));
 
   const Eigen::Vector3d target = PointInBall(0.01 * config.look_at_radius_cm, random);
   const double roll = random.Uniform(-config.roll_deg, config.roll_deg);

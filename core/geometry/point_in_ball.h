@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <cmath>
 
-#include "core/base/portable_math.h"
 #include "core/base/random.h"
 
 namespace volalign {
@@ -12,10 +11,10 @@ namespace volalign {
 inline Eigen::Vector3d PointInBall(double radius, RandomStream& random) {
   const double cos_polar = random.Uniform(-1, 1);
   const double azimuth = random.Uniform(0, 2 * M_PI);
-  const double distance = radius * PortableCbrt(random.Uniform());
+  const double distance = radius * std::cbrt(random.Uniform());
   const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
-  const SinCos aside = PortableSinCos(azimuth);
-  return distance * Eigen::Vector3d(sin_polar * aside.cos, cos_polar, sin_polar * aside.sin);
+  return distance *
+         Eigen::Vector3d(sin_polar * std::cos(azimuth), cos_polar, sin_polar * std::sin(azimuth));
 }
 
 }  // namespace volalign

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "core/base/error.h"
-#include "core/base/portable_math.h"
 
 namespace volalign {
 
@@ -59,6 +58,7 @@ PoseError ComparePoses(const Pose& a, const Pose& b) {
 Pose LookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target, double roll) {
   const Eigen::Vector3d forward = target - position;
   const Eigen::Vector3d right = forward.cross(Eigen::Vector3d::UnitY());
+  if (!std::isfinite(roll)) throw Error(fmt::format("a sensor is rolled by {} rad", roll));
   if (!(right.norm() > 1e-6 * forward.norm())) {
     throw Error(
         fmt::format("a sensor at ({}, {}, {}) that looks at ({}, {}, {}) has no level orientation: "
@@ -72,12 +72,7 @@ Pose LookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target, doub
   level.col(1) = level.col(2).cross(level.col(0));
   // A sensor turned by roll > 0 has its x axis lower: towards the level frame's +y, down.
   Pose pose = Pose::Identity();
-  const SinCos turn = PortableSinCos(roll);
-  Eigen::Matrix3d rolled;
-  rolled << turn.cos, -turn.sin, 0,  //
-      turn.sin, turn.cos, 0,         //
-      0, 0, 1;
-  pose.linear() = level * rolled;
+  pose.linear() = level * Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   pose.translation() = position;
   return pose;
 }

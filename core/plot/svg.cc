@@ -2,15 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 namespace volalign {
 
 namespace {
-
-constexpr int kSteps = 5;  // of an axis, about
 
 std::string Escaped(const std::string& text) {
   std::string escaped;
@@ -27,42 +21,6 @@ std::string Coordinates(const std::vector<Svg::Point>& points) {
 }
 
 }  // namespace
-
-PlotAxis PlotAxis::Of(const std::vector<double>& values, double from, double to) {
-  PlotAxis axis{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
-                from, to};
-  for (const double value : values) {
-    if (!std::isfinite(value)) continue;
-    axis.low = std::min(axis.low, value);
-    axis.high = std::max(axis.high, value);
-  }
-  if (axis.low < axis.high) return axis;
-  const double value = std::isfinite(axis.low) ? axis.low : 0.5;
-  const double half = value == 0 ? 0.5 : std::abs(value) / 2;
-  return {value - half, value + half, from, to};
-}
-
-double PlotAxis::Step() const {
-  const double rough = (high - low) / kSteps;
-  const double power = std::pow(10.0, std::floor(std::log10(rough)));
-  const double share = rough / power;
-  return power * (share < 1.5 ? 1 : share < 3.5 ? 2 : share < 7.5 ? 5 : 10);
-}
-
-std::vector<double> PlotAxis::Ticks() const {
-  const double step = Step();
-  std::vector<double> ticks;
-  for (double k = std::ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k) {
-    ticks.push_back(k == 0 ? 0 : k * step);
-  }
-  return ticks;
-}
-
-PlotAxis PlotAxis::RoundedOut() const {
-  const double step = Step();
-  const PlotAxis rounded{step * std::floor(low / step), step * std::ceil(high / step), from, to};
-  return rounded.Step() == step ? rounded : rounded.RoundedOut();
-}
 
 Svg::Svg(double width, double height, const std::string& css, double left)
     : text_(fmt::format(
@@ -113,13 +71,6 @@ void Svg::TurnedText(const Point& at, double deg, const std::string& text,
 
 void Svg::Element(const std::string& name, const std::string& attributes) {
   text_ += fmt::format("<{} {}/>\n", name, attributes);
-}
-
-void Svg::Grid(const PlotAxis& y, double left, double right) {
-  for (const double tick : y.Ticks()) {
-    Line({left, y.At(tick)}, {right, y.At(tick)}, "stroke=\"#ddd\"");
-    Text({left - 6, y.At(tick) + 4}, fmt::format("{:g}", tick), "text-anchor=\"end\"");
-  }
 }
 
 void Svg::Close(const std::string& name, const std::string& title) {

@@ -182,15 +182,4 @@ std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGrou
   }));
 }
 
-std::string RunGroup::Label() const {
-  std::string label = runs.front().name;
-  if (runs.size() > 1) label += fmt::format(" ({} runs)", runs.size());
-  const char* before = ": ";
-  for (const auto& [key, value] : differences) {
-    label += fmt::format("{}{}={}", before, key, value);
-    before = ", ";
-  }
-  return label;
-}
-
 }  // namespace volalign

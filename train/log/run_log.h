@@ -43,8 +43,6 @@ std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders,
 struct RunGroup {
   std::map<std::string, std::string> differences;  ///< keys that differ between groups
   std::vector<LoggedRun> runs;
-  /// "runs/a (3 runs): optim.lr=0.001, run.batch_size=8"
-  std::string Label() const;
 };
 
 /// In the order of each group's first run.

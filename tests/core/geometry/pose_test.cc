@@ -155,6 +155,7 @@ TEST(LookAt, RejectsVerticalAndMissingDirections) {
   ExpectError<Error>([] { LookAt({1, 2, 3}, {1, 2, 3}, 0); });
   const double nan = std::numeric_limits<double>::quiet_NaN();
   ExpectError<Error>([&] { LookAt({1, nan, 3}, {1, 0, 3}, 0); });
+  ExpectError<Error>([&] { LookAt({1, 0, 3}, {1, 0, 2}, nan); });
 }
 
 // One clockwise turn sends the pixel (u, v) to (height - 1 - v, u), so the pixel that shows a point
