@@ -223,7 +223,8 @@ class Inspection {
       }
       double best_up = 0;
       std::optional<Hypothesis> best;
-      for (const double step : {kSeekStep / 2, kSeekStep / 4, 0.0}) {
+      double step = kSeekStep;
+      for (int round = 1; round <= kRounds; ++round) {
         std::vector<Hypothesis> tried;
         for (const double up : heights) {
           tried.push_back(
@@ -235,6 +236,7 @@ class Inspection {
           best = tried[k];
           best_up = heights[k];
         }
+        step /= 2;
         heights = {best_up - step, best_up + step};
       }
       raised.push_back(std::move(*best));
@@ -320,13 +322,6 @@ AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
     return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
   });
   if (mirror_image != tried.end()) most_probable = mirror_image;
-  for (auto& t : tried) {
-    fprintf(stderr,
-            "%s: odds %.2f worth %.2f gain %.2f share %.2f:", t.arrangement.sentence.c_str(),
-            t.LogOdds(), t.Worth(), t.Gain(), t.Share());
-    for (auto& f : t.fits) fprintf(stderr, " %.1f", f ? f->shape.LogOdds() : -99.);
-    fprintf(stderr, "\n");
-  }
   const Hypothesis& best = *most_probable;
   AssemblyReport report;
   report.arrangement = described.arrangement;

@@ -23,9 +23,9 @@ constexpr double kSameMotion = 2 * kSamePlace;
 constexpr double kUpsideDown = -0.5;
 /// deg: a motion by less is called no turn.
 constexpr double kTurned = 5;
-/// Cosine of the angle (1 deg) between axes that are the same, and how many sets of them count.
-constexpr double kAligned = 0.99985;
-constexpr std::size_t kMostAxes = 4;
+/// Cosine of the angle between axes that are the same, and how many sets of them count.
+const double kAligned = std::cos(kTurned * kDegree);
+constexpr std::size_t kMostAxes = kBeam / 2;
 /// Far above rounding errors of coordinates, far below tolerances, m.
 constexpr double kRounding = 1e-6;
 

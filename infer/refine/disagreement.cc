@@ -15,13 +15,13 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// How often as much as chance makes it in one of a thousand a disagreement may cost, where the
-/// measurements lie kMostRise farther off than by themselves, and else. Noise models are not exact:
-/// of sensors that are as they should be, a real one reaches 1.15 times as much, and a few rendered
-/// ones 2.0. A focal length that is 6 % off makes 2.6 to 3.7 times as much (the test Disagrees).
-constexpr double kOften = 1.2, kMostOften = 2.3;
-constexpr double kMostRise = 0.0015;  // m
-constexpr double kShownBy = 0.5;      // share of the largest contradiction
+/// How often as much as chance makes it in one of a thousand a disagreement may cost. Noise models
+/// are not exact: of rendered sensors that are as they should be, a few reach 1.7 times as much. A
+/// focal length that is 6 % off makes 2.2 to 3.2 times as much (the test Disagrees).
+constexpr double kMostOften = 2;
+/// m: where measurements lie so much farther off than by themselves, chance is enough.
+constexpr double kMostRise = 0.0015;
+constexpr double kShownBy = 0.5;  // share of the largest contradiction
 
 /// What a frame's own measurements say, linearised about a solution: 0.5 |r + j s|^2 in standard
 /// deviations, s the step of its parameters in the order of FrameColumns, but with 6 of the pose.
@@ -189,7 +189,7 @@ bool Disagrees(const Disagreement& disagreement, std::size_t unknowns) {
   if (unknowns == 0) return false;
   const double unlikely = UnlikelyCost(unknowns);
   const double rise = disagreement.rms_together - disagreement.rms_alone;
-  return disagreement.cost > (rise > kMostRise ? kOften : kMostOften) * unlikely;
+  return disagreement.cost > (rise > kMostRise ? unlikely : kMostOften * unlikely);
 }
 
 namespace {
@@ -201,10 +201,9 @@ FreeSet WithBuild(const JointProblem& problem, FreeSet free) {
   return free;
 }
 
-/// What frames of one still have in common: three of each box, without the place of all of them,
-/// which is that of the sensors, and the size.
+/// What frames of one still have in common: three of each box, and the size.
 std::size_t CountShared(const JointProblem& problem, const FreeSet& free) {
-  return (free.AllBoxes() ? 3 * (problem.layout.boxes() - 1) : 0) + (free.size ? 1 : 0);
+  return (free.AllBoxes() ? 3 * problem.layout.boxes() : 0) + (free.size ? 1 : 0);
 }
 
 /// The frames of its still that a frame contradicts at least half as much as the one that it
