@@ -75,49 +75,14 @@ bool TrainConfig::Validates() const {
   return run.validation_samples > 0 || !data.real.validation.empty();
 }
 
-namespace {
-
-/// A key of earlier versions.
-struct RemovedKey {
-  const char* key;
-  std::vector<std::string> without;  ///< its value where it had no effect; saved ones have it
-  const char* now;
-};
-
-const std::vector<RemovedKey>& RemovedKeys() {
-  static const std::vector<RemovedKey> keys = {
-      {"loss.class_weights", {}, "all labels weigh the same; register a loss term for others"},
-      {"run.best_metric", {"miou"}, "best.pt is that of the best miou"}};
-  return keys;
-}
-
-/// Throws ConfigError for a removed key that had an effect.
-ConfigSource WithoutRemoved(const ConfigSource& source) {
-  std::vector<std::string> kept;
-  for (const auto& [key, leaf] : source.leaves()) {
-    const auto removed =
-        std::find_if(RemovedKeys().begin(), RemovedKeys().end(),
-                     [name = key](const RemovedKey& candidate) { return name == candidate.key; });
-    if (removed == RemovedKeys().end()) {
-      kept.push_back(key);
-    } else if (leaf.values != removed->without) {
-      throw ConfigError(
-          fmt::format("{} ({}) is no longer a key: {}", key, leaf.where, removed->now));
-    }
-  }
-  return source.Only(kept);
-}
-
-}  // namespace
-
 TrainConfig ReadTrainConfig(const ConfigSource& source) {
-  TrainConfig config = ReadConfig<TrainConfig>(WithoutRemoved(source));
+  TrainConfig config = ReadConfig<TrainConfig>(source);
   config.Validate();
   return config;
 }
 
 TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name) {
-  return ReadConfig<TrainConfig>(WithoutRemoved(ConfigSource::FromString(yaml, name)));
+  return ReadConfig<TrainConfig>(ConfigSource::FromString(yaml, name));
 }
 
 }  // namespace volalign

@@ -71,7 +71,9 @@ struct LossConfig {
        OneOf({"centre", "exposed"}));
     ar("terms", terms,
        "names of terms that the program registers (train/loss_term.h), added to the loss");
-    ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0));
+    ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0),
+       Removed("class_weights", "all labels weigh the same; register a loss term for others",
+               std::vector<std::string>{}));
   }
 };
 KeypointKind ParseKeypointKind(const std::string& word);
@@ -200,7 +202,9 @@ struct RunConfig {
     ar("checkpoint_every", checkpoint_every, "samples between saved states", AtLeast(1));
     ar("keep_states", keep_states, "number of the newest states that are kept", AtLeast(1));
     ar("patience", patience,
-       "validations in a row without a better miou after which the run ends; 0: never", AtLeast(0));
+       "validations in a row without a better miou after which the run ends; 0: never", AtLeast(0),
+       Removed("best_metric", "best.pt is that of the best miou",
+               std::vector<std::string>{"miou"}));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
     ar("tensorboard", tensorboard,
        "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "

@@ -121,8 +121,9 @@ void CheckWord(const std::string& value, const std::vector<Constraint>& constrai
 }  // namespace config_internal
 
 Constraint FormerlyNamed(std::string name) { return {"", nullptr, nullptr, std::move(name)}; }
-Constraint Removed(std::string name, std::string instead) {
-  return {"", nullptr, nullptr, "", std::move(name), std::move(instead)};
+Constraint Removed(std::string name, std::string instead,
+                   std::optional<std::vector<std::string>> harmless) {
+  return {"", nullptr, nullptr, "", std::move(name), std::move(instead), std::move(harmless)};
 }
 
 namespace {
@@ -291,7 +292,7 @@ void ConfigSource::Merge(const ConfigSource& over) {
 }
 
 std::string ConfigReader::NameInSource(const std::string& name,
-                                       const std::vector<Constraint>& checks) const {
+                                       const std::vector<Constraint>& checks) {
   // The first leaf of a key, a group or a list.
   const auto find = [&](const std::string& key) {
     auto leaf = source_.leaves_.lower_bound(key);
@@ -307,6 +308,10 @@ std::string ConfigReader::NameInSource(const std::string& name,
     if (!check.removed_name.empty()) {
       const auto removed = find(prefix_ + check.removed_name);
       if (removed == source_.leaves_.end()) continue;
+      if (check.harmless == removed->second.values) {
+        known_.insert(removed->first);
+        continue;
+      }
       throw ConfigError(fmt::format("{}{} ({}) is no longer a key: {}", prefix_, check.removed_name,
                                     removed->second.where, check.instead));
     }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <type_traits>
@@ -38,6 +39,7 @@ struct Constraint {
   std::string former_name = "";   ///< no condition, but a name that the key had: see FormerlyNamed
   std::string removed_name = "";  ///< no condition, but a key that is gone: see Removed
   std::string instead = "";       ///< what does its work
+  std::optional<std::vector<std::string>> harmless = std::nullopt;  ///< see Removed
 };
 Constraint Above(double low);
 Constraint AtLeast(double low);
@@ -46,9 +48,11 @@ Constraint OneOf(std::vector<std::string> words);
 /// The key or group is read under this name, too, with a warning on stderr that names the present
 /// one. Files that give both are in error.
 Constraint FormerlyNamed(std::string name);
-/// A key of the same group that is gone: a file that gives it is in error, and `instead` says in a
-/// sentence which key or mechanism does its work.
-Constraint Removed(std::string name, std::string instead);
+/// A key of the same group that is gone. A file that gives it is in error, and `instead` says in a
+/// sentence which key or mechanism does its work. `harmless`: the value with which it had no
+/// effect, which saved configurations have; it is passed over.
+Constraint Removed(std::string name, std::string instead,
+                   std::optional<std::vector<std::string>> harmless = std::nullopt);
 
 /// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
 /// of scalars are one leaf; sequences of maps become "sensors[0].name".
@@ -204,7 +208,7 @@ class ConfigReader {
     prefix_ = saved;
   }
   /// `name`, or a former name that the source uses.
-  std::string NameInSource(const std::string& name, const std::vector<Constraint>& checks) const;
+  std::string NameInSource(const std::string& name, const std::vector<Constraint>& checks);
   const ConfigSource::Leaf* Find(const std::string& key, bool sequence);
   static void RequireSize(const ConfigSource::Leaf& leaf, std::size_t size, const std::string& key);
   bool IsEmptyList(const std::string& key);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "core/config/config.h"
@@ -16,9 +17,15 @@ struct AssemblyOptions {
 
   template <class Archive>
   void Describe(Archive& ar) {
+    using Harmless = std::vector<std::string>;
+    const char* const instead = "stacks are compared by odds; leave the key out";
     ar("enabled", enabled,
        "look for a stack that is built otherwise than the structure says, and for mirrored frames, "
-       "where sensors fail or contradict each other");
+       "where sensors fail or contradict each other",
+       Removed("suspicious_shape_iou", instead, Harmless{"0.92"}),
+       Removed("min_shape_iou", instead, Harmless{"0.7"}),
+       Removed("margin", instead, Harmless{"0.08"}),
+       Removed("suspicious_frame_shape_iou", instead, Harmless{"0.85"}));
   }
 };
 

@@ -50,7 +50,8 @@ struct InitialPoseOptions {
        "deg",
        Between(1, 90));
     ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"),
-       Removed("table_height_m", "what the stack stands on is found by itself; leave the key out"));
+       Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
+               std::vector<std::string>{"0"}));
   }
 };
 

@@ -115,7 +115,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        Between(0, 1),
        Removed("without_structure",
                "a sensor is placed by its own view of the structure, and "
-               "overlap counts beside it"));
+               "overlap counts beside it",
+               std::vector<std::string>{}));
     ar("threads", threads, "threads of Ceres", AtLeast(1));
   }
 };

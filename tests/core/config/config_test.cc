@@ -175,7 +175,8 @@ struct Renamed {
   std::vector<Inner> list;
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("width", width, "width", FormerlyNamed("wide"), Removed("height", "width is both"));
+    ar("width", width, "width", FormerlyNamed("wide"),
+       Removed("height", "width is both", std::vector<std::string>{"1"}));
     ar("inner", inner, "inner", FormerlyNamed("in"));
     ar("list", list, "list", FormerlyNamed("items"));
   }
@@ -215,6 +216,9 @@ TEST(ReadConfig, AKeyThatIsGoneSaysWhatDoesItsWork) {
   ExpectError<ConfigError>(
       [] { ReadConfig<Renamed>(ConfigSource::FromString("height: 3\n", "a.yaml")); },
       {"height (a.yaml:1) is no longer a key: width is both"});
+  // With the value of saved configurations in which it had no effect, it is passed over.
+  EXPECT_EQ(ReadConfig<Renamed>(ConfigSource::FromString("height: 1\nwidth: 2\n", "a.yaml")).width,
+            2);
   EXPECT_EQ(DocumentConfig<Renamed>().find("both"), std::string::npos);
 }
 
