@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 
 #include "core/plot/picture.h"
+#include "core/plot/picture_text.h"
 
 namespace volalign::pictures_test {
 namespace {
@@ -64,6 +66,29 @@ TEST_F(Pictures, ASensorsPanelsStandSideBySide) {
   EXPECT_EQ(left(kResidual), left(kModel) + 82);
   for (const Rgb colour : {kDepth, kLabels, kModel, kResidual})
     EXPECT_EQ(Count(four, colour), 2400);
+}
+
+/// The title and the first panel's heading are the words that DrawText writes there.
+TEST_F(Pictures, TheTitleNamesTheSensorAndItsStatus) {
+  panels_.depth = panels_.labels = RgbImage(200, 30, kDepth);
+  sensor_.status = SensorStatus::kWeak;
+  const RgbImage picture = SensorPicture(sensor_, panels_, structure_, false);
+  for (const std::string words : {"S0: weak", "measured depth, m"}) {
+    RgbImage text(kTextWidth * CountCharacters(words), kTextHeight);
+    DrawText(&text, 0, 0, words, {1, 1, 1});
+    // Somewhere above the panels at the left margin, where all of its ink is of one colour.
+    bool found = false;
+    for (int top = 0; top < 60 && !found; ++top) {
+      for (int left = 0; left < 20 && !found; ++left) {
+        found = true;
+        for (int v = 0; v < text.height(); ++v) {
+          for (int u = 0; u < text.width(); ++u)
+            found = found && (text(u, v).r > 0) != (picture(left + u, top + v) == picture(0, 0));
+        }
+      }
+    }
+    EXPECT_TRUE(found) << words;
+  }
 }
 
 TEST_F(Pictures, LegendsHaveTheLabelsThatAreShown) {
