@@ -13,7 +13,7 @@ namespace volalign::python {
 namespace {
 
 template <class T>
-py::object Owned(std::vector<T> values, std::vector<py::ssize_t> shape) {
+Array Owned(std::vector<T> values, std::vector<py::ssize_t> shape) {
   auto kept = std::make_shared<std::vector<T>>(std::move(values));
   return ArrayOf(kept, kept->data(), std::move(shape));
 }
@@ -33,11 +33,11 @@ void RequireShape(const py::buffer_info& memory, const std::vector<py::ssize_t>&
 
 }  // namespace
 
-py::object ArrayOfMemory(Memory memory) {
+Array ArrayOfMemory(Memory memory) {
   return py::module_::import("numpy").attr("asarray")(py::cast(std::move(memory)));
 }
 
-py::object ArrayOf(const Eigen::MatrixXd& matrix) {
+Array ArrayOf(const Eigen::MatrixXd& matrix) {
   std::vector<double> values;
   for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
     for (Eigen::Index column = 0; column < matrix.cols(); ++column)
@@ -46,20 +46,25 @@ py::object ArrayOf(const Eigen::MatrixXd& matrix) {
   return Owned(std::move(values), {matrix.rows(), matrix.cols()});
 }
 
-py::object ArrayOf(const Eigen::Vector3d& vector) {
+Array ArrayOf(const Eigen::Vector3d& vector) {
   return Owned(std::vector<double>(vector.begin(), vector.end()), {3});
 }
 
-py::object ArrayOf(const Pose& pose) {
+Array ArrayOf(const Pose& pose) {
   std::vector<double> values;
   Append(pose, &values);
   return Owned(std::move(values), {4, 4});
 }
 
-py::object ArrayOf(const std::vector<Pose>& poses) {
+Array ArrayOf(const std::vector<Pose>& poses) {
   std::vector<double> values;
   for (const Pose& pose : poses) Append(pose, &values);
   return Owned(std::move(values), {static_cast<py::ssize_t>(poses.size()), 4, 4});
+}
+
+OptionalArray PoseOrNone(const std::optional<Pose>& pose) {
+  if (pose) return ArrayOf(*pose);
+  return py::none();
 }
 
 Input InputOf(const py::handle& array, const char* dtype) {

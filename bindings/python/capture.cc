@@ -137,7 +137,7 @@ NamedCapture MakeCapture(std::vector<SensorFrame> frames, const py::object& stru
   return made;
 }
 
-NamedCapture LoadCapture(const py::object& path) {
+NamedCapture LoadCapture(const Path& path) {
   const std::string file = PathOf(path);
   return Working([&] { return NamedCapture{ReadCapture(file), std::nullopt, false}; });
 }
@@ -181,10 +181,7 @@ void AddFrame(py::module_& module) {
                                           : std::optional<int>(frame.quarter_turns);
                              })
       .def_property_readonly(
-          "ground_truth",
-          [](const SensorFrame& frame) -> py::object {
-            return frame.ground_truth ? ArrayOf(*frame.ground_truth) : py::none();
-          },
+          "ground_truth", [](const SensorFrame& frame) { return PoseOrNone(frame.ground_truth); },
           "(4, 4) float64 or None.")
       .def("__repr__", [](const SensorFrame& frame) {
         return fmt::format("<Frame {}: {}x{} {}>", frame.name, frame.depth.width(),
@@ -201,7 +198,7 @@ std::optional<Structure> NamedCapture::ReadItsStructure() const {
 
 std::vector<NamedCapture> CapturesOf(const py::handle& object) {
   if (py::isinstance<NamedCapture>(object)) return {object.cast<NamedCapture>()};
-  if (IsPath(object)) return {LoadCapture(py::reinterpret_borrow<py::object>(object))};
+  if (IsPath(object)) return {LoadCapture(py::reinterpret_borrow<Path>(object))};
   std::vector<NamedCapture> captures;
   for (const py::handle item : object) {
     if (!py::isinstance<NamedCapture>(item) && !IsPath(item))

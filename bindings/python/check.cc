@@ -117,10 +117,7 @@ void AddCheck(py::module_& module) {
                              [](const Checked& checked) { return checked.check.same_structure; })
       .def_property_readonly(
           "last_from_now",
-          [](const Checked& checked) -> py::object {
-            const auto& pose = checked.check.movements.last_from_now;
-            return pose ? ArrayOf(*pose) : py::none();
-          },
+          [](const Checked& checked) { return PoseOrNone(checked.check.movements.last_from_now); },
           "(4, 4) float64: where the structure stands now in the last structure frame; None where "
           "it is not known which sensors stayed.")
       .def_property_readonly(
@@ -139,13 +136,13 @@ void AddCheck(py::module_& module) {
           "What check.json has.")
       .def(
           "save",
-          [](const Checked& checked, const py::object& path) {
+          [](const Checked& checked, const Path& path) {
             WriteRigCheck(PathOf(path), checked.check);
           },
           py::arg("path"), "Writes check.json. Raises IoError.")
       .def(
           "update",
-          [](const Checked& checked, const py::object& path) {
+          [](const Checked& checked, const Path& path) {
             WriteExtrinsics(PathOf(path),
                             UpdateExtrinsics(checked.last, checked.now, checked.check));
           },

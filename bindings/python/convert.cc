@@ -57,7 +57,7 @@ std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
   return list;
 }
 
-using ColourFiles = std::map<std::string, py::object>;
+using ColourFiles = std::map<std::string, Path>;
 
 ColourCameras CamerasOf(const ColourFiles& files) {
   ColourCameras cameras;
@@ -92,7 +92,7 @@ WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>
 }
 
 std::vector<std::string> Convert(const py::object& source, const std::string& format,
-                                 const py::object& output, const std::string& from_format,
+                                 const Path& output, const std::string& from_format,
                                  const ColourFiles& colour_cameras, const std::string& origin,
                                  const std::optional<std::string>& up, const std::string& camera) {
   const PoseFormat to = ParsePoseFormat(format), from = ParsePoseFormat(from_format);
@@ -110,7 +110,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
   return Write(PathOf(output), to, std::move(poses), cameras, choice);
 }
 
-std::map<std::string, SensorPose> Read(const py::object& path, const std::string& format,
+std::map<std::string, SensorPose> Read(const Path& path, const std::string& format,
                                        const ColourFiles& colour_cameras) {
   std::map<std::string, SensorPose> poses;
   for (SensorPose& pose :
@@ -171,7 +171,7 @@ void AddConvert(py::module_& module) {
                  .c_str());
   module.def(
       "write_poses",
-      [](const py::object& path, const std::string& format, const py::dict& poses,
+      [](const Path& path, const std::string& format, const py::dict& poses,
          const ColourFiles& colour_cameras) {
         return Write(PathOf(path), ParsePoseFormat(format), PosesOf(poses),
                      CamerasOf(colour_cameras));

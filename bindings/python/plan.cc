@@ -82,7 +82,7 @@ void AddPlan(py::module_& module) {
       .def("_repr_svg_", &PlanPicture)
       .def(
           "save_picture",
-          [](const RigPlan& plan, const py::object& path) {
+          [](const RigPlan& plan, const Path& path) {
             WriteFileAtomically(PathOf(path), PlanPicture(plan));
           },
           py::arg("path"), "Writes the rig from above, SVG. Raises IoError.")

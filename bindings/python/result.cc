@@ -51,10 +51,6 @@ py::dict BoxesOf(const std::shared_ptr<const Calibrated>& whole, const StackResu
   return boxes;
 }
 
-py::object PoseOrNone(const std::optional<Pose>& pose) {
-  return pose ? ArrayOf(*pose) : py::none();
-}
-
 py::object ErrorOrNone(const std::optional<PoseError>& error) {
   if (!error) return py::none();
   return py::make_tuple(error->translation_m, error->rotation_deg);
@@ -89,8 +85,9 @@ void AddSensor(py::module_& module) {
           "(4, 4) float64; None of a failed sensor.")
       .def_property_readonly(
           "covariance",
-          [](const SensorPart& s) -> py::object {
-            return s->structure_from_sensor ? ArrayOf(Eigen::MatrixXd(s->covariance)) : py::none();
+          [](const SensorPart& s) -> OptionalArray {
+            if (!s->structure_from_sensor) return py::none();
+            return ArrayOf(Eigen::MatrixXd(s->covariance));
           },
           "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
           "frame: a movement about the structure's origin. None of a failed sensor.")
@@ -105,8 +102,9 @@ void AddSensor(py::module_& module) {
           "(3,) float64: of its rotation about them, deg.")
       .def_property_readonly(
           "initial",
-          [](const SensorPart& s) {
-            return s->structure_from_sensor ? ArrayOf(s->initial) : py::none();
+          [](const SensorPart& s) -> OptionalArray {
+            if (!s->structure_from_sensor) return py::none();
+            return ArrayOf(s->initial);
           },
           "(4, 4) float64: the pose before the joint solution; None of a failed sensor.")
       .def_property_readonly(
@@ -209,7 +207,7 @@ py::object ToDict(const Calibrated& calibrated) {
   return FromJson(ExtrinsicsJson(calibrated.MakeExtrinsics(), "to_dict").dump());
 }
 
-void Save(const Calibrated& c, const py::object& folder, bool report) {
+void Save(const Calibrated& c, const Path& folder, bool report) {
   const std::string path = PathOf(folder);
   std::optional<ReportRun> run;
   if (report) run = ReportRun{PythonCommand(), c.options};
@@ -220,7 +218,7 @@ void Save(const Calibrated& c, const py::object& folder, bool report) {
   });
 }
 
-void SaveReport(const Calibrated& c, const py::object& file) {
+void SaveReport(const Calibrated& c, const Path& file) {
   const std::string path = PathOf(file);
   const ReportRun run{PythonCommand(), c.options};
   RunWork(py::none(), [&](const Tell&) {

@@ -95,7 +95,7 @@ std::unique_ptr<Samples> MakeSamples(const py::object& recipe, std::optional<std
 
 /// A writable array of an image of the sample.
 template <class T>
-py::object ImageOf(const std::shared_ptr<Sample>& sample, Image<T> Sample::*member) {
+Array ImageOf(const std::shared_ptr<Sample>& sample, Image<T> Sample::*member) {
   Image<T>& image = (*sample).*member;
   return ArrayOf(sample, image.data(), {image.height(), image.width()});
 }

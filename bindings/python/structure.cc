@@ -79,7 +79,7 @@ void AddIntrinsics(py::module_& module) {
       });
   module.def(
       "intrinsics_pool",
-      [](const py::object& path) {
+      [](const Path& path) {
         std::map<std::string, std::vector<Intrinsics>> pool;
         for (IntrinsicsPoolEntry& entry : ReadIntrinsicsPool(PathOf(path)))
           pool[entry.sensor] = std::move(entry.intrinsics);
@@ -110,13 +110,12 @@ void AddBoxes(py::module_& module) {
            "label_order: names of the sides (\"BOX/front\") in the order of their labels 1, 2, "
            "...; none: box by box front, back, up, right, left. Raises DataError.")
       .def_static(
-          "load", [](const py::object& path) { return ReadStructure(PathOf(path)); },
-          py::arg("path"),
+          "load", [](const Path& path) { return ReadStructure(PathOf(path)); }, py::arg("path"),
           "Reads a .yaml of boxes or a .glb. Raises IoError, ConfigError, "
           "DataError.")
       .def(
           "save",
-          [](const Structure& structure, const py::object& path) {
+          [](const Structure& structure, const Path& path) {
             WriteStructureGlb(PathOf(path), structure);
           },
           py::arg("path"), "Writes a .glb. Raises IoError.")
@@ -179,7 +178,7 @@ void AddTarget(py::module_& module) {
       .def("_repr_svg_", [](const Target& t) { return TargetPicture(t.structure, t.quality); })
       .def(
           "save_picture",
-          [](const Target& t, const py::object& path) {
+          [](const Target& t, const Path& path) {
             WriteFileAtomically(PathOf(path), TargetPicture(t.structure, t.quality));
           },
           py::arg("path"), "Writes an SVG. Raises IoError.")
@@ -215,8 +214,8 @@ Structure StructureOf(const py::handle& object) {
 
 void AddStructure(py::module_& module) {
   AddIntrinsics(module);
-  AddBoxes(module);
   AddTarget(module);
+  AddBoxes(module);
   AddPoses(module);
 }
 
