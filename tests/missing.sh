@@ -11,7 +11,7 @@ modules='onnxruntime open3d pycolmap pyrealsense2 imageio_ffmpeg tensorboard tri
 for tool in chromium doxygen mkvmerge; do command -v "$tool" >/dev/null || without "$tool" "the program $tool"; done
 for flag in avx2 avx512_bf16; do grep -qw "$flag" /proc/cpuinfo || without "$flag" "the processor's $flag"; done
 [ -e /usr/include/gloo/config.h ] || without gloo "the package libgloo-dev"
-"$python" -c 'import sys, torch; sys.exit(not torch.cuda.is_available())' || without gpu "a GPU that LibTorch uses"
+"$python" -c 'import sys, torch; sys.exit(not torch.cuda.is_available())' 2>/dev/null || without gpu "a GPU that LibTorch uses"
 unshare --map-root-user --mount mount --bind /dev/null /etc/passwd 2>/dev/null || without namespaces "mount namespaces for ordinary users"
 ip netns add "volalign-$$" 2>/dev/null && ip netns delete "volalign-$$" && ip link add "v$$" type veth 2>/dev/null && ip link delete "v$$" ||
   without network-namespaces "root, iproute2 and network namespaces"

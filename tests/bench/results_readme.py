@@ -2,10 +2,12 @@
 """Writes the accuracy of the README from docs/results.md, so that no number stands in both by hand.
 
     tests/bench/results_readme.py          (results_page.py does it, too, when it has written that page)
+    tests/bench/results_readme.py --check  fails where the README has other numbers
 """
 
 import pathlib
 import re
+import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BEGIN, END = "<!-- accuracy: written by tests/bench/results_readme.py from docs/results.md -->\n", "<!-- end of accuracy -->\n"
@@ -74,7 +76,11 @@ def with_accuracy(readme, page):
 
 def main():
     readme = ROOT / "README.md"
-    readme.write_text(with_accuracy(readme.read_text(), (ROOT / "docs/results.md").read_text()))
+    text = with_accuracy(readme.read_text(), (ROOT / "docs/results.md").read_text())
+    if sys.argv[1:] != ["--check"]:
+        readme.write_text(text)
+    elif text != readme.read_text():
+        sys.exit("README.md has other numbers than docs/results.md: run tests/bench/results_readme.py")
 
 
 if __name__ == "__main__":

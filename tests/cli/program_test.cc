@@ -3,9 +3,6 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <torch/csrc/jit/api/module.h>
-#include <torch/csrc/jit/serialization/import.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -100,50 +97,6 @@ TEST_F(Program, RendersACaptureOfEachPlacement) {
   EXPECT_EQ(truth["A"][1][3], first["A"][1][3]);
 }
 
-TEST_F(Program, SaysWhatItCanDo) {
-  const Outcome help = Volalign("--help");
-  EXPECT_EQ(help.status, 0);
-  for (const char* command :
-       {"structure", "render", "train", "calibrate", "evaluate", "export", "config"}) {
-    EXPECT_NE(help.output.find(command), std::string::npos) << command;
-  }
-  const Outcome version = Volalign("--version");
-  EXPECT_EQ(version.status, 0);
-  EXPECT_TRUE(std::regex_match(
-      version.output, std::regex("volalign [0-9]+\\.[0-9]+\\.[0-9]+( \\([0-9a-f]{12}(-dirty)? of "
-                                 "[0-9]{4}-[0-9]{2}-[0-9]{2}\\))?\n"
-                                 "libraries: LibTorch .*\nrenderer: .*\n")))
-      << version.output;
-  const auto expect_usage = [](const std::string& arguments, const std::string& part) {
-    const Outcome run = Volalign(arguments);
-    EXPECT_EQ(run.status, 1) << arguments;
-    EXPECT_NE(run.output.find(part), std::string::npos) << arguments << ": " << run.output;
-    EXPECT_NE(run.output.find("--help"), std::string::npos) << arguments << ": " << run.output;
-    EXPECT_EQ(run.output.rfind("error: ", 0), 0u) << arguments << ": " << run.output;
-    EXPECT_EQ(std::count(run.output.begin(), run.output.end(), '\n'), 1)
-        << arguments << ": " << run.output;
-  };
-  expect_usage("", "subcommand");
-  expect_usage("fly", "sub-command fly");
-  expect_usage("calibrate --capture", "--capture");
-  expect_usage("train --nproc 100000", "--nproc");
-}
-
-TEST_F(Program, BuildsAStructure) {
-  const Outcome run = Volalign("structure build configs/structure.yaml -o " + Path("s.glb"));
-  EXPECT_EQ(run.status, 0) << run.output;
-  EXPECT_EQ(ReadStructureGlb(Path("s.glb")).Hash(),
-            ReadStructureYaml("configs/structure.yaml").Hash());
-  ExpectError(Volalign("structure show " + Path("missing.glb")), {"missing.glb", "No such file"});
-}
-
-TEST_F(Program, ConfigReferenceIsTheDocumentedOne) {
-  const Outcome run = Volalign("config reference");
-  EXPECT_EQ(run.status, 0);
-  EXPECT_EQ(run.output, ReadFile("docs/config.md"))
-      << "regenerate with: volalign config reference > docs/config.md";
-}
-
 // What tells the paper's models apart (its table of models): attention, soft Procrustes, and the
 // distances of the sensors. A resolved recipe is a recipe, and says the same when it is read again.
 TEST_F(Program, RecipesResolve) {
@@ -175,14 +128,6 @@ TEST_F(Program, RecipesResolve) {
   }
   EXPECT_EQ(Volalign("config show " + Path("resolved.yaml")).output,
             ReadFile(Path("resolved.yaml")));
-}
-
-TEST_F(Program, UnknownConfigKeysAreErrors) {
-  ExpectError(Volalign("train --config configs/m05-lite.yaml --set optim.lrr=1 -o " + Path("run")),
-              {"optim.lrr", "--set", "did you mean 'optim.lr'"});
-  EXPECT_FALSE(fs::exists(Path("run")));
-  ExpectError(Volalign("train --config configs/m05-lite.yaml --set optim.lr=0 -o " + Path("run")),
-              {"optim.lr = 0 violates optim.lr > 0"});
 }
 
 TEST_F(Program, RendersSamplesThatCanBeLookedAt) {
@@ -478,19 +423,6 @@ TEST_F(Program, EvaluatesRigsAndCaptures) {
   EXPECT_EQ(ReadJson(Path("eval/evaluation.json")), json);
 }
 
-TEST_F(Program, BadEvaluationsAreOneLineErrors) {
-  const std::string model = "evaluate --model models/m05-lite.pt -o " + Path("eval") + " ";
-  ExpectError(Volalign(model), {"--rig ", "--capture "});
-  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --seeds 9:3"), {"--seeds 9:3"});
-  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --compare initial.method"),
-              {"--compare initial.method", "KEY=VALUE"});
-  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml configs/rig_ring8.yaml"), {"ring8"});
-  ExpectError(Volalign(model + "--rigs configs/rig_ring8.yaml --set-rig room_=1"), {"room_"});
-  ExpectError(Volalign(model + "--captures " + Path("none.json")), {"none.json"});
-  WriteFileAtomically(Path("eval/evaluation.json"), "{\"cases\": []}");
-  ExpectError(Volalign(model + "--captures " + WriteSmallCapture()), {"evaluation.json", "folder"});
-}
-
 TEST_F(Program, BadModelsAreOneLineErrors) {
   const std::string capture = WriteSmallCapture();
   ExpectCalibrateError(capture, {"no.pt", "No such file"}, Path("no.pt"));
@@ -510,39 +442,6 @@ TEST_F(Program, BadModelsAreOneLineErrors) {
           .status,
       0);
   ExpectCalibrateError(capture, {"structure"});
-}
-
-TEST_F(Program, ConvertsPoses) {
-  WriteFileAtomically(Path("poses.txt"), "# sensor 0 left\n0 1 2 3 0 0 0 1\n");
-  const Outcome run =
-      Volalign("convert " + Path("poses.txt") + " --from tum --to poses -o " + Path("poses.json"));
-  EXPECT_EQ(run.status, 0) << run.output;
-  const nlohmann::json sensor = ReadJson(Path("poses.json"))["sensors"][0];
-  EXPECT_EQ(sensor["name"], "left");
-  EXPECT_EQ(sensor["structure_from_sensor"][1][3], 2);
-  const Outcome shifted =
-      Volalign("convert " + Path("poses.json") + " --from poses --to ros -o " + Path("tf.yaml"));
-  EXPECT_NE(shifted.output.find("written"), std::string::npos) << shifted.output;
-  ExpectError(Volalign("convert " + Path("poses.txt") + " --to tum -o " + Path("x")),
-              {"poses.txt"});
-  ExpectError(
-      Volalign("convert " + Path("poses.json") + " --from poses --to colmap -o " + Path("x")),
-      {"colmap", "intrinsics", "left"});
-  ExpectError(
-      Volalign("convert " + Path("poses.json") + " --from poses --to kinect -o " + Path("x")),
-      {"kinect", "open3d"});
-}
-
-TEST_F(Program, ExportsTorchScript) {
-  const Outcome run = Volalign("export --model models/m05-lite.pt -o " + Path("m.ts"));
-  EXPECT_EQ(run.status, 0) << run.output;
-  // As a user of TorchScript has it: the module and nothing of ours.
-  torch::jit::Module module = torch::jit::load(Path("m.ts"));
-  const at::Tensor out = module.forward({at::full({1, 1, 40, 36}, 2.0f)}).toTensor();
-  EXPECT_EQ(out.sizes(), (std::vector<std::int64_t>{1, 21, 40, 36}));
-  EXPECT_LT((out.exp().sum(1) - 1).abs().max().item<float>(), 1e-4f) << "log-probabilities";
-  ExpectError(Volalign("export --model " + Path("no.pt") + " -o " + Path("n.ts")), {"no.pt"});
-  EXPECT_FALSE(fs::exists(Path("n.ts")));
 }
 
 /// Waits for a second process, which `program` is, to have begun to write there.

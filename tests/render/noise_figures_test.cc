@@ -11,6 +11,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/sample.h"
+#include "tests/render/wall_scene.h"
 
 namespace volalign::noise_figures_test {
 namespace {
@@ -39,24 +40,12 @@ class NoiseFiguresTest : public testing::Test {
   std::vector<DepthImage> Frames(const char* sensor, double z, double plate_z, double half,
                                  int count) {
     const Intrinsics k = Camera(sensor == kD415);
-    SceneMesh mesh;
-    const double far = 10, y = 2;
-    const auto quad = [&](double x, double r) {
-      mesh.BeginObject({0.9F, 1.0F, true});
-      mesh.AppendQuad({Eigen::Vector3d(x, y - r, -r), Eigen::Vector3d(x, y + r, -r),
-                       Eigen::Vector3d(x, y + r, r), Eigen::Vector3d(x, y - r, r)},
-                      -Eigen::Vector3d::UnitX(), static_cast<std::uint8_t>(mesh.objects.size()));
-    };
-    quad(far, 80);
-    if (plate_z > 0) quad(far - z + plate_z, half);
-    const Pose pose = LookAt({far - z, y, 0}, {far, y, 0}, 0);
-    RenderedView view;
-    renderer_.Render(mesh, k, pose, &view);
+    const WallScene scene(renderer_, k, z, plate_z, half);
     std::vector<DepthImage> frames;
     frames.reserve(static_cast<std::size_t>(count));
     for (int i = 0; i < count; ++i) {
-      frames.push_back(ApplyNoise({}, {view, mesh, structure_, k, pose, sensor}, 5,
-                                  static_cast<std::uint64_t>(i))
+      frames.push_back(ApplyNoise({}, {scene.view, scene.mesh, structure_, k, scene.pose, sensor},
+                                  5, static_cast<std::uint64_t>(i))
                            .depth);
     }
     return frames;

@@ -15,6 +15,7 @@
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/render/corner_scene.h"
+#include "tests/render/wall_scene.h"
 
 namespace volalign::noise_test {
 namespace {
@@ -22,37 +23,12 @@ namespace {
 const char* const kAzure = "azure_kinect_nfov_binned";
 const char* const kD415 = "realsense_d415";
 
-/// A fronto-parallel wall at 10 m from the origin and perhaps a square plate before it, seen by a
-/// level sensor between them.
-struct WallScene {
-  SceneMesh mesh;
-  Pose pose = Pose::Identity();
-  RenderedView view;
-};
-
 class NoiseTest : public testing::Test {
  protected:
   NoiseTest() : structure_(ReadStructure("configs/structure.yaml")) {}
 
-  /// `plate_z` 0 leaves the plate out. Both count as structure, so that they are well textured and
-  /// bright; far from its boxes.
   WallScene MakeWall(double z, double plate_z, const Intrinsics& k) {
-    WallScene scene;
-    scene.mesh.BeginObject({0.9F, 1.0F, true});
-    const double far = 10, y = 2;
-    scene.mesh.AppendQuad({Eigen::Vector3d(far, -90, -90), Eigen::Vector3d(far, 90, -90),
-                           Eigen::Vector3d(far, 90, 90), Eigen::Vector3d(far, -90, 90)},
-                          -Eigen::Vector3d::UnitX(), 1);
-    scene.pose = LookAt({far - z, y, 0}, {far, y, 0}, 0);
-    if (plate_z > 0) {
-      scene.mesh.BeginObject({0.9F, 1.0F, true});
-      const double x = far - z + plate_z, r = 0.3;
-      scene.mesh.AppendQuad({Eigen::Vector3d(x, y - r, -r), Eigen::Vector3d(x, y + r, -r),
-                             Eigen::Vector3d(x, y + r, r), Eigen::Vector3d(x, y - r, r)},
-                            -Eigen::Vector3d::UnitX(), 2);
-    }
-    renderer_.Render(scene.mesh, k, scene.pose, &scene.view);
-    return scene;
+    return WallScene(renderer_, k, z, plate_z, 0.3);
   }
 
   NoisyView Spoil(const WallScene& scene, const Intrinsics& k, const std::string& sensor,
@@ -153,9 +129,8 @@ TEST(NoiseFieldsTest, PoissonHasItsMeanAndVariance) {
   EXPECT_NEAR(squares / 4000 - std::pow(sum / 4000, 2), 6, 0.8);
 }
 
-// docs/sensor-models.md: white 0.2 to 0.5 mm (neighbour differences hold 0.29 mm of rounding
-// too), smooth 1.4 to 5.6 mm rms, bias within 11 mm; mask about 82 %.
-TEST_F(NoiseTest, TimeOfFlightHasTheMeasuredMagnitudes) {
+// docs/sensor-models.md: bias within 11 mm; mask about 82 %. noise_figures_test has the others.
+TEST_F(NoiseTest, TimeOfFlightHasABiasAndAMask) {
   const Intrinsics k = CentredCamera(320, 288, 252);
   const WallScene scene = MakeWall(2.0, 0, k);
   double bias = 0, valid = 0;
@@ -163,10 +138,6 @@ TEST_F(NoiseTest, TimeOfFlightHasTheMeasuredMagnitudes) {
     const NoisyView noisy = Spoil(scene, k, kAzure, i);
     const Residual r = Measure(noisy.depth, 2.0, false);
     EXPECT_LT(std::abs(r.mean), 0.017);
-    EXPECT_GT(r.rms, 0.001);
-    EXPECT_LT(r.rms, 0.008);
-    EXPECT_GT(r.local, 0.0003);
-    EXPECT_LT(r.local, 0.0013);
     EXPECT_GT(r.valid, 0.77);
     EXPECT_LT(r.valid, 0.84);
     bias = std::max(bias, std::abs(r.mean));
@@ -215,21 +186,13 @@ TEST_F(NoiseTest, HexagonKeepsItsShapeAtHalfSize) {
   EXPECT_GT(corner, 15);
 }
 
-// Section 2: z = f B / d with f B = 51.9 px m; local 0.045 to 0.065 px, warp 0.08 to 0.19 px, both
-// constant in z; left band f B / z.
-TEST_F(NoiseTest, StereoNoiseIsConstantInDisparity) {
+// z = f B / d with f B = 51.9 px m: a band of f B / z px at the left is not seen by both cameras.
+TEST_F(NoiseTest, StereoLosesTheBandThatOneCameraSees) {
   const Intrinsics k = CentredCamera(320, 180, 236);
   for (const double z : {1.5, 3.0, 4.5}) {
     const WallScene scene = MakeWall(z, 0, k);
-    double rms = 0;
     for (std::uint64_t i = 0; i < 12; ++i) {
       const NoisyView noisy = Spoil(scene, k, kD415, i);
-      const Residual r = Measure(noisy.depth, z, true);
-      EXPECT_GT(r.rms, 0.04) << z;
-      EXPECT_LT(r.rms, 0.25) << z;
-      EXPECT_LT(r.local, 0.07) << z;
-      EXPECT_GT(r.local, 0.01) << z;
-      rms += r.rms / 12;
       const int band = static_cast<int>(std::ceil(51.9 / 4 / z));
       for (int v = 20; v < 160; ++v) {
         for (int u = 0; u < band; ++u) EXPECT_EQ(noisy.depth(u, v), 0);
@@ -238,7 +201,6 @@ TEST_F(NoiseTest, StereoNoiseIsConstantInDisparity) {
       for (int v = 20; v < 160; ++v) valid_column += noisy.depth(band, v) > 0;
       EXPECT_GT(valid_column, 60);
     }
-    EXPECT_NEAR(rms, 0.15, 0.04) << z;
   }
 }
 

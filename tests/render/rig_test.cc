@@ -1,5 +1,6 @@
 #include "render/rig.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -645,40 +646,32 @@ TEST_F(RigTest, EachTurnDrawsWhereSensorsLook) {
 
 /// Heights above the floor and distances from the structure, cm, of a file of configs/paper.
 struct PaperRig {
-  const char* file;
+  std::string file;
   std::size_t captures;
-  std::vector<double> heights;
-  double rho;
+  std::vector<int> heights;
+  int rho;
 };
 
 TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
-  const std::vector<PaperRig> rigs{{"array_165", 8, {80, 105, 130, 155}, 165},
-                                   {"array_200", 8, {80, 105, 130, 155}, 200},
-                                   {"array_235", 8, {80, 105, 130, 155}, 235},
-                                   {"array_level_165", 8, {80, 105, 130, 155}, 165},
-                                   {"array_level_200", 8, {80, 105, 130, 155}, 200},
-                                   {"array_level_235", 8, {80, 105, 130, 155}, 235},
-                                   {"arc_165_90", 4, {90}, 165},
-                                   {"arc_165_110", 4, {110}, 165},
-                                   {"arc_200_90", 4, {90}, 200},
-                                   {"arc_200_110", 4, {110}, 200},
-                                   {"arc_235_90", 4, {90}, 235},
-                                   {"arc_235_110", 4, {110}, 235},
-                                   {"cameras_6_90", 3, {90}, 200},
-                                   {"cameras_6_110", 3, {110}, 200},
-                                   {"cameras_6_alternating", 3, {90, 110}, 200},
-                                   {"cameras_8_90", 3, {90}, 200},
-                                   {"cameras_8_110", 3, {110}, 200},
-                                   {"cameras_8_alternating", 3, {90, 110}, 200},
-                                   {"cameras_4_90", 1, {90}, 200},
-                                   {"cameras_4_100", 1, {100}, 200},
-                                   {"cameras_4_130", 1, {130}, 200}};
+  std::vector<PaperRig> rigs;
+  for (const int rho : {165, 200, 235}) {
+    for (const std::string array : {"array_", "array_level_"})
+      rigs.push_back({array + std::to_string(rho), 8, {80, 105, 130, 155}, rho});
+    for (const int height : {90, 110})
+      rigs.push_back({fmt::format("arc_{}_{}", rho, height), 4, {height}, rho});
+  }
+  for (const std::string cameras : {"cameras_6_", "cameras_8_"}) {
+    rigs.push_back({cameras + "90", 3, {90}, 200});
+    rigs.push_back({cameras + "110", 3, {110}, 200});
+    rigs.push_back({cameras + "alternating", 3, {90, 110}, 200});
+  }
+  for (const int height : {90, 100, 130})
+    rigs.push_back({"cameras_4_" + std::to_string(height), 1, {height}, 200});
   std::set<std::uint64_t> seeds;
   for (const PaperRig& paper : rigs) {
     SCOPED_TRACE(paper.file);
-    const Rig rig =
-        ReadRig(ConfigSource::FromFile(std::string("configs/paper/") + paper.file + ".yaml"));
-    const std::string name = paper.file;
+    const Rig rig = ReadRig(ConfigSource::FromFile("configs/paper/" + paper.file + ".yaml"));
+    const std::string& name = paper.file;
     const bool level = name.rfind("array_level", 0) == 0;
     const bool array = name.rfind("array", 0) == 0, arc = name.rfind("arc", 0) == 0;
     const std::size_t sensors = arc || name.rfind("cameras_8", 0) == 0 ? 8

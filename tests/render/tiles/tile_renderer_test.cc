@@ -46,15 +46,24 @@ struct Wall {
   Eigen::Vector3d middle, normal;
 };
 
+/// By the kernels of each instruction set that this processor has.
+class TileRendererBy : public testing::TestWithParam<int> {
+ protected:
+  TileRenderer renderer_{tiles::AllKernels().sets[GetParam()]};
+};
+INSTANTIATE_TEST_SUITE_P(InstructionSets, TileRendererBy,
+                         testing::Range(0, tiles::AllKernels().count), [](const auto& set) {
+                           return std::string(tiles::AllKernels().sets[set.param].name);
+                         });
+
 /// The point that a pixel shows, put through the lens, is at the pixel, and it lies on the wall.
-TEST(TileRendererTest, DepthHasItsClosedFormNearAndFarThroughEveryLens) {
-  TileRenderer renderer;
+TEST_P(TileRendererBy, DepthHasItsClosedFormNearAndFarThroughEveryLens) {
   for (const Intrinsics& k : {kPinhole, kKinect}) {
     for (const double distance : {0.05, 2.0, 15.0}) {
       for (const double tilt : {0.0, 0.5}) {
         const Wall wall(distance, tilt);
         RenderedView view;
-        renderer.Render(wall.mesh, k, Pose::Identity(), &view);
+        renderer_.Render(wall.mesh, k, Pose::Identity(), &view);
         for (int v = 0; v < k.height; ++v) {
           for (int u = 0; u < k.width; ++u) {
             const double z = view.depth(u, v);
@@ -71,14 +80,28 @@ TEST(TileRendererTest, DepthHasItsClosedFormNearAndFarThroughEveryLens) {
   }
 }
 
-TEST(TileRendererTest, FacesNearerThanTheNearPlaneAreNotSeen) {
-  TileRenderer renderer;
+TEST_P(TileRendererBy, NothingIsSeenWhereTheLensHasNoRay) {
+  // r (1 - 0.5 r^2) rises up to 0.5443.
+  const Intrinsics k{160, 144, 126, 126, 79, 72, {-0.5, 0, 0, 0}};
   RenderedView view;
-  renderer.Render(Wall(0.019, 0).mesh, kPinhole, Pose::Identity(), &view);
+  renderer_.Render(Wall(2, 0).mesh, k, Pose::Identity(), &view);
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double radius = std::hypot(u - k.cx, v - k.cy) / k.fx;
+      if (std::abs(radius - 0.545) < 0.005) continue;
+      ASSERT_EQ(view.labels(u, v), radius < 0.54 ? 3 : 0) << u << " " << v;
+      ASSERT_NEAR(view.depth(u, v), radius < 0.54 ? 2 : 0, 1e-6);
+    }
+  }
+}
+
+TEST_P(TileRendererBy, FacesNearerThanTheNearPlaneAreNotSeen) {
+  RenderedView view;
+  renderer_.Render(Wall(0.019, 0).mesh, kPinhole, Pose::Identity(), &view);
   EXPECT_EQ(view.faces, Image16(kPinhole.width, kPinhole.height));
   // One that passes through the plane: its part beyond it is.
   const Wall tilted(0.03, 1.2);
-  renderer.Render(tilted.mesh, kPinhole, Pose::Identity(), &view);
+  renderer_.Render(tilted.mesh, kPinhole, Pose::Identity(), &view);
   long seen = 0;
   for (int v = 0; v < kPinhole.height; ++v) {
     for (int u = 0; u < kPinhole.width; ++u) {
