@@ -3,10 +3,12 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <map>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -28,8 +30,9 @@ constexpr std::chrono::milliseconds kLockPause(100);
   throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
 }
 
-void RequireDone(const std::error_code& error, const char* what, const fs::path& path) {
-  if (error) FailFolder(what, path, error.value());
+/// Does nothing on file systems that cannot.
+void SyncOpen(int fd, const fs::path& folder) {
+  if (::fsync(fd) != 0 && errno != EINVAL && errno != EROFS) FailFolder("sync", folder, errno);
 }
 
 void RemoveDrafts(const fs::path& dir) {
@@ -58,25 +61,68 @@ std::set<fs::path> FilesBelow(const fs::path& folder) {
   return files;
 }
 
-/// Below the folder. What lies behind a link to another folder, which somebody may have put there,
-/// is not written over.
-void RequireNoLinks(const fs::path& folder, const fs::path& file) {
-  fs::path at = folder;
-  for (const fs::path& part : file.parent_path()) {
-    at /= part;
-    std::error_code error;
-    if (!fs::is_symlink(fs::symlink_status(at, error))) continue;
-    throw IoError(fmt::format("cannot write {}: {} is a link to another folder; remove the link",
-                              ShownPath(folder / file), ShownPath(at)));
+/// The folders of one that is written to, each opened once. None is ever one that a link leads to,
+/// which somebody may have put there, also while this runs.
+class FoldersBelow {
+ public:
+  explicit FoldersBelow(const fs::path& dir)
+      : dir_(dir), dir_fd_(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (dir_fd_ < 0) FailFolder("open", dir, errno);
   }
-}
+  ~FoldersBelow() {
+    ::close(dir_fd_);
+    for (const auto& [path, fd] : open_) ::close(fd);
+  }
+  FoldersBelow(const FoldersBelow&) = delete;
+  FoldersBelow& operator=(const FoldersBelow&) = delete;
+
+  /// That of the file; `make`: where there is none, it is made, else it is -1.
+  int Of(const fs::path& file, bool make) {
+    int at = dir_fd_;
+    fs::path path;
+    for (const fs::path& part : file.parent_path()) {
+      path /= part;
+      const auto known = open_.find(path);
+      if (known != open_.end()) {
+        at = known->second;
+        continue;
+      }
+      if (make && ::mkdirat(at, part.c_str(), 0777) == 0) SyncOpen(at, dir_ / path);
+      const int next = ::openat(at, part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+      if (next < 0 && !make && errno == ENOENT) return -1;
+      if (next < 0) Fail(at, path, errno);
+      at = open_.emplace(path, next).first->second;
+    }
+    return at;
+  }
+
+  void Sync() const {
+    SyncOpen(dir_fd_, dir_);
+    for (const auto& [path, fd] : open_) SyncOpen(fd, dir_ / path);
+  }
+
+ private:
+  [[noreturn]] void Fail(int parent, const fs::path& path, int reason) const {
+    struct stat there = {};
+    ::fstatat(parent, path.filename().c_str(), &there, AT_SYMLINK_NOFOLLOW);
+    if (!S_ISLNK(there.st_mode)) FailFolder("write into", dir_ / path, reason);
+    throw IoError(fmt::format("cannot write into {}, which is a link to another folder; remove it",
+                              ShownPath(dir_ / path)));
+  }
+
+  const fs::path& dir_;
+  int dir_fd_;
+  std::map<fs::path, int> open_;  // by their paths in the folder
+};
 
 /// What is no file of an earlier run stays.
-void RemoveOutdated(const fs::path& file) {
-  std::error_code error;
-  if (!fs::is_regular_file(fs::symlink_status(file, error))) return;
-  fs::remove(file, error);
-  RequireDone(error, "remove a file of an earlier run,", file);
+void RemoveOutdated(int folder, const fs::path& file) {
+  struct stat there = {};
+  if (folder < 0 || ::fstatat(folder, file.filename().c_str(), &there, AT_SYMLINK_NOFOLLOW) != 0 ||
+      !S_ISREG(there.st_mode))
+    return;
+  if (::unlinkat(folder, file.filename().c_str(), 0) != 0)
+    FailFolder("remove a file of an earlier run,", file, errno);
 }
 
 }  // namespace
@@ -143,27 +189,25 @@ ResultFolder::ResultFolder(const fs::path& dir)
 void ResultFolder::Publish(const std::string& last, const std::set<fs::path>& outdated) const {
   const std::unique_lock<std::mutex> hold = HoldInterrupts();
   const std::set<fs::path> files = FilesBelow(draft());
-  std::set<fs::path> folders;
-  for (const fs::path& file : outdated) RequireNoLinks(dir_, file);
+  FoldersBelow folders(dir_);
+  for (const fs::path& file : outdated) folders.Of(file, false);
   for (const fs::path& file : files) {
-    RequireNoLinks(dir_, file);
+    folders.Of(file, true);
     RequirePlace(dir_ / file);
-    folders.insert((dir_ / file).parent_path());
   }
   const auto each = [&](bool of_last, const auto& call) {
     for (const fs::path& file : files) {
       if ((file.filename() == last) == of_last) call(file);
     }
-    for (const fs::path& folder : folders) SyncFolder(folder);
+    folders.Sync();
   };
   const auto move = [&](const fs::path& file) {
-    std::error_code error;
-    fs::rename(draft() / file, dir_ / file, error);
-    RequireDone(error, "write", dir_ / file);
+    if (::renameat(AT_FDCWD, (draft() / file).c_str(), folders.Of(file, true),
+                   file.filename().c_str()) != 0)
+      FailFolder("write", dir_ / file, errno);
   };
-  for (const fs::path& folder : folders) MakeFolder(folder);
-  each(true, [&](const fs::path& file) { RemoveOutdated(dir_ / file); });
-  for (const fs::path& file : outdated) RemoveOutdated(dir_ / file);
+  each(true, [&](const fs::path& file) { RemoveOutdated(folders.Of(file, true), file); });
+  for (const fs::path& file : outdated) RemoveOutdated(folders.Of(file, false), file);
   each(false, move);
   each(true, move);
 }

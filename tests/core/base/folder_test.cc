@@ -1,12 +1,15 @@
 #include "core/base/folder.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <random>
 #include <set>
 #include <string>
@@ -136,12 +139,39 @@ TEST(ResultFolder, WritesNothingBehindALink) {
   const ResultFolder result(out);
   WriteFileAtomically(result.draft() / "labels/S1.png", "new");
   ExpectError<IoError>([&] { result.Publish("done"); },
-                       {(out / "labels").string() + " is a link to another folder"});
+                       {(out / "labels").string() + ", which is a link to another folder"});
   const ResultFolder* const again = &result;
   fs::remove_all(result.draft() / "labels");
   WriteFileAtomically(again->draft() / "done", "");
   ExpectError<IoError>([&] { again->Publish("done", {"labels/S1.png"}); }, {"link"});
   EXPECT_EQ(ReadFile(folder / "victim/S1.png"), "mine");
+}
+
+// A link takes a folder's place and leaves it again, all the time.
+TEST(ResultFolder, WritesNothingBehindALinkThatComesMeanwhile) {
+  const TempFolder folder;
+  const fs::path out = folder / "out", labels = out / "labels", link = folder / "link";
+  fs::create_directories(folder / "victim");
+  fs::create_directories(labels);
+  fs::create_directory_symlink(folder / "victim", link);
+  std::atomic<bool> done = false;
+  std::thread other([&] {
+    while (!done) ::renameat2(AT_FDCWD, link.c_str(), AT_FDCWD, labels.c_str(), RENAME_EXCHANGE);
+  });
+  int written = 0;
+  for (int round = 0; round < 4000 && written < 50; ++round) {
+    const ResultFolder result(out);
+    WriteFileAtomically(result.draft() / "labels/S1.png", "new", false);
+    try {
+      result.Publish("done");
+      ++written;
+    } catch (const IoError&) {
+    }
+  }
+  done = true;
+  other.join();
+  EXPECT_EQ(written, 50);
+  EXPECT_TRUE(fs::is_empty(folder / "victim"));
 }
 
 TEST(ResultFolder, NamesNoMixtureAsCompleteWhenKilledAtAnyMoment) {
