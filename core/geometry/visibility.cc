@@ -1,7 +1,9 @@
 #include "core/geometry/visibility.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 namespace volalign {
 
@@ -9,6 +11,7 @@ namespace {
 
 /// A box as the slab test wants it: the sensor's frame turned into the box's.
 struct LocalBox {
+  int index = 0;  // into the structure's boxes
   Eigen::Matrix3d box_from_ray;
   Eigen::Vector3d origin;  // ray origin in the box's frame
   Eigen::Vector3d half;
@@ -23,6 +26,9 @@ struct LocalBox {
 };
 
 constexpr int kNoAxis = -1;
+/// Rays of so many rows and columns are compared with the boxes together first, px.
+constexpr int kTile = 8;
+constexpr double kRounding = 1e-6;
 
 /// Entry of the ray origin + t * direction into the box, from outside. Returns false for no hit.
 bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* axis,
@@ -65,7 +71,8 @@ std::vector<LocalBox> LocalBoxes(const Structure& structure, const Eigen::Vector
     const Pose box_from_structure = box.structure_from_box.inverse();
     const Eigen::Vector3d centre =
         structure_from_ray.transpose() * (box.structure_from_box.translation() - origin);
-    boxes.push_back({box_from_structure.linear() * structure_from_ray, box_from_structure * origin,
+    boxes.push_back({static_cast<int>(boxes.size()),
+                     box_from_structure.linear() * structure_from_ray, box_from_structure * origin,
                      box.size / 2, centre, centre.squaredNorm() - box.size.squaredNorm() / 4});
   }
   return boxes;
@@ -73,17 +80,45 @@ std::vector<LocalBox> LocalBoxes(const Structure& structure, const Eigen::Vector
 
 RayHit FirstHit(const std::vector<LocalBox>& boxes, const Eigen::Vector3d& direction) {
   RayHit hit;
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
+  for (const LocalBox& box : boxes) {
     double t = 0;
     int axis = 0;
     bool positive = false;
-    if (boxes[b].IsPassedBy(direction)) continue;
-    if (SlabTest(boxes[b], direction, &t, &axis, &positive) && t < hit.t) {
+    if (box.IsPassedBy(direction)) continue;
+    if (SlabTest(box, direction, &t, &axis, &positive) && t < hit.t) {
       hit.t = t;
-      hit.side = SideIndex(static_cast<int>(b), axis, positive);
+      hit.side = SideIndex(box.index, axis, positive);
     }
   }
   return hit;
+}
+
+/// Those whose spheres meet the cone about the rays of a tile. A pixel without a ray is NaN.
+std::vector<LocalBox> BoxesNear(const std::vector<LocalBox>& boxes, const RayTable& rays, int u0,
+                                int u1, int v0, int v1) {
+  std::array<Eigen::Vector3d, static_cast<std::size_t>(kTile * kTile)> directions;
+  std::size_t count = 0;
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();
+  for (int v = v0; v < v1; ++v) {
+    for (int u = u0; u < u1; ++u) {
+      const Eigen::Vector2f& ray = rays.at(u, v);
+      if (ray.hasNaN()) continue;
+      directions[count] = Eigen::Vector3d(ray.x(), ray.y(), 1).normalized();
+      axis += directions[count++];
+    }
+  }
+  axis.normalize();
+  double cosine = 1;
+  for (std::size_t i = 0; i < count; ++i) cosine = std::min(cosine, axis.dot(directions[i]));
+  const double sine = std::sqrt(std::max(0.0, 1 - cosine * cosine));
+  std::vector<LocalBox> near;
+  for (const LocalBox& box : boxes) {
+    // The cosine of the angles of cone and sphere together, times the sphere's distance.
+    const double limit = cosine * std::sqrt(std::max(0.0, box.clearance)) - sine * box.half.norm();
+    if (box.clearance <= 0 || axis.dot(box.centre) > limit - kRounding * box.centre.norm())
+      near.push_back(box);
+  }
+  return near;
 }
 
 }  // namespace
@@ -98,14 +133,20 @@ ExpectedView CastView(const Structure& structure, const RayTable& rays,
   const std::vector<LocalBox> boxes =
       LocalBoxes(structure, structure_from_sensor.translation(), structure_from_sensor.linear());
   ExpectedView view{DepthImage(rays.width, rays.height), LabelImage(rays.width, rays.height)};
-  for (int v = 0; v < rays.height; ++v) {
-    for (int u = 0; u < rays.width; ++u) {
-      const Eigen::Vector2f& ray = rays.at(u, v);
-      const Eigen::Vector3d direction(ray.x(), ray.y(), 1);
-      const RayHit hit = FirstHit(boxes, direction);
-      if (hit.side < 0) continue;
-      view.depth(u, v) = static_cast<float>(hit.t);
-      view.labels(u, v) = structure.sides()[static_cast<std::size_t>(hit.side)].label;
+  for (int v0 = 0; v0 < rays.height; v0 += kTile) {
+    for (int u0 = 0; u0 < rays.width; u0 += kTile) {
+      const int v1 = std::min(v0 + kTile, rays.height), u1 = std::min(u0 + kTile, rays.width);
+      const std::vector<LocalBox> near = BoxesNear(boxes, rays, u0, u1, v0, v1);
+      if (near.empty()) continue;
+      for (int v = v0; v < v1; ++v) {
+        for (int u = u0; u < u1; ++u) {
+          const Eigen::Vector2f& ray = rays.at(u, v);
+          const RayHit hit = FirstHit(near, Eigen::Vector3d(ray.x(), ray.y(), 1));
+          if (hit.side < 0) continue;
+          view.depth(u, v) = static_cast<float>(hit.t);
+          view.labels(u, v) = structure.sides()[static_cast<std::size_t>(hit.side)].label;
+        }
+      }
     }
   }
   return view;

@@ -236,6 +236,34 @@ TEST(CastView, CloseUpAndLookingAway) {
   EXPECT_GT(hits, 5);  // at the image's border only
 }
 
+// Tiles of rays are compared with boxes together: also at the corners of a strong lens, where some
+// pixels have no ray, and with many boxes.
+TEST(CastView, TilesMissNothing) {
+  std::vector<Box> tower;
+  for (int i = 0; i < kMaxBoxes; ++i) {
+    const double x = 0.05 * (i % 3);
+    tower.push_back(Box::FromMinMax("b" + std::to_string(i), {x, 0.1 * i, 0},
+                                    {x + 0.4, 0.1 * (i + 1), 0.3}));
+  }
+  const Structure structure = Structure::FromBoxes("tower", tower);
+  RayTable rays = ComputeRays({43, 37, 30, 30, 21.2, 17.9, {-0.2, 0.05, 0, 0}});
+  rays.rays.front() = rays.rays[500].setConstant(std::numeric_limits<float>::quiet_NaN());
+  for (const double height : {0.3, 2.5, 5.4}) {
+    const Pose pose = LookAt({1.1, height, 0.9}, {0.2, height, 0.1}, 0.3);
+    const ExpectedView view = CastView(structure, rays, pose);
+    int hits = 0;
+    for (int v = 0; v < rays.height; ++v) {
+      for (int u = 0; u < rays.width; ++u) {
+        const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+        const RayHit hit = CastRay(structure, pose.translation(), pose.linear() * ray);
+        ASSERT_NEAR(view.depth(u, v), hit.side < 0 ? 0 : hit.t, 1e-6) << u << ", " << v;
+        hits += hit.side >= 0;
+      }
+    }
+    EXPECT_GT(hits, 100);
+  }
+}
+
 TEST(DistanceToSurface, AgreesWithDenseSampling) {
   for (std::uint64_t index = 0; index < 2; ++index) {
     const Structure structure = index == 0 ? PaperStructure() : RandomStructure(99);
