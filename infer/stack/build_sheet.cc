@@ -19,8 +19,9 @@ namespace {
 
 constexpr double kWidth = 794, kHeight = 1123;  // px: A4 at the 96 px an inch of SVG
 constexpr double kMargin = 48;                  // px
-constexpr double kViewTop = 104, kViewBottom = 540, kViewRight = 470, kLabelLeft = 496;  // px
-constexpr double kStepsTop = 572, kStepsBottom = 1026;                                   // px
+constexpr double kViewTop = 104, kViewBottom = 540, kLabelLeft = 516;    // px
+constexpr double kBackRight = 212, kFrontLeft = 296, kFrontRight = 480;  // px: views
+constexpr double kStepsTop = 572, kStepsBottom = 1026;                   // px
 constexpr double kFullCell = 240;  // px: cells of that size have text of the full size
 constexpr double kText = 11;       // px
 constexpr double kBold = 1.2;      // times as wide
@@ -89,17 +90,21 @@ struct FloorArrow {
   std::string text;
 };
 
-std::vector<FloorArrow> FloorArrows(const Structure& structure) {
+/// `names`: of the sides towards +x and +z.
+std::vector<FloorArrow> FloorArrows(const Structure& structure,
+                                    const std::array<std::string, 2>& names) {
   Eigen::AlignedBox3d all;
   for (const Box& box : structure.boxes()) all.extend(Bounds(box));
   const double y = structure.FloorHeight();
   const Eigen::Vector3d front(all.max().x() + 0.3 * kArrow, y, all.center().z());
   const Eigen::Vector3d right(all.center().x(), y, all.max().z() + 0.3 * kArrow);
-  return {{front, front + kArrow * Eigen::Vector3d::UnitX(), "front (+x)"},
-          {right, right + kArrow * Eigen::Vector3d::UnitZ(), "right (+z)"}};
+  return {{front, front + kArrow * Eigen::Vector3d::UnitX(), names[0]},
+          {right, right + kArrow * Eigen::Vector3d::UnitZ(), names[1]}};
 }
 
-IsometricView FittingView(const Structure& structure) {
+/// Between `from` and `to`, px.
+IsometricView FittingView(const Structure& structure, const std::vector<FloorArrow>& arrows,
+                          double from, double to) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   double left = kInfinite, right = -kInfinite, top = kInfinite, bottom = -kInfinite;
   const auto extend = [&](const Eigen::Vector3d& p) {
@@ -112,12 +117,12 @@ IsometricView FittingView(const Structure& structure) {
   for (const Box& box : structure.boxes()) {
     for (const Eigen::Vector3d& corner : box.Corners()) extend(corner);
   }
-  for (const FloorArrow& arrow : FloorArrows(structure)) extend(arrow.to);
+  for (const FloorArrow& arrow : arrows) extend(arrow.to);
   constexpr double kTextBelow = 18;  // px, of the arrows
   IsometricView view;
-  view.scale = std::min((kViewRight - kMargin) / (right - left),
+  view.scale = std::min((to - from) / (right - left),
                         (kViewBottom - kTextBelow - kViewTop) / (bottom - top));
-  view.left = (kMargin + kViewRight) / 2 - view.scale * (left + right) / 2;
+  view.left = (from + to) / 2 - view.scale * (left + right) / 2;
   view.top = kViewBottom - kTextBelow - view.scale * bottom;
   return view;
 }
@@ -206,8 +211,11 @@ std::string Edges(const BuildStep& step) {
                      Millimetres(step.left_to_right), Millimetres(step.height));
 }
 
-void DrawView(const Structure& structure, const std::vector<BuildStep>& steps, Svg* svg) {
-  const IsometricView view = FittingView(structure);
+/// Between `from` and `to`, px, as IsometricView shows it.
+IsometricView DrawBoxes(const Structure& structure, const std::vector<BuildStep>& steps,
+                        const std::array<std::string, 2>& names, double from, double to, Svg* svg) {
+  const std::vector<FloorArrow> arrows = FloorArrows(structure, names);
+  const IsometricView view = FittingView(structure, arrows, from, to);
   std::vector<Eigen::AlignedBox3d> bounds;
   for (const BuildStep& step : steps)
     bounds.push_back(Bounds(structure.boxes()[static_cast<std::size_t>(step.box)]));
@@ -226,7 +234,21 @@ void DrawView(const Structure& structure, const std::vector<BuildStep>& steps, S
                                         Tint(i, light)));
     }
   }
-  for (const FloorArrow& arrow : FloorArrows(structure)) DrawArrow(arrow, view, svg);
+  for (const FloorArrow& arrow : arrows) DrawArrow(arrow, view, svg);
+  return view;
+}
+
+Structure SeenFromBehind(const Structure& structure) {
+  const Pose turn(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()));
+  std::vector<Box> boxes = structure.boxes();
+  for (Box& box : boxes) box.structure_from_box = turn * box.structure_from_box;
+  return Structure::FromBoxes(structure.name(), boxes);
+}
+
+void DrawView(const Structure& structure, const std::vector<BuildStep>& steps, Svg* svg) {
+  DrawBoxes(SeenFromBehind(structure), steps, {"back (-x)", "left (-z)"}, kMargin, kBackRight, svg);
+  const IsometricView view =
+      DrawBoxes(structure, steps, {"front (+x)", "right (+z)"}, kFrontLeft, kFrontRight, svg);
 
   struct Label {
     std::size_t step;
@@ -236,7 +258,9 @@ void DrawView(const Structure& structure, const std::vector<BuildStep>& steps, S
   std::vector<Label> labels;
   for (std::size_t i = 0; i < steps.size(); ++i) {
     const auto anchor = Anchor(structure, steps[i].box);
-    const Svg::Point at = view.At(anchor.value_or(bounds[i].center()));
+    const Svg::Point at =
+        view.At(anchor.value_or(structure.boxes()[static_cast<std::size_t>(steps[i].box)]
+                                    .structure_from_box.translation()));
     labels.push_back({i, anchor ? std::optional(at) : std::nullopt, at.y});
   }
   std::stable_sort(labels.begin(), labels.end(),
@@ -281,7 +305,7 @@ class Cell {
   static double TextSize(double width, double height) {
     return std::min({width, height, kFullCell}) / kFullCell;
   }
-  static constexpr double kHead = 62, kSide = 46, kBelow = 26;  // px at the full size: texts
+  static constexpr double kHead = 76, kSide = 46, kBelow = 26;  // px at the full size: texts
 
   void Head(const std::string& title, const std::vector<std::string>& lines) {
     constexpr double kFrontMark = 108;  // px
@@ -423,7 +447,8 @@ void DrawSteps(const Structure& structure, const std::vector<BuildStep>& steps, 
     }
     const BuildStep& step = steps[k - 1];
     const Box& box = box_of(step.box);
-    cell.Head(fmt::format("{} {}", k, box.name), {Edges(step), StandsOn(structure, steps, step)});
+    cell.Head(fmt::format("{} {}", k, box.name), {Edges(step), StandsOn(structure, steps, step),
+                                                  "measured: ______ × ______ × ______"});
     const auto other = Reference(steps, k - 1);
     cell.Draw(box, fmt::format("fill=\"{}\" stroke=\"#222\"", Tint(k - 1, 1)));
     if (other) {

@@ -30,7 +30,11 @@ sensors:
 
 
 def calibrate(volalign, capture, output, *options):
-    run = subprocess.run([volalign, "calibrate", "--capture", os.path.join(capture, "capture.json"), "-o", output, *options], cwd=make_report.ROOT, stdout=subprocess.DEVNULL)
+    # From the folder beside the result, so that the pictures show no path of this machine.
+    folder = os.path.dirname(output)
+    os.makedirs(folder, exist_ok=True)
+    paths = [os.path.relpath(path, folder) for path in (os.path.join(capture, "capture.json"), output)]
+    run = subprocess.run([volalign, "calibrate", "--capture", paths[0], "-o", paths[1], *options], cwd=folder, stdout=subprocess.DEVNULL)
     if run.returncode not in (0, 2):
         sys.exit(f"calibrate ended with {run.returncode}")
     return "file://" + os.path.join(output, "report.html")

@@ -96,6 +96,9 @@ TEST(BuildSheet, SaysHowThePapersStackIsBuilt) {
   EXPECT_EQ(count("225 in"), 3);
   EXPECT_EQ(count("flush"), 6);
   EXPECT_EQ(count("front (+x)"), 1);
+  EXPECT_EQ(count("back (-x)"), 1);
+  EXPECT_EQ(count("left (-z)"), 1);
+  EXPECT_EQ(count("measured: ______ × ______ × ______"), 4);
   EXPECT_EQ(count("origin (+) 275 from its front edge,"), 1);
   EXPECT_EQ(count("165 from its right edge, 810 above"), 1);
 }
