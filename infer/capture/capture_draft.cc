@@ -265,6 +265,10 @@ class Drafter {
       if (streams.size() > 1) sensor.stream = stream.stream;
       stream.frames.clear();
       sensor.intrinsics = stream.intrinsics;
+      if (options_.depth_scale && !stream.depth_scale_stated) {
+        stream.depth_scale = options_.depth_scale;
+        stream.depth_scale_source = "--depth-scale";
+      }
       draft_.found.push_back(fmt::format(
           "{}: depth stream {} of {}, {}x{}{}{}", sensor.name, stream.stream, where, sensor.width,
           sensor.height,

@@ -5,7 +5,7 @@
 
 A page's commands are its indented lines that begin with the name of a program; a paragraph "`NAME.yaml`:" names the block that
 follows it. They run in an empty folder, from the state in which the page has its reader. CUT is added to runs of training that would
-take hours; nothing else is changed. FAILS names the commands that do not end with status 0 here, NOT_RUN those that no test runs, and
+take hours, SHORTER makes other runs short and leaves out what the page puts into brackets; nothing else is changed. FAILS names the commands that do not end with status 0 here, NOT_RUN those that no test runs, and
 why: a command of any page that is neither run nor named there is an error.
 """
 
@@ -19,6 +19,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 import unittest
 
@@ -29,6 +30,12 @@ from grey_png import read_png  # noqa: E402
 PROGRAM = os.path.abspath(sys.argv.pop(1)) if len(sys.argv) > 1 else ""
 
 CUT = "--set run.samples=32 run.validation_samples=8 optim.warmup_samples=16 run.batch_size=8"
+SHORTER = [
+    (r" \[-[^]]*\]| \[MORE[^]]*\]", ""),
+    (r"(--count) \d\d+", r"\1 16"),
+    (r"(--seeds \d+):\d+", r"\1"),
+    (r"(volalign validate (?!.*--samples).*)", r"\1 --samples 8"),
+]
 FAILS = {
     # Without a GPU.
     "volalign train --config configs/m05.yaml --device cuda -o runs/m05": (1, "no CUDA device"),
@@ -45,16 +52,14 @@ NOT_RUN = [
     (r"python", r"", "bindings/python runs the package; a build by pip takes as long as the quick start"),
     (r"", r"^(\./|tests/|packaging/|\.ci/|cmake |ninja |git |/usr/bin/python3 |python3 |apt|build/(?!release/cli)|taskset |venv/)",
      "builds, tests, measures or installs packages, for hours or as root"),
-    (r"benchmarks|results|paper|evaluation", r"", "hours; evaluate, suite and sweeps are tested at toy size by infer/evaluate, train and cli"),
+    (r"benchmarks|results|paper", r"", "hours; evaluate, suite and sweeps are tested at toy size by infer/evaluate, train and cli"),
     (r"install", r"build/cuda", "needs a GPU"),
-    (r"training", r"", "the tests of train and cli/command_line run the same options at toy size"),
+    (r"training", r"--nproc|torchrun|^srun|data\.real", "needs several processes or machines, or calibrations of one's own; train tests them"),
     (r"models/", r"", "how the shipped weights were trained, in days"),
-    (r"deployment", r"", "cli/deployment exports to every format"),
-    (r"sensor-models", r"", "needs frames of one's own, or minutes; cli/command_line renders a preview"),
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "orbbec", "own-boxes", "own-rig", "placements", "planning", "retrain")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "evaluation", "orbbec", "own-boxes", "own-rig", "placements", "planning", "retrain", "sensor-models", "training")]
 
 
 def all_pages():
@@ -151,8 +156,8 @@ class Tutorials(unittest.TestCase):
         with open(os.path.join(self.folder, name), "w", encoding="utf-8") as file:
             file.write(text)
 
-    def run_page(self, name):
-        """All that the page has one do; says what each command printed."""
+    def run_page(self, name, folder=""):
+        """All that the page has one do, with `folder` in the place of FOLDER; says what each command printed."""
         printed = {}
         for step in steps_of(page(name)):
             if step[0] == "write":
@@ -160,7 +165,10 @@ class Tutorials(unittest.TestCase):
             elif step[1].startswith("build/release/cli/volalign "):
                 printed[step[1]] = self.run_command(step[1].replace("build/release/cli/", "", 1))
             elif not why_not_run(name, step[1]):
-                printed[step[1]] = self.run_command(step[1])
+                command = step[1].replace("FOLDER", folder) if folder else step[1]
+                for long, short in SHORTER:
+                    command = re.sub(long, short, command)
+                printed[step[1]] = self.run_command(command)
         self.assertTrue(printed)
         return printed
 
@@ -266,6 +274,26 @@ class Tutorials(unittest.TestCase):
     def test_planning(self):
         self.run_page("docs/planning.md")
         self.expect_files("plan.svg", "target.svg", "boxes.yaml", "build.svg")
+
+    def test_deployment(self):
+        self.run_page("docs/deployment.md")
+        self.expect_files("out/m05-lite.onnx")
+
+    def test_evaluation(self):
+        self.run_page("docs/evaluation.md")
+        self.expect_files("out/eval/evaluation.json")
+
+    def test_sensor_models(self):
+        self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
+        self.run_page("docs/sensor-models.md", "frames")
+        self.expect_files("out/preview/preview.png", "preview/preview.png")
+
+    def test_training(self):
+        sweep = next(block for block in re.split(r"\n\s*\n", page("docs/training.md")) if block.startswith("    recipes:"))
+        self.write("sweep.yaml", textwrap.dedent(sweep).replace("seeds: [1, 2, 3]", "seeds: [1]"))
+        self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
+        self.run_page("docs/training.md", "frames")
+        self.expect_files("runs/m05-lite/model.pt", "runs/sweep/summary.csv", "runs.svg", "runs/a/model.pt", "out/preview/preview.png")
 
 
 if __name__ == "__main__":
