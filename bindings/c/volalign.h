@@ -146,6 +146,21 @@ typedef struct volalign_sensor {
 VOLALIGN_API int volalign_result_count(const volalign_result* result);
 VOLALIGN_API volalign_code volalign_result_sensor(const volalign_result* result, int index,
                                                   volalign_sensor* sensor);
+
+/* What makes the whole calibration doubtful, whichever sensor shows it. Set struct_size to
+ * sizeof(volalign_finding) before the call. */
+typedef struct volalign_finding {
+  size_t struct_size;
+  const char* code;   /* such as "size_off"; docs/calibration.md lists them */
+  const char* about;  /* names of the sensors or of the box, with '\n' between them; "": all */
+  const char* reason; /* what was found, in sentences */
+  const char* hint;   /* what to do about it */
+} volalign_finding;
+
+/* How many there are; the likeliest cause is the first. */
+VOLALIGN_API int volalign_result_finding_count(const volalign_result* result);
+VOLALIGN_API volalign_code volalign_result_finding(const volalign_result* result, int index,
+                                                   volalign_finding* finding);
 /* What each pixel of sensor `index` shows in still `still` (0 is the first): 0 background, else the
  * number of a side. `labels` has room for `size` bytes, width * height of the sensor's frame
  * exactly. */

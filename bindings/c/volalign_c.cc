@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 #include <exception>
@@ -47,6 +49,7 @@ struct volalign_result {
   volalign::Structure structure;
   volalign::ExtrinsicsSource source;
   std::string options, json;
+  std::vector<std::string> about;  // of each finding
 };
 
 namespace {
@@ -310,6 +313,8 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
           if (progress && progress(stage.c_str(), user) != 0)
             throw Stopped("the calibration was stopped before: " + stage);
         });
+    for (const volalign::RigFinding& finding : made->calibration.findings)
+      made->about.push_back(fmt::format("{}", fmt::join(finding.about, "\n")));
     made->json = volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->calibration, made->stills,
                                                                    made->structure, made->source),
                                           "result")
@@ -351,6 +356,24 @@ volalign_code volalign_result_sensor(const volalign_result* result, int index,
     Eigen::Map<RowMajor4>(sensor->structure_from_sensor) = from.structure_from_sensor->matrix();
     Eigen::Map<RowMajor6>(sensor->covariance) = from.covariance;
     Eigen::Map<Eigen::Vector3d>(sensor->sigma_position) = from.sigma_position_m();
+  });
+}
+
+int volalign_result_finding_count(const volalign_result* result) {
+  return result ? static_cast<int>(result->about.size()) : 0;
+}
+
+volalign_code volalign_result_finding(const volalign_result* result, int index,
+                                      volalign_finding* finding) {
+  return Guard([&] {
+    Require(result && finding, "result or finding is NULL");
+    Require(index >= 0 && index < volalign_result_finding_count(result),
+            "there is no finding of this number");
+    Require(finding->struct_size == sizeof(volalign_finding), kUnknownSize);
+    const auto i = static_cast<std::size_t>(index);
+    const volalign::RigFinding& from = result->calibration.findings[i];
+    *finding = {sizeof(volalign_finding), volalign::ToString(from.code), result->about[i].c_str(),
+                from.reason.c_str(), from.hint.c_str()};
   });
 }
 

@@ -113,6 +113,16 @@ void AddCheck(py::module_& module) {
             return reasons;
           },
           "Reasons by name, of sensors that have not two poses.")
+      .def_property_readonly(
+          "exchanged",
+          [](const Checked& checked) {
+            py::dict places;
+            for (const Exchanged& sensor : checked.check.exchanged)
+              places[py::str(sensor.name)] = sensor.place_of;
+            return places;
+          },
+          "Sensors that have exchanged their places or their depth files: by name, the sensor in "
+          "whose place it stands.")
       .def_property_readonly("same_structure",
                              [](const Checked& checked) { return checked.check.same_structure; })
       .def_property_readonly(

@@ -174,6 +174,18 @@ void AddStack(py::module_& module) {
                     "Standard deviation, m, of where b is as a has it, where that is known least.")
       .def_readonly("sigma_deg", &PairResult::sigma_deg, "The same of how it is turned, deg.");
 
+  py::class_<RigFinding>(module, "Finding", "What makes a whole calibration doubtful.")
+      .def_property_readonly(
+          "code", [](const RigFinding& finding) { return ToString(finding.code); },
+          "Such as \"size_off\"; docs/calibration.md lists them.")
+      .def_readonly("about", &RigFinding::about,
+                    "Names of the sensors or of the box; empty: of all.")
+      .def_readonly("reason", &RigFinding::reason, "What was found, in sentences.")
+      .def_readonly("hint", &RigFinding::hint, "What to do about it.")
+      .def("__repr__", [](const RigFinding& finding) {
+        return fmt::format("<Finding {}: {}>", ToString(finding.code), finding.reason);
+      });
+
   py::class_<BoxPart> box(module, "BoxResult", "A box as it was found, against its nominal place.");
   box.def_readonly("name", &BoxPart::name);
   AddMember(&box, "estimated", &RefinedBox::estimated);
@@ -238,7 +250,10 @@ void AddResult(py::module_& module) {
           "SensorResult by name.")
       .def_property_readonly(
           "verdict", [](const Calibrated& c) { return ToString(c.result.verdict()); },
-          "The worst status of a sensor.")
+          "The worst status of a sensor; with findings, \"weak\" at best.")
+      .def_property_readonly(
+          "findings", [](const Calibrated& c) { return c.result.findings; },
+          "List of Finding, the likeliest cause first; empty: nothing makes the whole doubtful.")
       .def_property_readonly(
           "placed", [](const Calibrated& c) { return c.result.placed(); },
           "How many sensors have a pose.")

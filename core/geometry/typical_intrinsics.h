@@ -18,4 +18,8 @@ std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& yaml,
 /// for a name that is not in it, and where the pool has no resolution of this aspect ratio.
 std::optional<Intrinsics> TypicalIntrinsics(const std::string& sensor, int width, int height);
 
+/// Those of the kind's frames of another size that `given` seems to be: by its focal length and its
+/// principal point, scaled to them. Nothing where the kind has frames of the size of `given`.
+std::optional<Intrinsics> OfAnotherSize(const std::string& sensor, const Intrinsics& given);
+
 }  // namespace volalign

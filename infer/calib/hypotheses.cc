@@ -262,13 +262,24 @@ void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibra
 void SuspectIntrinsics(const std::vector<Still>& stills, const VerdictOptions& options,
                        FrameResult* sensor) {
   const SensorFrame* frame = FindFrame(stills.front(), sensor->name);
-  if (!frame || sensor->status == SensorStatus::kOk || sensor->code == SensorCode::kWrongUnits ||
-      sensor->code == SensorCode::kNoDepth)
+  if (!frame || sensor->code == SensorCode::kWrongUnits || sensor->code == SensorCode::kNoDepth)
     return;
   const Intrinsics& given = frame->intrinsics;
+  if (const std::optional<Intrinsics> other = OfAnotherSize(frame->sensor, given)) {
+    if (sensor->status == SensorStatus::kOk) sensor->status = SensorStatus::kWeak;
+    static_cast<Finding&>(*sensor) = {
+        SensorCode::kIntrinsicsSuspect,
+        fmt::format("its intrinsics are those of {} at about {}x{}, and its frames are {}x{}",
+                    frame->sensor, other->width, other->height, given.width, given.height),
+        "where frames were cropped, take what was cut off at the left and at the top from cx and "
+        "cy; where they were resized, scale fx, fy, cx and cy"};
+    return;
+  }
   const std::optional<Intrinsics> typical =
       TypicalIntrinsics(frame->sensor, given.width, given.height);
-  if (!typical || std::abs(std::log(given.fx / typical->fx)) < options.far_off_intrinsics) return;
+  if (sensor->status == SensorStatus::kOk || !typical ||
+      std::abs(std::log(given.fx / typical->fx)) < options.far_off_intrinsics)
+    return;
   static_cast<Finding&>(*sensor) = {
       SensorCode::kIntrinsicsSuspect,
       fmt::format("its fx is {:.0f} px, and a {} has about {:.0f} at {}x{}", given.fx,
@@ -297,9 +308,32 @@ double LonelyShare(const SensorView& view) {
   return measured > 0 ? lonely / measured : 0;
 }
 
+/// Whether depth goes on behind nearly every edge without a missing pixel. Sensors miss some there,
+/// in their shadow or where a pixel sees both; filters fill them.
+bool IsFilled(const DepthImage& depth) {
+  double jumps = 0, gaps = 0;
+  for (int v = 0; v < depth.height(); ++v) {
+    int last = -1;
+    for (int u = 0; u < depth.width(); ++u) {
+      if (!(depth(u, v) > 0)) continue;
+      if (last >= 0 && std::abs(depth(u, v) - depth(last, v)) > DepthJump(depth(u, v))) {
+        ++jumps;
+        gaps += u - last > 1 ? 1 : 0;
+      }
+      last = u;
+    }
+  }
+  return jumps > depth.height() && gaps < kNotable / 2 * jumps;
+}
+
 void SuspectSpoilt(FrameResult* sensor) {
   if (sensor->status == SensorStatus::kOk) return;
   const double share = LonelyShare(sensor->view);
+  if (share < kNotable && IsFilled(sensor->view.depth))
+    sensor->hint =
+        "record frames without filters that fill holes: next to its edges no depth is "
+        "missing; then: " +
+        sensor->hint;
   if (share < kNotable) return;
   sensor->hint = fmt::format(
       "{:.0f} % of its pixels are far from all that their neighbours measure: give frames as the "

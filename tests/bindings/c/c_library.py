@@ -41,6 +41,10 @@ class Sensor(ctypes.Structure):
         ("cx", ctypes.c_double), ("cy", ctypes.c_double), ("distortion_count", ctypes.c_int), ("distortion", ctypes.c_double * 8)]  # fmt: skip
 
 
+class Finding(ctypes.Structure):
+    _fields_ = [("struct_size", ctypes.c_size_t)] + [(name, ctypes.c_char_p) for name in ("code", "about", "reason", "hint")]
+
+
 PROGRESS = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
 
 
@@ -111,10 +115,11 @@ class Calls(unittest.TestCase):
         frame.raw_scale = 0.001
         return frame, pixels
 
-    def memory(self, metres=False):
+    def memory(self, metres=False, raw_scale=0.001):
         capture = self.handle("capture", "capture_create", STRUCTURE.encode())
         for number in range(len(self.frames)):
             frame, pixels = self.frame(number, metres)
+            frame.raw_scale = raw_scale
             self.call("capture_add", capture, ctypes.byref(frame))
             del pixels  # copied
         return capture
@@ -197,6 +202,20 @@ class CLibrary(Calls):
         self.assert_poses(self.poses(self.calibrate(read)), "geometry")
         found = self.poses(self.calibrate(self.memory(metres=True)))
         self.assertEqual(set(found), set(self.expected["geometry"]))
+
+    def test_findings(self):
+        result = self.calibrate(self.memory(raw_scale=0.00105))
+        written = json.loads(self.library.volalign_result_json(result))["findings"]
+        self.assertIn("size_off", [finding["code"] for finding in written])
+        self.assertEqual(self.library.volalign_result_finding_count(result), len(written))
+        for index, expected in enumerate(written):
+            finding = Finding(struct_size=ctypes.sizeof(Finding))
+            self.call("result_finding", result, index, ctypes.byref(finding))
+            for name in ("code", "reason", "hint"):
+                self.assertEqual(getattr(finding, name).decode(), expected[name])
+            self.assertEqual(finding.about.decode(), "\n".join(expected.get("about", [])))
+        self.call("result_finding", result, len(written), ctypes.byref(finding), code=INVALID_ARGUMENT)
+        self.assertEqual(self.library.volalign_result_finding_count(None), 0)
 
     def test_stopping(self):
         calls = []

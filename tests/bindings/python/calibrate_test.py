@@ -47,6 +47,17 @@ def test_places_sensors(result):
     assert "S1" in str(result)
 
 
+def test_findings(result):
+    assert result.findings == []
+    frames = [frame_of(name, 1.05 * depth_of(true_pose(angle))) for name, angle in ANGLES.items()]
+    doubtful = volalign.calibrate(volalign.Capture(frames, structure=result.structure), model=None)
+    found = [{"code": f.code, "about": f.about, "reason": f.reason, "hint": f.hint} for f in doubtful.findings]
+    assert "size_off" in [finding["code"] for finding in found]
+    assert doubtful.verdict != "ok"
+    assert found == [{"about": [], **finding} for finding in doubtful.to_dict()["findings"]]
+    assert found[0]["code"] in repr(doubtful.findings[0])
+
+
 def test_images_outlive_the_result(capture):
     result = volalign.calibrate(capture, model=None)
     labels = result.sensors["S1"].labels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import volalign
-from conftest import capture_of
+from conftest import ANGLES, capture_of, depth_of, frame_of, true_pose
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +23,14 @@ def test_finds_what_moved(check, result):
     assert check.moved_beyond(0.05, 90) and not check.moved_beyond(0.2, 90)
     assert (check.not_compared, check.same_structure) == ({}, True)
     assert "S3 moved" in str(check)
+
+
+def test_exchanged(check, result):
+    assert check.exchanged == {}
+    turned = {"S1": "S2", "S2": "S1", "S3": "S3"}
+    frames = [frame_of(name, depth_of(true_pose(ANGLES[other]))) for name, other in turned.items()]
+    now = volalign.check(result, volalign.Capture(frames, structure=result.structure), model=None)
+    assert now.exchanged == {"S1": "S2", "S2": "S1"}
 
 
 def test_files(check, result, tmp_path):

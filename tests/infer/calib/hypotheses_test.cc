@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -154,6 +155,31 @@ TEST(Hypotheses, AnImplausibleFocalLengthIsTheFirstSuspicion) {
   }
 }
 
+// Cropped frames with the intrinsics of whole ones leave residuals as small as right ones.
+TEST(Hypotheses, IntrinsicsOfFramesBeforeTheyWereCropped) {
+  std::vector<SensorFrame> frames = Four().frames;
+  for (SensorFrame& frame : frames) {
+    frame.sensor = "azure_kinect_nfov_binned";
+    DepthImage part(frame.depth.width() - 40, frame.depth.height() - 20);
+    for (int v = 0; v < part.height(); ++v) {
+      for (int u = 0; u < part.width(); ++u) part(u, v) = frame.depth(u + 40, v + 20);
+    }
+    frame.depth = part;
+    frame.intrinsics.width = part.width();
+    frame.intrinsics.height = part.height();
+  }
+  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors) {
+    EXPECT_EQ(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.name << sensor.reason;
+    EXPECT_NE(sensor.hint.find("cut off"), std::string::npos) << sensor.hint;
+  }
+  for (SensorFrame& frame : frames) {
+    frame.intrinsics.cx -= 40;
+    frame.intrinsics.cy -= 20;
+  }
+  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors)
+    EXPECT_NE(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.name << sensor.reason;
+}
+
 // Means over frames in which depths are missing at times.
 TEST(Hypotheses, AFrameThatWasSpoiltIsNoBadView) {
   std::vector<SensorFrame> frames = Four().frames;
@@ -165,6 +191,26 @@ TEST(Hypotheses, AFrameThatWasSpoiltIsNoBadView) {
   EXPECT_NE(sensor.status, SensorStatus::kOk);
   EXPECT_NE(sensor.hint.find("far from all that their neighbours measure"), std::string::npos)
       << sensor.hint;
+}
+
+// A sensor misses depth where it ends before something farther away. One that does not is filled.
+TEST(Hypotheses, HolesThatWereFilledAreNamed) {
+  std::vector<SensorFrame> frames = Four().frames;
+  frames[0].intrinsics.fx *= 1.3;
+  frames[0].intrinsics.fy *= 1.3;
+  const auto hint = [&] {
+    const FrameResult sensor = ByShape(frames, Four().structure).sensors[0];
+    EXPECT_NE(sensor.status, SensorStatus::kOk);
+    return sensor.hint;
+  };
+  EXPECT_EQ(hint().rfind("record frames without filters that fill holes", 0), 0u) << hint();
+  DepthImage& depth = frames[0].depth;
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 1; u < depth.width(); ++u) {
+      if (std::abs(depth(u, v) - depth(u - 1, v)) > 0.05f) depth(u - 1, v) = 0;
+    }
+  }
+  EXPECT_EQ(hint().find("fill holes"), std::string::npos) << hint();
 }
 
 }  // namespace
