@@ -178,8 +178,10 @@ void CollectRos2(const std::string& topic, const std::string& type, std::string_
     RosStream& stream = content->streams[topic];
     stream.stream = Uncompressed(topic);
     if (format.rfind("16UC1", 0) != 0 || format.find("rvl") != std::string::npos) {
-      stream.problem =
-          fmt::format("depth compressed as \"{}\"; only PNG of 16UC1 is read", Shortened(format));
+      stream.problem = fmt::format(
+          "depth compressed as \"{}\"; only PNG of 16UC1 is read: record the raw topic, or "
+          "republish this one with image_transport (compressedDepth to raw)",
+          Shortened(format));
     }
     AddFrame(
         reading, frame, [&] { return DecodeCompressed(image.Bytes(), name); }, &stream);

@@ -7,6 +7,7 @@
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/inotify.h>
 #include <tiffio.h>
@@ -200,6 +201,22 @@ TEST_F(DepthFileTest, OpenExrLayers) {
     file.writePixels(kHeight);
   }
   ExpectFilled(path, false);
+}
+
+TEST_F(DepthFileTest, ExrWithManyChannels) {
+  const std::string path = (folder_ / "a.exr").string();
+  Imf::Header header(kWidth, kHeight);
+  for (int i = 0; i < 2000; ++i)
+    header.channels().insert(fmt::format("\x1b\n{:0>200}", i), Imf::Channel(Imf::FLOAT));
+  { const Imf::OutputFile file(path.c_str(), header); }
+  try {
+    ReadStoredDepth(path);
+    FAIL();
+  } catch (const DataError& error) {
+    const std::string said = error.what();
+    EXPECT_LT(said.size(), 600u) << said;
+    EXPECT_EQ(said.find_first_of("\x1b\n"), std::string::npos) << said;
+  }
 }
 
 TEST_F(DepthFileTest, OpenExr) {

@@ -2,6 +2,7 @@
 // description.
 
 #include <bzlib.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <lz4frame.h>
 #include <sqlite3.h>
@@ -17,6 +18,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "infer/capture/capture.h"
 #include "infer/formats/recording.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/read_file.h"
@@ -661,7 +663,7 @@ TEST(DescribedDb3, ImagesAreNotReadTwice) {
   for (const auto& both : {std::vector{images, others}, std::vector{others, images}})
     ExpectDepth(ReadRecording(WriteDb3(folder, both), 10), images.topic, 0.001, 1);
   ExpectError<DataError>([&] { ReadRecording(WriteDb3(folder, {others}), 10); },
-                         {"a.db3", "/camera/depth/image", "rvl", "PNG"});
+                         {"a.db3", "/camera/depth/image", "rvl", "PNG", "image_transport"});
   // Beside a camera that can be read, it is said of the stream.
   Db3Message second = images;
   second.topic = "/other/depth/image";
@@ -847,6 +849,27 @@ TEST(DescribedMcap, MessagesOfOrbbec) {
   EXPECT_EQ(streams[0].kind, "orbbec_gemini_335");
   ASSERT_TRUE(streams[0].intrinsics && streams[0].colour);
   EXPECT_EQ(streams[0].intrinsics->fy, 2.25);
+}
+
+TEST(DescribedMcap, ManyStreamsOfLongNames) {
+  std::string records;
+  for (std::uint16_t i = 1; i < 500; ++i) {
+    records += McapStream("sensor_msgs/Image", "ros1", RosMessage({"16UC1", false, Samples(false)}),
+                          fmt::format("/{:0>200}\x1b/depth/image", i), i);
+  }
+  const TempFolder folder;
+  folder.Write("a.mcap", Mcap(records));
+  const std::string capture =
+      folder.Write("capture.json", R"({"sensors": [{"name": "A", "depth": "a.mcap"}]})");
+  try {
+    ReadCapture(capture);
+    FAIL();
+  } catch (const DataError& error) {
+    const std::string said = error.what();
+    EXPECT_NE(said.find("several depth streams"), std::string::npos) << said;
+    EXPECT_LT(said.size(), 600u) << said;
+    EXPECT_EQ(said.find('\x1b'), std::string::npos) << said;
+  }
 }
 
 TEST(DescribedMcap, DamagedOrUnknown) {
