@@ -242,8 +242,8 @@ TEST(CastView, TilesMissNothing) {
   std::vector<Box> tower;
   for (int i = 0; i < kMaxBoxes; ++i) {
     const double x = 0.05 * (i % 3);
-    tower.push_back(Box::FromMinMax("b" + std::to_string(i), {x, 0.1 * i, 0},
-                                    {x + 0.4, 0.1 * (i + 1), 0.3}));
+    tower.push_back(
+        Box::FromMinMax("b" + std::to_string(i), {x, 0.1 * i, 0}, {x + 0.4, 0.1 * (i + 1), 0.3}));
   }
   const Structure structure = Structure::FromBoxes("tower", tower);
   RayTable rays = ComputeRays({43, 37, 30, 30, 21.2, 17.9, {-0.2, 0.05, 0, 0}});
