@@ -45,7 +45,7 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
                     options.orientation, options.threads, clock);
 }
 
-/// Throws ConfigError unless some still has let the sensor choose.
+/// Throws ConfigError unless some still leaves the choice open.
 void RequireTwin(const Seen& seen, const SensorNumber& asked) {
   std::set<int> numbers;
   for (const FrameId id : seen.labelled.Ids()) {
@@ -53,6 +53,10 @@ void RequireTwin(const Seen& seen, const SensorNumber& asked) {
     if (seen.labelled[id].given) return;
     for (const PoseTwin& twin : seen.labelled[id].twins) numbers.insert(twin.number);
   }
+  if (numbers.count(asked.number) > 0)
+    throw ConfigError(fmt::format(
+        "orientation.twins (--twin): what {} sees refutes its pose {}; leave the choice out",
+        asked.sensor, asked.number));
   throw ConfigError(fmt::format(
       "orientation.twins (--twin): {} has no pose {}; {}", asked.sensor, asked.number,
       numbers.empty() ? "no other pose fits its view"
