@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 
 #include "core/base/odds.h"
@@ -148,38 +149,32 @@ std::vector<RigFinding> FindCoveredSides(
   struct Shown {
     int frames = 0, pixels = 0, hidden = 0;
   };
-  std::vector<Shown> of_side(structure.sides().size());
-  for (const auto& [view, pose] : frames) {
-    std::vector<int> pixels(of_side.size(), 0);
-    view->VisitMeasured(StrideForRays(view->depth.size(), kCoarseRays),
-                        [&, &pose = pose, &view = view](int u, int v) {
-                          const Eigen::Vector2d ray = view->rays.at(u, v).cast<double>();
-                          const RayHit hit =
-                              CastRay(structure, pose.translation(),
-                                      pose.linear() * Eigen::Vector3d(ray.x(), ray.y(), 1));
-                          if (hit.side < 0) return;
-                          const auto side = static_cast<std::size_t>(hit.side);
-                          const double nearer = hit.t - view->depth(u, v);
-                          ++pixels[side];
-                          ++of_side[side].pixels;
-                          of_side[side].hidden += nearer >= kRoughPose ? 1 : 0;
-                        });
-    for (std::size_t side = 0; side < of_side.size(); ++side)
-      of_side[side].frames += 4 * pixels[side] >= static_cast<int>(kFewProbes) ? 1 : 0;
+  std::vector<Shown> of_label(static_cast<std::size_t>(structure.num_classes()));
+  for (const auto& [full, pose] : frames) {
+    const SensorView view = Decimate(*full, StrideForRays(full->depth.size(), kCoarseRays));
+    const ExpectedView expected = CastView(structure, view.rays, pose);
+    std::vector<std::size_t> pixels(of_label.size(), 0);
+    for (std::size_t i = 0; i < view.depth.size(); ++i) {
+      const std::uint8_t label = expected.labels[i];
+      if (label == 0 || !(view.depth[i] > 0)) continue;
+      ++pixels[label];
+      ++of_label[label].pixels;
+      of_label[label].hidden += expected.depth[i] - view.depth[i] >= kRoughPose ? 1 : 0;
+    }
+    for (std::size_t label = 1; label < of_label.size(); ++label)
+      of_label[label].frames += 4 * pixels[label] >= kFewProbes ? 1 : 0;
   }
   std::vector<RigFinding> findings;
-  for (std::size_t k = 0; k < of_side.size(); ++k) {
-    const Shown& shown = of_side[k];
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    const Shown& shown = of_label[static_cast<std::size_t>(label)];
     if (shown.frames < 2 || shown.hidden < (1 - 2 * kLeastShown) * shown.pixels) continue;
-    const Side& side = structure.sides()[k];
-    const Box& box = structure.boxes()[static_cast<std::size_t>(side.box)];
+    const Side& side = structure.SideOfLabel(label);
     findings.push_back(
         {RigCode::kBoxOff,
-         {box.name},
+         {structure.boxes()[static_cast<std::size_t>(side.box)].name},
          fmt::format("{} should be seen by {} sensors, and something nearer lies before most of it",
                      side.name, shown.frames),
-         "look for a box that the structure file does not have, or take away what "
-         "stands there"});
+         "look for a box that the structure file does not have, or take away what stands there"});
   }
   return findings;
 }

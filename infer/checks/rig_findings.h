@@ -38,8 +38,8 @@ std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
                                           const std::vector<std::string>& sensors,
                                           const Structure& structure);
 
-/// Of each side that two frames or more should show and none does, since something nearer lies on
-/// all of it: a box that the structure does not have. `frames`: views with their
+/// Of each side that two frames or more should show, and before most of which something nearer
+/// lies: perhaps a box that the structure does not have. `frames`: views with their
 /// structure_from_sensor.
 std::vector<RigFinding> FindCoveredSides(
     const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure);

@@ -54,10 +54,10 @@ std::vector<Eigen::Matrix3d> AxisTurns() {
   return turns;
 }
 
-/// Turns that take the axes of boxes to those of boxes, for the kMostAxes sets of axes that most
-/// boxes have.
-std::vector<Eigen::Matrix3d> Turns(const std::vector<Box>& boxes) {
-  std::vector<std::pair<Eigen::Matrix3d, int>> axes;  // and how many boxes have them
+/// Turns that take the axes of some boxes to those of others. What stands along the structure's
+/// axes to kTurned has these; of other axes, the kMostAxes sets that most boxes have count.
+std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
+  std::vector<std::pair<Eigen::Matrix3d, int>> axes{{Eigen::Matrix3d::Identity(), 0}};
   for (const Box& box : boxes) {
     const Eigen::Matrix3d own = box.structure_from_box.linear();
     const auto same = std::find_if(axes.begin(), axes.end(), [&](const auto& other) {
@@ -70,16 +70,16 @@ std::vector<Eigen::Matrix3d> Turns(const std::vector<Box>& boxes) {
     }
   }
   SortLargestFirst(&axes, [](const auto& set) { return set.second; });
+  if (axes.back().second == 0) axes.pop_back();
   if (axes.size() > kMostAxes) axes.resize(kMostAxes);
   std::vector<Eigen::Matrix3d> turns;
-  for (const auto& [to, count_to] : axes) {
-    for (const auto& [from, count_from] : axes) {
-      for (const Eigen::Matrix3d& turn : AxisTurns()) {
-        AddIfNew(Eigen::Matrix3d(to * turn * from.transpose()), &turns,
-                 [&, &to = to, &from = from](const Eigen::Matrix3d& other) {
-                   return (other.transpose() * to * turn * from.transpose()).trace() >
-                          1 + 2 * kAligned;
-                 });
+  for (const auto& to : axes) {
+    for (const auto& from : axes) {
+      for (const Eigen::Matrix3d& between : AxisTurns()) {
+        const Eigen::Matrix3d turn = to.first * between * from.first.transpose();
+        AddIfNew(turn, &turns, [&](const Eigen::Matrix3d& other) {
+          return (other.transpose() * turn).trace() > 1 + 2 * kAligned;
+        });
       }
     }
   }
@@ -220,7 +220,7 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
     side_centres.Add(structure.sides()[i].centre, static_cast<int>(i));
 
   std::vector<StructureAlias> aliases;
-  for (const Eigen::Matrix3d& turn : Turns(boxes)) {
+  for (const Eigen::Matrix3d& turn : TurnsBetween(boxes)) {
     const Fits fits(corners, turn);
     const std::size_t first = aliases.size();
     for (const Box& from : boxes) {

@@ -193,6 +193,17 @@ TEST(FindAliases, AreThoseOfTheStackHoweverItIsTurned) {
   }
 }
 
+TEST(FindAliases, AreThoseOfTheStackAlsoWhereTheFirstBoxIsTurnedALittle) {
+  std::vector<Box> boxes = PaperStructure().boxes();
+  const std::size_t straight = FindAliases(PaperStructure()).size();
+  boxes[0].structure_from_box.rotate(Eigen::AngleAxisd(0.06, Eigen::Vector3d::UnitY()));
+  const std::size_t askew = FindAliases(Structure::FromBoxes("askew", boxes)).size();
+  std::rotate(boxes.begin(), boxes.begin() + 1, boxes.end());
+  EXPECT_EQ(FindAliases(Structure::FromBoxes("last", boxes)).size(), askew);
+  EXPECT_GT(askew, 0U);
+  EXPECT_LE(askew, straight);
+}
+
 TEST(FindAliases, AreAllMotionsByDefinition) {
   std::size_t all = 0;
   for (const Structure& structure : {PaperStructure(), Grid(9), Heap(6), Heap(3), Grid(1)}) {
