@@ -293,7 +293,7 @@ class Tutorials(unittest.TestCase):
         self.write("sweep.yaml", textwrap.dedent(sweep).replace("seeds: [1, 2, 3]", "seeds: [1]"))
         self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
         self.run_page("docs/training.md", "frames")
-        self.expect_files("runs/m05-lite/model.pt", "runs/sweep/summary.csv", "runs.svg", "runs/a/model.pt", "out/preview/preview.png")
+        self.expect_files("runs/m05-lite/model.pt", "runs/sweep/summary.csv", "runs/a/model.pt", "out/preview/preview.png")
 
 
 if __name__ == "__main__":
