@@ -13,8 +13,9 @@ namespace volalign {
 /// the mean of those of its non-zero values that are near their (lower) median, so that no value is
 /// invented between foreground and background, and has as sigma the standard error of that mean, by
 /// the deviation from the median that 68 % of the values keep. Median and deviation are those of
-/// the first kMostKept frames, which alone are kept. A pixel that fewer than three of the frames
-/// measure, or than two of two, has no depth: one value tells nothing of its deviation.
+/// the first kMostKept frames, which alone are kept.
+/// A pixel has no depth if fewer than three frames measured it (two, of two frames): one value says
+/// nothing about its deviation.
 class MeanDepth {
  public:
   static constexpr std::size_t kMostKept = 32;

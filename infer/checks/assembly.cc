@@ -47,7 +47,7 @@ struct Hypothesis {
     for (const Fit& fit : fits) sum += fit ? std::max(0.0, fit->shape.Gain()) : 0;
     return sum;
   }
-  /// By what a search goes on with.
+  /// What a search orders hypotheses by.
   double Rank() const { return LogOdds() + Gain(); }
   /// Of what is measured where the boxes are; a view without their shape explains nothing.
   double Share() const {

@@ -54,8 +54,9 @@ std::vector<Eigen::Matrix3d> AxisTurns() {
   return turns;
 }
 
-/// Turns that take the axes of some boxes to those of others. What stands along the structure's
-/// axes to kTurned has these; of other axes, the kMostAxes sets that most boxes have count.
+/// The turns that take the axes of one box to those of another. A box within kTurned of the
+/// structure's axes counts as parallel to them. Only the kMostAxes sets of axes that most boxes
+/// share are tried.
 std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
   std::vector<std::pair<Eigen::Matrix3d, int>> axes{{Eigen::Matrix3d::Identity(), 0}};
   for (const Box& box : boxes) {

@@ -140,8 +140,8 @@ class Search {
     });
   }
 
-  /// Of poses, the most that shape and floor together speak for one, log odds. Minus infinity where
-  /// there are none.
+  /// The largest sum of the log odds of shape and floor among the poses; minus infinity without
+  /// any.
   double BestWithFloor(const Poses& poses) const {
     double best = -std::numeric_limits<double>::infinity();
     for (const GeometricPose& pose : poses) {

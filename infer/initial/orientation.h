@@ -33,8 +33,8 @@ struct LabelRequest {
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
   int twin = 0;        ///< SensorCandidates::twin
-  /// Not null: the pose that it has and keeps. It gets no labels, and the others are chosen to suit
-  /// it.
+  /// If not null, the pose that this frame keeps: it gets no labels, and the poses of the other
+  /// frames are chosen to agree with it.
   const Pose* known = nullptr;
 };
 
