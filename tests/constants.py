@@ -20,7 +20,7 @@ import re
 import sys
 
 LIMITS = {
-    "infer/view": 25,
+    "infer/view": 24,
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 65,

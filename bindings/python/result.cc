@@ -110,7 +110,6 @@ void AddSensor(py::module_& module) {
       .def_property_readonly(
           "initial_source", [](const SensorPart& s) { return ToString(s->initial_source); },
           "\"network\", \"geometry\" or \"neighbours\".");
-  AddMember(&sensor, "refinement_accepted", &FrameResult::refinement_accepted);
   sensor.def_property_readonly(
       "together", [](const SensorPart& s) { return PoseOrNone(s->together); },
       "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would give "

@@ -59,7 +59,7 @@ const OfSensor* MostAgreed(const std::vector<OfSensor>& frames) {
       const PoseError apart = ComparePoses(there, frame.refined->first_from_sensor);
       agree += apart.translation_m < kTogether ? 1 : 0;
     }
-    const std::pair<int, bool> rank(agree, frame.refined->accepted && !frame.refined->refused_fit);
+    const std::pair<int, bool> rank(agree, !frame.refined->refused_fit);
     if (agreed && rank <= best) continue;
     agreed = &frame;
     best = rank;
@@ -106,7 +106,6 @@ FrameResult CombineFrames(const std::vector<OfSensor>& frames,
   sensor.initial = placement * at.initial;
   sensor.together.reset();
   if (at.together) sensor.together = placement * *at.together;
-  sensor.refinement_accepted = at.refinement_accepted;
   PoolFigures(frames, &sensor);
   for (const OfSensor& frame : frames) {
     if (sensor.status == SensorStatus::kFailed || !ConcernsSensor(frame.result->code)) continue;

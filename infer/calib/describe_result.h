@@ -51,7 +51,6 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   if (!sensor.structure_from_sensor) return;
   ar.IfFinite("initial", sensor.initial);
   ar.Later("initial_source", sensor.initial_source);
-  ar.Choice("refinement", sensor.refinement_accepted, "accepted", "kept_initial");
   ar.Optional("together", sensor.together);
   ar.Optional("disagrees_with", sensor.disagrees_with);
   ar.IfFinite("disagreement", sensor.disagreement);

@@ -67,13 +67,12 @@ RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& fram
   return Refine(seen.capture->structure, all, setup, seen.lenses.lenses, first_from_stack);
 }
 
-/// The poses that labels follow: those of frames that the structure holds, where the refinement was
-/// accepted. A frame that was refused begins where it did.
+/// The poses that labels follow. A frame whose numbers failed begins where it did.
 SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const RefineResult& refined) {
   SomeFrames<Pose> poses;
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
-    if (found->accepted) poses[id] = found->structure_from_sensor;
+    if (found->solved) poses[id] = found->structure_from_sensor;
     ++found;
   }
   return poses;

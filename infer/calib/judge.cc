@@ -29,7 +29,6 @@ void SetFinding(SensorStatus status, const Finding& finding, FrameResult* sensor
 
 void TakeRefinement(const RefinedFrame& refined, const Pose& initial, FrameResult* sensor) {
   sensor->initial = initial;
-  sensor->refinement_accepted = refined.accepted;
   if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
   sensor->disagreement = refined.disagreement;
   sensor->rms_together_m = refined.rms_together;

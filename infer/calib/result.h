@@ -38,7 +38,6 @@ struct SensorOutcome : Finding, PoseQuality {
   std::optional<Pose> structure_from_sensor;
   Pose initial = Pose::Identity();  ///< of a placed sensor
   PoseSource initial_source = PoseSource::kNetwork;
-  bool refinement_accepted = false;
   /// Of a sensor that disagrees with the others: the pose that they would give it. The one that
   /// counts, structure_from_sensor, is then its own pose.
   std::optional<Pose> together;

@@ -181,7 +181,7 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
   std::vector<FrameInput> sensors;
   sensors.reserve(neighbours.size() + 1);
   for (const Neighbour& neighbour : neighbours) sensors.push_back(neighbour.sensor);
-  sensors.push_back({lost.points, start, start, start, lost.lens});
+  sensors.push_back({lost.points, start, lost.lens});
   RefineSetup together(options.refine);
   together.free = EstimateSet();
   together.free.where_told = false;
@@ -197,7 +197,7 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
   const bool fixed =
       refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
       LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
-  if (!found.accepted || !found.problem.empty() || !explains || !fixed ||
+  if (!found.solved || !found.problem.empty() || !explains || !fixed ||
       !(LogOddsBeside(lost, neighbours, refined.pose, structure) > 0))
     return std::nullopt;
   return refined;

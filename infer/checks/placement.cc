@@ -42,8 +42,7 @@ OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPo
   alone.free.where_told = false;
   alone.schedule.threads = 1;
   const RefinedFrame refined =
-      Refine(seen.capture->structure, {{std::move(points), start, start, start, 0}}, alone,
-             {seen.lenses.Of(id)})
+      Refine(seen.capture->structure, {{std::move(points), start, 0}}, alone, {seen.lenses.Of(id)})
           .frames.front();
   return {refined.structure_from_sensor,
           LargestSigmaPosition(refined.structure_from_sensor, refined.covariance)};
@@ -201,14 +200,8 @@ SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateRes
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
-    const InitialPose& initial = seen.labelled[id].initial;
-    frames[id] = {located->points,
-                  located->by_neighbours ? located->own_pose : initial.structure_from_sensor,
-                  located->InitialPoseOf(initial),
-                  located->own_pose,
-                  static_cast<int>(seen.lenses.of_frame[id]),
-                  static_cast<int>(seen.capture->sensor_of[id]),
-                  static_cast<int>(id.still)};
+    frames[id] = {located->points, located->own_pose, static_cast<int>(seen.lenses.of_frame[id]),
+                  static_cast<int>(seen.capture->sensor_of[id]), static_cast<int>(id.still)};
   }
   return frames;
 }

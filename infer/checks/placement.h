@@ -76,10 +76,7 @@ using StackFinding = std::vector<std::optional<AssemblyReport>>;
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options);
 
-/// The located frames as the joint refinement takes them, from their own poses on. What a frame has
-/// to beat on held-out points is the initial pose: one that was fitted to the frame's own points
-/// has absorbed its warp and the boxes' offsets, and would win that comparison against better
-/// poses.
+/// The located frames as the joint refinement takes them, from their own poses on.
 SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results);
 
 }  // namespace volalign

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "infer/view/alike.h"
-#include "infer/view/held_out.h"
 
 namespace volalign {
 
@@ -29,12 +28,12 @@ struct Patch {
 
 /// The plane through the samples of the block whose first pixel is (u, v), if they are flat.
 std::optional<Patch> FitPatch(const SensorView& view, int u, int v) {
-  const int stride = std::max(1, kHeldOutBlock / kSamples);
+  const int stride = std::max(1, kBlock / kSamples);
   std::vector<Eigen::Vector3d> points;
   int looked_at = 0;
   double picture_area = 0;
-  for (int y = v + stride / 2; y < v + kHeldOutBlock; y += stride) {
-    for (int x = u + stride / 2; x < u + kHeldOutBlock; x += stride) {
+  for (int y = v + stride / 2; y < v + kBlock; y += stride) {
+    for (int x = u + stride / 2; x < u + kBlock; x += stride) {
       ++looked_at;
       picture_area += stride * stride * view.ray_areas(x, y);
       const double z = view.depth(x, y);
@@ -73,10 +72,10 @@ bool Continues(const Patch& a, const Patch& b) {
 class PatchGrid {
  public:
   explicit PatchGrid(const SensorView& view)
-      : columns_(view.width() / kHeldOutBlock), rows_(view.height() / kHeldOutBlock) {
+      : columns_(view.width() / kBlock), rows_(view.height() / kBlock) {
     for (int row = 0; row < rows_; ++row) {
       for (int column = 0; column < columns_; ++column) {
-        patches_.push_back(FitPatch(view, column * kHeldOutBlock, row * kHeldOutBlock));
+        patches_.push_back(FitPatch(view, column * kBlock, row * kBlock));
       }
     }
     taken_.assign(patches_.size(), false);
@@ -84,8 +83,8 @@ class PatchGrid {
 
   int size() const { return static_cast<int>(patches_.size()); }
 
-  /// The patches that can be reached from one by steps that continue its surface, those that no fit
-  /// may use left out; nothing where it is taken.
+  /// The patches that can be reached from one by steps that continue its surface; nothing where it
+  /// is taken.
   LargePlane Grow(int seed) {
     LargePlane plane;
     if (!patches_[Index(seed)] || taken_[Index(seed)]) return plane;
@@ -95,10 +94,8 @@ class PatchGrid {
       const int at = open.back();
       open.pop_back();
       const int column = at % columns_, row = at / columns_;
-      if (!HeldOut(column * kHeldOutBlock, row * kHeldOutBlock)) {
-        plane.patches.push_back(patches_[Index(at)]->patch);
-        plane.picture_area += patches_[Index(at)]->picture_area;
-      }
+      plane.patches.push_back(patches_[Index(at)]->patch);
+      plane.picture_area += patches_[Index(at)]->picture_area;
       for (const auto& [dx, dy] : kBeside) {
         const int x = column + dx, y = row + dy;
         if (x < 0 || y < 0 || x >= columns_ || y >= rows_) continue;

@@ -7,7 +7,7 @@
 
 namespace volalign {
 
-/// The points of one image block, kHeldOutBlock pixels wide, that lie on one surface. Sensor frame.
+/// The points of one image block, kBlock pixels wide, that lie on one surface. Sensor frame.
 struct PlanePatch {
   Eigen::Vector3d p;    ///< their mean, m
   double variance = 0;  ///< m^2, of independent errors of that mean along the normal
@@ -21,8 +21,8 @@ struct LargePlane {
   double picture_area = 0;
 };
 
-/// The large planes of a view, in patches for BlockUse::kFit. Those with less than
-/// `min_picture_area` are left out: the default is a twentieth of an Azure Kinect's picture (1.96).
+/// The large planes of a view. Those with less than `min_picture_area` are left out: the default is
+/// a twentieth of an Azure Kinect's picture (1.96).
 std::vector<LargePlane> FindLargePlanes(const SensorView& view, double min_picture_area = 0.1);
 
 }  // namespace volalign

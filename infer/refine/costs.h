@@ -124,11 +124,4 @@ class PriorCost : public ceres::CostFunction {
   std::vector<double> sigmas_;
 };
 
-/// Cauchy's cost, by which held-out points are compared: log(1 + (distance / scale)^2), of
-/// distances up to kFarthestOff. m.
-inline double RobustCost(double distance, double scale) {
-  const double x = std::min(std::abs(distance), kFarthestOff) / scale;
-  return std::log1p(x * x);
-}
-
 }  // namespace volalign::refine_internal

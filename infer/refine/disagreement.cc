@@ -275,7 +275,7 @@ bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
 std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
                                 std::size_t frame, Solution solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (i != frame) KeepInitial(problem, i, &solution);
+    if (i != frame) HoldFrame(problem, i, &solution);
   }
   solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
   solution.free = asked_for;
@@ -299,7 +299,7 @@ std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& as
 /// What is left when a frame stays at a pose and says nothing.
 std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
                                      std::size_t frame, const PoseBlock& pose, Solution solution) {
-  KeepInitial(problem, frame, &solution);
+  HoldFrame(problem, frame, &solution);
   solution.state.poses[frame] = pose;
   solution.observed[frame].Forget();
   return SolveAnew(problem, asked_for, std::move(solution));

@@ -149,29 +149,21 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
 
 }  // namespace
 
-void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
-                        const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
-                        const Gates& gates, FrameObservations* observed) {
-  const Structure& built = state.Built(sensor);
-  std::vector<FrameState> places;
-  places.reserve(poses.size());
-  for (const Pose& pose : poses) places.push_back(state.Frame(sensor, pose));
+void GatherObservations(const Structure& nominal, const State& state, std::size_t frame,
+                        const SensorPoints& points, const Gates& gates,
+                        FrameObservations* observed) {
+  const Structure& built = state.Built(frame);
+  const FrameState sensor = state.Frame(frame);
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
-    const auto lies_on_it = [&](const FrameState& at) {
-      return LiesOnItsSide(built, at, point, gates.side);
-    };
-    if (point.use == use && std::any_of(places.begin(), places.end(), lies_on_it))
+    if (LiesOnItsSide(built, sensor, point, gates.side))
       faces[{point.label, point.block}].push_back(&point);
   }
   // By label, edge, block, axis, and whether one-sided.
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
     EdgeLine line;
-    const auto lies_on_one = [&](const FrameState& at) {
-      return LiesOnAnEdge(built, at, edge, gates.side, &line);
-    };
-    if (edge.use == use && std::any_of(places.begin(), places.end(), lies_on_one))
+    if (LiesOnAnEdge(built, sensor, edge, gates.side, &line))
       lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
   }
   observed->lens = points.lens;
@@ -180,7 +172,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     LeaveOutAside(&of);
     if (of.size() >= kFewest)
       observed->faces.push_back(
-          FaceOf(nominal, built, places.front(), key.first, observed->noise.depth, of));
+          FaceOf(nominal, built, sensor, key.first, observed->noise.depth, of));
   }
   for (FaceObservation& face : observed->faces) face.by_lens = points.RayByLensAt(face.p);
   observed->edges.clear();

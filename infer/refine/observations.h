@@ -13,13 +13,12 @@
 
 namespace volalign::refine_internal {
 
-/// Gathers the points of one use into one observation for each image block and side
-/// (or edge). Takes the points that lie on the structure from any of `poses`, a pose of the sensor
-/// each; the first is where errors are measured. `nominal`: the structure as described, `state` has
-/// it as built. Replaces observed->faces and ->edges, leaves its noise model.
-void GatherObservations(const Structure& nominal, const State& state, std::size_t sensor,
-                        const SensorPoints& points, BlockUse use, const std::vector<Pose>& poses,
-                        const Gates& gates, FrameObservations* observed);
+/// Gathers a frame's points that lie on the structure into one observation for each image block and
+/// side (or edge). `nominal`: the structure as described, `state` has it as built. Replaces
+/// observed->faces and ->edges, leaves its noise model.
+void GatherObservations(const Structure& nominal, const State& state, std::size_t frame,
+                        const SensorPoints& points, const Gates& gates,
+                        FrameObservations* observed);
 
 /// Widens the variances of observations that lie much farther off than the sensor's others, after a
 /// robust fit of this sensor alone.

@@ -57,8 +57,7 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
   take(std::move(far), static_cast<std::size_t>(most) - chosen.size());
   if (all) return chosen;
   const auto is_for_others = [&](int j) {
-    return points.cloud.points()[static_cast<std::size_t>(j)].use != BlockUse::kFit ||
-           DistanceToSurface(structure, at(j)).distance < kOffStructure;
+    return DistanceToSurface(structure, at(j)).distance < kOffStructure;
   };
   chosen.erase(std::remove_if(chosen.begin(), chosen.end(), is_for_others), chosen.end());
   return chosen;

@@ -16,7 +16,7 @@ inline constexpr double kOffStructure = 2 * kRoughPose;
 
 /// At most `most` cloud points of a sensor at `structure_from_sensor` to be matched with the other
 /// sensors': half of them from around the structure, the rest from farther away. Unless `all`,
-/// those of them that are held out or nearer to the structure than kOffStructure are left out then.
+/// those of them that are nearer to the structure than kOffStructure are left out then.
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
                                      const Pose& structure_from_sensor, int most, bool all);
 

@@ -64,7 +64,6 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
     for (const Match& match : matches) {
       const CloudPoint& from = from_end->view.Cloud(match.from);
       const CloudPoint& to = to_end->view.Cloud(match.to);
-      if (from.use != BlockUse::kFit || to.use != BlockUse::kFit) continue;
       const double sigma =
           std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
       if (sigma > kOverlapGate / 2) continue;

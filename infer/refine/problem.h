@@ -20,12 +20,7 @@ namespace volalign {
 /// structure where it stands in that still.
 struct FrameInput {
   std::shared_ptr<const SensorPoints> points;
-  /// What a refined pose has to explain held-out points better than. A pose that was fitted to the
-  /// sensor's own points would win against better ones: it has absorbed the sensor's warp and where
-  /// the boxes really stand.
-  Pose to_beat = Pose::Identity();
-  Pose fallback = Pose::Identity();  ///< what stands where the refined pose is refused
-  Pose start = Pose::Identity();     ///< where the solution begins
+  Pose start = Pose::Identity();  ///< where the solution begins
   /// Index into the lenses; -1: its lens is known.
   int lens = -1;
   /// Index of the sensor among those of all stills; -1: one of its own.

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/base/error.h"
-#include "infer/refine/acceptance.h"
 #include "infer/refine/box_edges.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/estimates.h"
@@ -25,27 +24,21 @@ namespace {
 
 using namespace refine_internal;  // NOLINT(google-build-using-namespace): its own parts
 
-/// Where everything begins. A sensor that has no place to begin at is kept at its fallback.
+/// Where everything begins.
 Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
   for (const FrameInput& frame : problem.frames) starts.push_back(frame.start);
-  Solution solution{
-      asked_for,
-      NominalState(problem.structure, starts, problem.lenses, problem.frame_of, placements),
-      {},
-      std::vector<char>(problem.size(), 0)};
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (!starts[i].matrix().allFinite()) KeepInitial(problem, i, &solution);
-  }
-  return solution;
+  return {asked_for,
+          NominalState(problem.structure, starts, problem.lenses, problem.frame_of, placements),
+          {},
+          std::vector<char>(problem.size(), 0)};
 }
 
 void CheckPoses(const std::vector<FrameInput>& frames) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (frames[i].to_beat.matrix().allFinite() && frames[i].fallback.matrix().allFinite()) continue;
-    throw DataError(fmt::format(
-        "frame {} has no finite pose to fall back to or to beat; give both, or leave it out", i));
+    if (frames[i].start.matrix().allFinite()) continue;
+    throw DataError(fmt::format("frame {} begins at no finite pose; give one, or leave it out", i));
   }
 }
 
@@ -123,12 +116,11 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   Agreed agreed{solution, std::vector<std::optional<SetAside>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};
   if (setup.free.where_told) agreed = SetAsideDisagreeing(problem, asked_for, solution);
-  Acceptance accepted = AcceptImproved(problem, std::move(agreed.solution));
-  CentreBoxes(problem, &accepted.solution);
-  RefineResult result = MakeResult(problem, accepted, agreed, lenses.size());
+  CentreBoxes(problem, &agreed.solution);
+  RefineResult result = MakeResult(problem, agreed, lenses.size());
   if (setup.is_final && !setup.is_final(result)) return result;
-  AddUncertainties(problem, accepted, unsolved, PosteriorOf(problem, accepted.solution, asked_for),
-                   agreed, &result);
+  AddUncertainties(problem, agreed, unsolved, PosteriorOf(problem, agreed.solution, asked_for),
+                   &result);
   if (setup.free.where_told && IsBuildInDoubt(result))
     result.wrong_edge = LikeliestEdge(problem, solution);
   return result;

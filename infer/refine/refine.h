@@ -23,10 +23,10 @@ struct RefusedFit {
 /// Of a frame; poses in the structure of its still.
 struct RefinedFrame {
   Pose structure_from_sensor = Pose::Identity();
-  bool accepted = false;  ///< false: the pose is FrameInput::fallback
+  bool solved = false;  ///< false: its numbers failed, and it stays at FrameInput::start
   /// Of a frame that disagrees with the others. Its pose and depth errors are then those that its
   /// own measurements and the priors make most probable, and the others are solved without it; it
-  /// counts as accepted.
+  /// counts as solved.
   std::optional<RefusedFit> refused_fit;
   /// Half the square, in standard deviations, of how far its own measurements are from the joint
   /// solution (of a sensor that disagrees: the one with it).
@@ -155,16 +155,12 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// A parameter is estimated where its posterior is clearly tighter than its prior and the
 /// measurements are more probable if parameters of its kind stray from their nominal values than if
 /// they do not (refine/model_choice.h); else it keeps its nominal value. Gauge: the
-/// mean displacement of the estimated boxes is zero. A sensor whose held-out points fit its refined
-/// pose clearly worse, in standard deviations and by plain distance, goes back to its fallback,
-/// and the others are solved again without it.
+/// mean displacement of the estimated boxes is zero.
 ///
 /// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
 /// whether EstimateSet asks for it or not; where that is not to be chosen (where_told), of that
-/// with everything free, widened by how far the poses would move if it were. That of a sensor which
-/// goes back to its fallback is widened by how far the refused pose was from it. A prior of 1 m and
-/// 1 rad bounds directions that nothing constrains. Throws DataError for a pose to beat or to fall
-/// back to that is not finite.
+/// with everything free, widened by how far the poses would move if it were. A prior of 1 m and 1
+/// rad bounds directions that nothing constrains. Throws DataError for a start that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& frames,
                     const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
                     const std::vector<Pose>& placements = {Pose::Identity()});

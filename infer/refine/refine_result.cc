@@ -40,23 +40,20 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
   return (in_first + in_first.transpose()) / 2;
 }
 
-RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accepted,
-                            const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
+RefinedFrame RefinedFrameOf(const JointProblem& problem, const Agreed& agreed, std::size_t i) {
+  const auto& [free, state, observed, held, choice, overlaps] = agreed.solution;
   RefinedFrame frame;
-  frame.accepted = !held[i];
-  frame.structure_from_sensor =
-      frame.accepted ? state.poses[i].ToPose() : problem.frames[i].fallback;
-  if (free.offset[i] && frame.accepted) frame.depth_offset = state.offsets[i];
-  if (free.gain[i] && frame.accepted) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
-  if (free.lens[state.LensOf(i)] && frame.accepted)
-    frame.own_focal = state.focals[state.SensorOf(i)];
+  frame.solved = !held[i];
+  frame.structure_from_sensor = state.poses[i].ToPose();
+  if (free.offset[i] && frame.solved) frame.depth_offset = state.offsets[i];
+  if (free.gain[i] && frame.solved) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
+  if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.focals[state.SensorOf(i)];
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
   frame.rms_together = agreed.measured[i].rms_together;
   frame.rms_alone = agreed.measured[i].rms_alone;
   if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
-    frame.accepted = true;
+    frame.solved = true;
     frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
     frame.depth_offset = set_aside->alone.offsets[i];
     frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
@@ -69,30 +66,29 @@ RefinedFrame RefinedFrameOf(const JointProblem& problem, const Acceptance& accep
   return frame;
 }
 
-void AddUncertainty(const JointProblem& problem, const Acceptance& accepted,
-                    const std::vector<char>& unsolved, const Posterior& posterior,
-                    const Agreed& agreed, std::size_t i, RefinedFrame* frame) {
+void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
+                    const std::vector<char>& unsolved, const Posterior& posterior, std::size_t i,
+                    RefinedFrame* frame) {
   const ParameterLayout& layout = problem.layout;
-  const State& state = accepted.solution.state;
+  const State& state = agreed.solution.state;
   frame->sigma_depth_offset = posterior.Sigma(layout.Offset(i));
   frame->sigma_depth_gain = posterior.Sigma(layout.Gain(i));
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
-  frame->covariance =
-      (block + block.transpose()) / 2 + accepted.refused[i] * accepted.refused[i].transpose();
+  frame->covariance = (block + block.transpose()) / 2;
   if (agreed.of[i]) frame->covariance = agreed.measured[i].covariance;
   frame->problem = Problem(unsolved[i], posterior.exact);
   frame->first_covariance = CovarianceInFirst(
       problem, posterior, state.placements[state.StillOf(i)].ToPose(), i, frame->covariance);
 }
 
-std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Acceptance& accepted,
+std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& agreed,
                                    std::size_t still) {
-  const std::vector<double>& of_boxes = accepted.solution.state.boxes[still];
-  const char* free = accepted.solution.free.boxes.data() + still * problem.layout.boxes();
+  const std::vector<double>& of_boxes = agreed.solution.state.boxes[still];
+  const char* free = agreed.solution.free.boxes.data() + still * problem.layout.boxes();
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated = free[b] && IsSeen(problem, accepted.solution, still, b);
+    box.estimated = free[b] && IsSeen(problem, agreed.solution, still, b);
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
@@ -125,15 +121,14 @@ using PairMatrix = Eigen::Matrix<double, kOfPair, kOfPair>;
 
 /// Of two frames. Errors of one that is not of the joint solution are independent of the other's,
 /// and its covariance has them all.
-PairMatrix CovarianceOfBoth(const JointProblem& problem, const Acceptance& accepted,
-                            const Posterior& posterior, const Agreed& agreed,
-                            const std::vector<RefinedFrame>& frames,
+PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
+                            const Posterior& posterior, const std::vector<RefinedFrame>& frames,
                             const std::array<std::size_t, 2>& pair) {
   PairMatrix both = PairMatrix::Zero();
   std::vector<Eigen::Index> columns;
   bool joint = true;
   for (const std::size_t i : pair) {
-    joint = joint && !accepted.solution.held[i] && !agreed.of[i];
+    joint = joint && !agreed.solution.held[i] && !agreed.of[i];
     for (int k = 0; k < 6; ++k) columns.push_back(problem.layout.Pose(i) + k);
     columns.push_back(problem.layout.Offset(i));
     columns.push_back(problem.layout.Gain(i));
@@ -180,11 +175,11 @@ double PredictedSquares(const std::array<OverlapEnd, 2>& ends,
   return squares;
 }
 
-std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptance& accepted,
-                                     const Posterior& posterior, const Agreed& agreed,
+std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& agreed,
+                                     const Posterior& posterior,
                                      const std::vector<RefinedFrame>& frames) {
   const Gates gates;
-  const State& state = accepted.solution.state;
+  const State& state = agreed.solution.state;
   std::vector<std::vector<int>> chosen(problem.size());
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     chosen[i] = ChooseOverlapPoints(state.Built(i), *problem.frames[i].points,
@@ -203,7 +198,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
   ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
     RefinedPair& pair = pairs[k];
     const auto i = static_cast<std::size_t>(pair.a), j = static_cast<std::size_t>(pair.b);
-    const PairMatrix both = CovarianceOfBoth(problem, accepted, posterior, agreed, frames, {i, j});
+    const PairMatrix both = CovarianceOfBoth(problem, agreed, posterior, frames, {i, j});
     pair.covariance = both.block<6, 6>(0, 0) + both.block<6, 6>(kOfFrame, kOfFrame) -
                       both.block<6, 6>(0, kOfFrame) - both.block<6, 6>(kOfFrame, 0);
     const std::array<OverlapEnd, 2> ends = {end(i), end(j)};
@@ -212,7 +207,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
     pair.rms = pair.predicted_rms = std::numeric_limits<double>::quiet_NaN();
     if (!shared.IsPair(problem.setup.schedule.min_overlap)) return;
     pair.rms = shared.rms();
-    const std::vector<FrameObservations>& observed = accepted.solution.observed;
+    const std::vector<FrameObservations>& observed = agreed.solution.observed;
     const std::array<const DepthErrorModel*, 2> errors = {&observed[i].noise.depth,
                                                           &observed[j].noise.depth};
     const double squares = PredictedSquares(ends, errors, both, 0, shared.of_a) +
@@ -223,11 +218,11 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Acceptan
   return pairs;
 }
 
-std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Acceptance& accepted,
+std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agreed& agreed,
                                         const Posterior& posterior) {
   const ParameterLayout& layout = problem.layout;
-  const Eigen::VectorXd values = layout.Values(accepted.solution.state),
-                        priors = PriorSigmas(problem, accepted.solution.observed);
+  const Eigen::VectorXd values = layout.Values(agreed.solution.state),
+                        priors = PriorSigmas(problem, agreed.solution.observed);
   std::vector<RefinedQuantity> quantities;
   const auto add = [&](RefinedQuantity::Kind kind, std::size_t of, Eigen::Index column,
                        double sigma) {
@@ -252,22 +247,21 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Accep
   }
   std::set<std::size_t> sensors;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (accepted.solution.held[i]) continue;
+    if (agreed.solution.held[i]) continue;
     add_own(Kind::kDepthOffset, i, layout.Offset(i));
-    if (sensors.insert(accepted.solution.state.SensorOf(i)).second)
+    if (sensors.insert(agreed.solution.state.SensorOf(i)).second)
       add_own(Kind::kDepthGain, i, layout.Gain(i));
   }
   return quantities;
 }
 
-std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
-                                               const Acceptance& accepted) {
-  const State& state = accepted.solution.state;
+std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem, const Agreed& agreed) {
+  const State& state = agreed.solution.state;
   std::vector<RefinedPlacement> placements;
   for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
     RefinedPlacement placement;
     placement.first_from_placement = state.placements[still].ToPose();
-    placement.boxes = BoxResults(problem, accepted, still);
+    placement.boxes = BoxResults(problem, agreed, still);
     placement.built = state.built[still];
     placements.push_back(std::move(placement));
   }
@@ -276,16 +270,16 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem,
 
 }  // namespace
 
-RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const Agreed& agreed, std::size_t given_lenses) {
-  const auto& [free, state, observed, held, choice, overlaps] = accepted.solution;
+RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
+                        std::size_t given_lenses) {
+  const auto& [free, state, observed, held, choice, overlaps] = agreed.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.frames.push_back(RefinedFrameOf(problem, accepted, agreed, i));
-  result.placements = PlacementResults(problem, accepted);
+    result.frames.push_back(RefinedFrameOf(problem, agreed, i));
+  result.placements = PlacementResults(problem, agreed);
   result.size_estimated =
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
-                               [](const RefinedFrame& frame) { return frame.accepted; });
+                               [](const RefinedFrame& frame) { return frame.solved; });
   result.size_scale = 1 + state.size;
   result.choice = choice;
   result.converged = state.converged;
@@ -294,11 +288,11 @@ RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
   return result;
 }
 
-void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
+void AddUncertainties(const JointProblem& problem, const Agreed& agreed,
                       const std::vector<char>& unsolved, const Posterior& posterior,
-                      const Agreed& agreed, RefineResult* result) {
+                      RefineResult* result) {
   for (std::size_t i = 0; i < problem.size(); ++i)
-    AddUncertainty(problem, accepted, unsolved, posterior, agreed, i, &result->frames[i]);
+    AddUncertainty(problem, agreed, unsolved, posterior, i, &result->frames[i]);
   for (std::size_t still = 0; still < result->placements.size(); ++still)
     AddUncertainty(problem, posterior, still, &result->placements[still]);
   result->sigma_size_scale = posterior.Sigma(problem.layout.Size());
@@ -307,8 +301,8 @@ void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
     result->lenses[lens].sigmas << posterior.Sigma(column), posterior.Sigma(column + 1),
         posterior.Sigma(column + 2);
   }
-  result->quantities = Quantities(problem, accepted, posterior);
-  result->pairs = PairResults(problem, accepted, posterior, agreed, result->frames);
+  result->quantities = Quantities(problem, agreed, posterior);
+  result->pairs = PairResults(problem, agreed, posterior, result->frames);
 }
 
 }  // namespace volalign::refine_internal

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <vector>
 
-#include "infer/refine/acceptance.h"
 #include "infer/refine/disagreement.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/problem.h"
@@ -13,14 +12,14 @@
 
 namespace volalign::refine_internal {
 
-/// Without covariances, sigmas and pairs. `agreed`: but for its solution, which `accepted` has.
-/// `given_lenses`: how many of the problem's lenses the caller gave.
-RefineResult MakeResult(const JointProblem& problem, const Acceptance& accepted,
-                        const Agreed& agreed, std::size_t given_lenses);
+/// Without covariances, sigmas and pairs. `given_lenses`: how many of the problem's lenses the
+/// caller gave.
+RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
+                        std::size_t given_lenses);
 
 /// Adds those. `unsolved`: frames whose part of the problem could not be solved.
-void AddUncertainties(const JointProblem& problem, const Acceptance& accepted,
+void AddUncertainties(const JointProblem& problem, const Agreed& agreed,
                       const std::vector<char>& unsolved, const Posterior& posterior,
-                      const Agreed& agreed, RefineResult* result);
+                      RefineResult* result);
 
 }  // namespace volalign::refine_internal

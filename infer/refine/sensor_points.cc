@@ -57,8 +57,7 @@ bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
   return true;
 }
 
-/// At most `max_points` points of each use (a decision by a fifth as many would be noisy), the same
-/// number of each side.
+/// At most `max_points` points, the same number of each side.
 std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_points) {
   const SensorView& view = sides.view;
   std::vector<std::vector<int>> by_label = PixelsByLabel(sides);
@@ -74,17 +73,14 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
     SortByKey(&pixels, [](int pixel) {
       return Philox4x32({static_cast<std::uint32_t>(pixel), 0, 0, 0}, {0, 0})[0];
     });
-    std::map<BlockUse, std::size_t> taken;
+    pixels.resize(std::min(pixels.size(), share));
     for (const int i : pixels) {
       const int u = i % view.width(), v = i / view.width();
-      const BlockUse use = UseOfBlock(u, v);
-      if (++taken[use] > share) continue;
       SidePoint point;
       point.p = view.Point(u, v);
       point.label = static_cast<int>(label);
       if (!view.depth_sigma.empty()) point.sigma = view.depth_sigma(u, v);
       point.block = BlockIndex(u, v, view.width());
-      point.use = use;
       if (!HasItsOwnDepth(sides, u, v)) point.aside_rad = view.errors.window_rad / 2 / std::sqrt(3);
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
       points.push_back(point);
@@ -95,9 +91,7 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
 
 }  // namespace
 
-int BlockIndex(int u, int v, int width) {
-  return v / kHeldOutBlock * (width / kHeldOutBlock + 1) + u / kHeldOutBlock;
-}
+int BlockIndex(int u, int v, int width) { return v / kBlock * (width / kBlock + 1) + u / kBlock; }
 
 bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector3d* normal) {
   const double z = view.depth(u, v);
@@ -158,7 +152,6 @@ SampledCloud SampleCloud(const SensorView& view) {
     if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
       return;
     point.p = view.Point(u, v);
-    point.use = UseOfBlock(u, v);
     cloud.push_back(point);
   });
   return SampledCloud(std::move(cloud));

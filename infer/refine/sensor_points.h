@@ -8,7 +8,6 @@
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/options.h"
-#include "infer/view/held_out.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
@@ -21,7 +20,6 @@ struct SidePoint {
   int label = 0;
   double sigma = 0;  ///< m: standard error of its depth over several frames; 0: not known
   int block = 0;     ///< of the image, see BlockIndex
-  BlockUse use = BlockUse::kFit;
   /// Standard deviation of how far aside of it its depth was measured: evenly within half of a
   /// stereo matcher's window, where that reaches beyond the side; 0 elsewhere.
   double aside_rad = 0;
@@ -43,14 +41,12 @@ struct EdgePoint {
   /// No depth follows within a few pixels. Then `outward` is square to the silhouette's line.
   bool one_sided = false;
   int block = 0;  ///< of the image, see BlockIndex
-  BlockUse use = BlockUse::kFit;
 };
 
 /// A point with a normal towards the sensor, sensor frame.
 struct CloudPoint {
   Eigen::Vector3d p;
   Eigen::Vector3d normal;
-  BlockUse use = BlockUse::kFit;
 };
 
 /// Cloud points, among which the nearest to a place is found. Copies share them.
@@ -71,11 +67,10 @@ class SampledCloud {
   std::shared_ptr<const Points> points_;  // null: none
 };
 
-/// Index of the square block of kHeldOutBlock pixels that a pixel of an image of this width is in.
+/// Index of the square block of kBlock pixels that a pixel of an image of this width is in.
 int BlockIndex(int u, int v, int width);
 
-/// The points of one sensor that refinement works on. Those of some image blocks never enter the
-/// solution, see BlockUse.
+/// The points of one sensor that refinement works on.
 struct SensorPoints {
   std::vector<SidePoint> side_points;
   std::vector<EdgePoint> edge_points;
@@ -97,9 +92,8 @@ struct SensorPoints {
 SampledCloud SampleCloud(const SensorView& view);
 
 /// The labelled points of a view, without a cloud: of labels of at least this confidence, at most
-/// RefineOptions::max_side_points that are fitted and as many again of each other use, at most
-/// max_edge_points silhouettes and as many again of one-sided ones. The same view always gives the
-/// same points.
+/// RefineOptions::max_side_points, at most max_edge_points silhouettes and as many again of
+/// one-sided ones. The same view always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options,
                           double min_confidence);

@@ -106,7 +106,6 @@ bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, double
   edge->pixel = across.norm() / width;
   edge->axis = walk.dv != 0;
   edge->block = BlockIndex(walk.u, walk.v, view.width());
-  edge->use = UseOfBlock(walk.u, walk.v);
   return true;
 }
 

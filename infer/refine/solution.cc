@@ -36,8 +36,7 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
     const std::optional<NoiseModel>& earlier = problem.frames[i].noise;
     if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
-    GatherObservations(problem.structure, state, i, *problem.frames[i].points, BlockUse::kFit,
-                       {state.poses[i].ToPose()}, gates, &observed[i]);
+    GatherObservations(problem.structure, state, i, *problem.frames[i].points, gates, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
     if (earlier) {
       SetCovariance(problem.model, state.poses[i].ToPose(), &observed[i]);
@@ -88,8 +87,8 @@ bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t
   return r.allFinite() && observed.face_root.allFinite() && observed.edge_root.allFinite();
 }
 
-void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution) {
-  solution->state.poses[frame] = PoseBlock(problem.frames[frame].fallback);
+void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solution) {
+  solution->state.poses[frame] = PoseBlock(problem.frames[frame].start);
   solution->held[frame] = 1;
   State& state = solution->state;
   state.offsets[frame] = 0;
@@ -103,7 +102,7 @@ void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solut
 
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {
   const auto exclude = [&](std::size_t i) {
-    KeepInitial(problem, i, &solution);
+    HoldFrame(problem, i, &solution);
     solution.observed[i].Forget();
   };
   for (int iteration = 0; iteration < problem.setup.schedule.associations; ++iteration) {

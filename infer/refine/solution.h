@@ -27,7 +27,7 @@ struct Solution {
   FreeSet free;
   State state;
   std::vector<FrameObservations> observed;
-  /// Frames that stay at their fallbacks: there is no better pose of them.
+  /// Frames that stay where they are and say nothing.
   std::vector<char> held;
   std::optional<EstimateChoice> choice = {};  ///< that `free` follows from
   std::vector<PairOverlap> overlaps = {};     ///< where the last Solve began
@@ -36,7 +36,7 @@ struct Solution {
 /// Fits the observations' covariances to what is free now, at the solution's poses.
 void UpdateLineTolerance(const JointProblem& problem, Solution* solution);
 
-/// Does a frame of a still, other than those at their fallbacks, see a side of a box?
+/// Does a frame of a still, other than those that are held, see a side of a box?
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box);
 
 /// Finds what overlaps, and moves what is free to its most probable values. False, and nothing is
@@ -46,12 +46,12 @@ bool Solve(const JointProblem& problem, Solution* solution);
 /// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
 bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
 
-/// Puts a frame at its fallback pose, to stay there.
-void KeepInitial(const JointProblem& problem, std::size_t frame, Solution* solution);
+/// Puts a frame where it starts, to stay there.
+void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solution);
 
 /// From `solution.state` on, RefineSchedule::associations times: gathers observations and
-/// solves. Frames that are not usable are kept at their fallbacks and say nothing; all of them
-/// where even that does not make the problem solvable.
+/// solves. Frames that are not usable are held where they start; all of them where even that does
+/// not make the problem solvable.
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

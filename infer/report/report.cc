@@ -301,7 +301,6 @@ Table SensorsTable(const std::vector<FrameResult>& sensors) {
                    {"sigma_m", "sigma mm", 1000, 2},
                    {"sigma_deg", "sigma deg", 1, 3},
                    {"inliers", "inliers %", 100, 0},
-                   "refined",
                    {"error_m", "error mm", 1000, 2},
                    {"error_deg", "error deg", 1, 3}};
   for (const FrameResult& sensor : sensors) {
@@ -319,11 +318,10 @@ Table SensorsTable(const std::vector<FrameResult>& sensors) {
       row[8] = LargestSigmaPosition(*sensor.structure_from_sensor, sensor.covariance);
       row[9] = LargestSigmaRotationDeg(sensor.covariance);
       row[10] = sensor.inlier_share;
-      row[11] = sensor.refinement_accepted;
     }
     if (sensor.structure_from_sensor && sensor.error) {
-      row[12] = sensor.error->translation_m;
-      row[13] = sensor.error->rotation_deg;
+      row[11] = sensor.error->translation_m;
+      row[12] = sensor.error->rotation_deg;
     }
     table.rows.push_back(std::move(row));
   }

@@ -20,6 +20,8 @@ inline constexpr double kSameNormal = 0.99;
 inline constexpr double kSameDirection = 0.966;
 /// px to each side of a pixel over which its surface's normal is taken.
 inline constexpr int kNormalRadius = 3;
+/// Side, px, of the square image blocks whose points on one surface are one measurement.
+inline constexpr int kBlock = 16;
 /// Of a standard deviation, or of a tolerance: 997 of 1,000 normal variables lie within.
 inline constexpr double kClearly = 3;
 /// m: places that are nearer to each other are one. Boxes that are built up by hand stand a few

@@ -45,7 +45,7 @@ def compare(name, old, new, seconds):
     changed = []
     for sensor, before in old["sensors"].items():
         after = new["sensors"][sensor]
-        state = [(x["status"], x.get("code", ""), x.get("refinement", ""), x.get("sides")) for x in (before, after)]
+        state = [(x["status"], x.get("code", ""), x.get("sides")) for x in (before, after)]
         if state[0] != state[1]:
             changed.append(f"{sensor}: {state[0]} -> {state[1]}")
         if "structure_from_sensor" not in before or "structure_from_sensor" not in after:

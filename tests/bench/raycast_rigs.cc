@@ -190,7 +190,7 @@ Pose PointsToBoxes(const SensorFrame& frame, const Structure& structure) {
 struct Row {
   std::vector<double> mm, deg, own_mm, height_mm, height_in_sigmas, sizes, in_sigmas[6], box_mm,
       shifts;
-  int kept = 0, weak = 0;
+  int weak = 0;
 };
 
 double Mean(const std::vector<double>& values) {
@@ -222,14 +222,11 @@ void Count(const Rig& rig, const CalibrationResult& result, bool verbose, Row* r
     delta << apart.translation(), RotationLog(apart.linear());
     for (int k = 0; k < 6; ++k)
       row->in_sigmas[k].push_back(delta[k] / std::sqrt(sensor.covariance(k, k)));
-    row->kept += !sensor.refinement_accepted;
     row->weak += sensor.status != SensorStatus::kOk;
     if (verbose) {
-      fmt::print(
-          "    {} {:5.2f} mm {:.3f} deg  height {:5.2f} mm  offset {:5.2f} mm gain {:.4f}{}\n",
-          sensor.name, 1000 * error.translation_m, error.rotation_deg, 1000 * height,
-          1000 * sensor.depth_offset_m, sensor.depth_gain,
-          sensor.refinement_accepted ? "" : "  kept_initial");
+      fmt::print("    {} {:5.2f} mm {:.3f} deg  height {:5.2f} mm  offset {:5.2f} mm gain {:.4f}\n",
+                 sensor.name, 1000 * error.translation_m, error.rotation_deg, 1000 * height,
+                 1000 * sensor.depth_offset_m, sensor.depth_gain);
     }
   }
   row->sizes.push_back(100 * (result.size_scale - 1));
@@ -258,8 +255,8 @@ void Print(const std::string& name, const Row& row) {
       name, row.mm.size(), Median(row.mm), Quantile(row.mm, 0.95), Mean(row.mm), Median(row.deg),
       Mean(row.height_mm));
   if (!all.empty()) {
-    fmt::print(" {:5.2f} sigma  boxes {:.2f} mm  kept {} weak {}  68: {:.0f}% 95: {:.0f}% [",
-               Mean(row.in_sigmas[1]), Mean(row.box_mm), row.kept, row.weak, ShareWithin(all, 1),
+    fmt::print(" {:5.2f} sigma  boxes {:.2f} mm  weak {}  68: {:.0f}% 95: {:.0f}% [",
+               Mean(row.in_sigmas[1]), Mean(row.box_mm), row.weak, ShareWithin(all, 1),
                ShareWithin(all, 1.96));
     for (const auto& component : row.in_sigmas) fmt::print(" {:.0f}", ShareWithin(component, 1));
     fmt::print(" |");

@@ -70,7 +70,7 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
                                        still.still.structure, options, 1);
     points.cloud = SampleCloud(view);
     frame.points = std::make_shared<const SensorPoints>(std::move(points));
-    frame.to_beat = frame.fallback = frame.start = *initial[i];
+    frame.start = *initial[i];
     frames.push_back(frame);
   }
   const RefineResult result = Refine(still.still.structure, frames, options);

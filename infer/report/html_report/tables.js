@@ -123,8 +123,7 @@ function fillSensorTable(report) {
     { head: "Inliers", unit: `%; ≥ ${fixed(100 * limits.inlier_share, 0)}`, meaning: "share of labelled points on the stack, to within three standard deviations of the depth’s error and 1.5 cm", of: placed((s) => fixed(100 * s.inlier_share, 0)), over: (s) => s.inlier_share < limits.inlier_share },
     { head: "Sides", unit: "found", meaning: "number of the stack’s sides that were found and agree with the pose", of: placed((s) => String((s.sides || []).length)) },
     { head: "Points", unit: "labelled", meaning: "number of pixels that are labelled as a side of the stack", of: placed((s) => String(s.points)) },
-    { head: "Initial pose", unit: "from", words: true, meaning: "what the first guess came from: the network, the stack’s geometry, or the neighbours", of: placed((s) => s.initial_source) },
-    { head: "Refined", words: true, meaning: "no where the refined pose explained held-out points clearly worse, and the initial one was kept", of: placed((s) => (s.refinement === "accepted" ? "yes" : "no")) }];
+    { head: "Initial pose", unit: "from", words: true, meaning: "what the first guess came from: the network, the stack’s geometry, or the neighbours", of: placed((s) => s.initial_source) }];
   if (all.some((sensor) => sensor.error)) {
     columns.push({ head: "Error", unit: "mm", meaning: "distance of the position from the capture’s ground truth", of: (s) => mm(s.error && s.error.translation_m) },
       { head: "Error", unit: "deg", meaning: "angle between the rotation and the capture’s ground truth", of: (s) => fixed(s.error && s.error.rotation_deg, 3) });

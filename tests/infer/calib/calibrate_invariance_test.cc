@@ -70,7 +70,6 @@ void ExpectSameSensor(const FrameResult& a, const FrameResult& b, double toleran
   EXPECT_EQ(a.sides, b.sides) << a.name;
   EXPECT_EQ(a.points, b.points) << a.name;
   EXPECT_EQ(a.quarter_turns, b.quarter_turns) << a.name;
-  EXPECT_EQ(a.refinement_accepted, b.refinement_accepted) << a.name;
   ASSERT_EQ(a.structure_from_sensor.has_value(), b.structure_from_sensor.has_value()) << a.name;
   if (!a.structure_from_sensor) return;
   const auto difference = [](const auto& x, const auto& y) {

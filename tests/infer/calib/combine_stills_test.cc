@@ -36,7 +36,7 @@ struct OneSensor {
   /// With its pose in the structure of the first still.
   void AddPlaced(FrameResult sensor, const Pose& first_from_sensor) {
     RefinedFrame& refined = frames[{stills.size(), 0}].refined;
-    refined.accepted = true;
+    refined.solved = true;
     refined.first_from_sensor = first_from_sensor;
     sensor.structure_from_sensor = first_from_sensor;
     Add(std::move(sensor));
@@ -92,9 +92,9 @@ TEST(CombineStills, ASensorStandsWhereMostStillsHaveIt) {
   made.AddPlaced(ok, At(2));
   made.AddPlaced(ok, At(2.01));
   EXPECT_NEAR(made.Combined().structure_from_sensor->translation().x(), 2, 1e-12);
-  made.frames.at({1, 0}).refined.accepted = false;
+  made.frames.at({1, 0}).refined.refused_fit = RefusedFit();
   EXPECT_NEAR(made.Combined().structure_from_sensor->translation().x(), 2.01, 1e-12)
-      << "the one that the refinement took";
+      << "the one that agrees with the others";
 }
 
 TEST(CombineStills, WhatIsWrongWithTheSensorShowsInOneStill) {

@@ -39,7 +39,7 @@ struct Stages {
       if (id.frame == 1) return Finding{SensorCode::kNoStructure, "reason", "hint"};
       joint.frames[id].settled = true;
       RefinedFrame& refined = joint.frames[id].refined;
-      refined.accepted = true;
+      refined.solved = true;
       refined.structure_from_sensor = *rig.frames[id.frame].ground_truth;
       refined.covariance = 1e-6 * Matrix6d::Identity();
       LocatedFrame located;
@@ -74,7 +74,7 @@ TEST(Judge, EverySensorGetsWhatIsItsOwn) {
 
 TEST(Judge, ASensorThatCouldNotBeSolvedIsWeak) {
   Stages stages;
-  stages.Refined(2).accepted = false;
+  stages.Refined(2).solved = false;
   stages.Refined(2).problem = "its solution is no number";
   const CalibrationResult result = stages.Judge();
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;

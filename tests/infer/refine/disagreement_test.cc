@@ -30,7 +30,7 @@ struct OneBoxElsewhere {
   Structure structure = PaperStructure();
   SensorPoints points;
   Pose pose = RingPose(35);
-  std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose, pose, pose}};
+  std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose}};
   JointProblem problem;
   std::vector<double> displaced;  // the boxes as they stand
   Solution solution;
@@ -186,8 +186,7 @@ struct OddOne {
   /// `elsewhere`: m, the box's way along x, as the first sensor saw it.
   explicit OddOne(double elsewhere, const RefineOptions& with = {}) : options(with) {
     options.bulge_sigma_m = 0;
-    for (const Pose& pose : poses)
-      frames.push_back({testing_infer::Borrowed(points), pose, pose, pose});
+    for (const Pose& pose : poses) frames.push_back({testing_infer::Borrowed(points), pose});
     problem = std::make_unique<JointProblem>(structure, frames, options);
     asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, 3, 4);
     solution.state = NominalState(structure, poses);

@@ -13,7 +13,7 @@ using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
 /// Two sensors in two stills, the second in the second only, and boxes that stand anywhere. The
-/// third frame is kept at its fallback; one box of the first still is not estimated.
+/// third frame is held; one box of the first still is not estimated.
 struct Handmade {
   Structure structure = PaperStructure();
   SensorPoints nothing;
@@ -28,8 +28,7 @@ struct Handmade {
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];
-      frames.push_back(
-          {testing_infer::Borrowed(nothing), pose, pose, pose, -1, i / 2, i == 0 ? 0 : 1});
+      frames.push_back({testing_infer::Borrowed(nothing), pose, -1, i / 2, i == 0 ? 0 : 1});
     }
     const JointProblem problem = Problem();
     solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,
@@ -87,7 +86,7 @@ TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
   };
   EXPECT_TRUE(second_from_first(after).isApprox(second_from_first(before), 1e-12));
   EXPECT_TRUE(after.placements[0].ToPose().isApprox(Pose::Identity(), 1e-15));
-  EXPECT_TRUE(after.poses[2].ToPose().isApprox(made.frames[2].fallback, 1e-12));
+  EXPECT_TRUE(after.poses[2].ToPose().isApprox(made.frames[2].start, 1e-12));
 }
 
 TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {

@@ -27,19 +27,18 @@ struct Block {
     pose.linear().col(0) = pose.linear().col(1).cross(pose.linear().col(2));
     pose.translation() = side.centre + 1.5 * side.normal;
   }
-  void Add(double x, double off, int block, BlockUse use = BlockUse::kFit) {
+  void Add(double x, double off, int block) {
     SidePoint point;
     point.p = {x, 0, 1.5 - off};
     point.normal = -Eigen::Vector3d::UnitZ();
     point.label = label;
     point.block = block;
-    point.use = use;
     points.side_points.push_back(point);
   }
-  FrameObservations Gather(BlockUse use = BlockUse::kFit) const {
+  FrameObservations Gather() const {
     FrameObservations observed;
-    GatherObservations(structure, NominalState(structure, {pose}), 0, points, use, {pose},
-                       {0.06, 0.02, 0.9}, &observed);
+    GatherObservations(structure, NominalState(structure, {pose}), 0, points, {0.06, 0.02, 0.9},
+                       &observed);
     return observed;
   }
 };
@@ -51,7 +50,6 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   block.Add(0.05, 0.07, 7);  // beyond the gate
   block.Add(0, 0, 8);        // too few of a block
   block.Add(0.001, 0, 8);
-  for (int i = 0; i < 3; ++i) block.Add(0.1, 0, 9, BlockUse::kAccept);
   const FrameObservations observed = block.Gather();
   ASSERT_EQ(observed.faces.size(), 1u);
   const FaceObservation& face = observed.faces[0];
@@ -68,7 +66,6 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   by_errors[kBounced] = BouncedShare(block.structure, side, block.pose * face.p,
                                      block.pose.translation(), observed.noise.depth.bounce_reach_m);
   EXPECT_TRUE(face.by_errors.isApprox(by_errors, 1e-9)) << face.by_errors.transpose();
-  EXPECT_EQ(block.Gather(BlockUse::kAccept).faces.size(), 1u);
 }
 
 TEST(GatherObservations, WhatMayBeMeasuredAsideIsLeftOutWhereTheOthersAreEnough) {

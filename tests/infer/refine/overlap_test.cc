@@ -21,8 +21,7 @@ namespace {
 SensorPoints Wall(double farther) {
   std::vector<CloudPoint> cloud;
   for (int i = -25; i < 25; ++i) {
-    for (int j = -5; j < 5; ++j)
-      cloud.push_back({{0.02 * i, 0.02 * j, 2 + farther}, {0, 0, -1}, BlockUse::kFit});
+    for (int j = -5; j < 5; ++j) cloud.push_back({{0.02 * i, 0.02 * j, 2 + farther}, {0, 0, -1}});
   }
   return SensorPoints{{}, {}, SampledCloud(cloud)};
 }
@@ -110,8 +109,7 @@ TEST(ChooseOverlapPoints, TakesHalfFromAroundTheStructure) {
   const Structure structure = testing_infer::PaperStructure();
   std::vector<CloudPoint> cloud;
   cloud.reserve(1000);
-  for (int i = 0; i < 1000; ++i)
-    cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}, BlockUse::kFit});
+  for (int i = 0; i < 1000; ++i) cloud.push_back({{i % 2 ? 0.0 : 3.0, 0, 1e-4 * i}, {0, 0, -1}});
   const SensorPoints points{{}, {}, SampledCloud(cloud)};
   const std::vector<int> chosen =
       ChooseOverlapPoints(structure, points, Pose::Identity(), 100, true);
@@ -122,28 +120,26 @@ TEST(ChooseOverlapPoints, TakesHalfFromAroundTheStructure) {
   EXPECT_TRUE(ChooseOverlapPoints(structure, points, Pose::Identity(), 0, true).empty());
   // Where few are near, the rest comes from farther away.
   cloud.resize(20);
-  while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}, BlockUse::kFit});
+  while (cloud.size() < 500) cloud.push_back({{3, 0, 0}, {0, 0, -1}});
   const SensorPoints mostly_far{{}, {}, SampledCloud(cloud)};
   EXPECT_EQ(ChooseOverlapPoints(structure, mostly_far, Pose::Identity(), 100, true).size(), 100u);
 }
 
-// What the structure's own terms say already, and what is held out, is not for the fit.
-TEST(ChooseOverlapPoints, OnlyThoseBesideTheStructureThatAreFitted) {
+// What the structure's own terms say already is not for the fit.
+TEST(ChooseOverlapPoints, OnlyThoseBesideTheStructure) {
   const testing_infer::Rig rig = testing_infer::RingOfEight();
   const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
   const Pose& pose = *rig.frames[0].ground_truth;
-  const auto without = [&](bool all) {
-    int held_out = 0, on_structure = 0;
+  const auto on_structure = [&](bool all) {
+    int count = 0;
     for (const int i : ChooseOverlapPoints(rig.structure, points[0], pose, 500, all)) {
       const CloudPoint& point = points[0].cloud.points()[static_cast<std::size_t>(i)];
-      held_out += point.use != BlockUse::kFit ? 1 : 0;
-      on_structure += DistanceToSurface(rig.structure, pose * point.p).distance < 0.06 ? 1 : 0;
+      count += DistanceToSurface(rig.structure, pose * point.p).distance < 0.06 ? 1 : 0;
     }
-    return std::make_pair(held_out, on_structure);
+    return count;
   };
-  EXPECT_EQ(without(false), std::make_pair(0, 0));
-  EXPECT_GT(without(true).first, 50);
-  EXPECT_GT(without(true).second, 50);
+  EXPECT_EQ(on_structure(false), 0);
+  EXPECT_GT(on_structure(true), 50);
 }
 
 // Of a sensor as many are matched with all others together, however many these are.
@@ -154,7 +150,7 @@ TEST(JointProblem, SharesAFramesPointsBetweenTheOthers) {
     std::vector<FrameInput> frames;
     for (std::size_t i = 0; i < size; ++i) {
       const Pose& pose = *rig.frames[i].ground_truth;
-      frames.push_back({testing_infer::Borrowed(points[i]), pose, pose, pose});
+      frames.push_back({testing_infer::Borrowed(points[i]), pose});
     }
     RefineOptions options;
     options.max_overlap_points = 1400;

@@ -122,8 +122,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
     const int sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    frames.push_back(
-        {testing_infer::Borrowed(points[i]), start, start, start, sensor, sensor, i == 2 ? 1 : 0});
+    frames.push_back({testing_infer::Borrowed(points[i]), start, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   const RefineOptions options;

@@ -81,7 +81,7 @@ struct Neighbours {
     for (std::size_t i = 0; i < 2; ++i) {
       const Pose& truth = *rig.frames[i].ground_truth;
       poses.push_back(truth);
-      frames.push_back({Borrowed(points[i]), truth, truth, truth});
+      frames.push_back({Borrowed(points[i]), truth});
     }
   }
 };

@@ -24,7 +24,6 @@ struct TwoStills {
   std::vector<SensorLens> lenses{1};
   std::vector<Pose> placements{Pose::Identity(), Pose(Eigen::Translation3d(0.4, 0, -0.3))};
   std::optional<JointProblem> problem;
-  Acceptance accepted;
   Agreed agreed;
   Posterior posterior;
   std::vector<char> unsolved = std::vector<char>(4, 0);
@@ -38,13 +37,12 @@ struct TwoStills {
       frame.sensor = i % 2;
       frame.still = i / 2;
       frame.lens = i % 2 == 0 ? 0 : -1;
-      frame.fallback = Eigen::Translation3d(0.01 * i, 0, 0) * frame.start;
       frames.push_back(frame);
     }
     problem.emplace(neighbours.rig.structure, frames, options, lenses, 2);
     std::vector<Pose> poses;
     for (const FrameInput& frame : frames) poses.push_back(frame.start);
-    Solution& solution = accepted.solution;
+    Solution& solution = agreed.solution;
     solution.state = NominalState(neighbours.rig.structure, poses, problem->lenses,
                                   problem->frame_of, placements);
     solution.free = AskedFor(ParseEstimate("boxes,size,depth_gain,depth_offset,lens"),
@@ -53,7 +51,6 @@ struct TwoStills {
     solution.free.lens[0] = 1;
     solution.observed.resize(4);
     solution.held.assign(4, 0);
-    accepted.refused.assign(4, Vector6d::Zero());
     agreed.of.resize(4);
     agreed.measured.resize(4);
     for (std::size_t i = 0; i < 4; ++i) {
@@ -73,23 +70,22 @@ struct TwoStills {
   }
 
   RefineResult Result() const {
-    RefineResult result = MakeResult(*problem, accepted, agreed, lenses.size());
-    AddUncertainties(*problem, accepted, unsolved, posterior, agreed, &result);
+    RefineResult result = MakeResult(*problem, agreed, lenses.size());
+    AddUncertainties(*problem, agreed, unsolved, posterior, &result);
     return result;
   }
 };
 
-TEST(MakeResult, FramesAreTheStatesOrStayAtTheirFallbacks) {
+TEST(MakeResult, FramesAreTheStates) {
   TwoStills two;
-  two.accepted.solution.held[2] = 1;
-  const State& state = two.accepted.solution.state;
+  two.agreed.solution.held[2] = 1;
+  const State& state = two.agreed.solution.state;
   const RefineResult result = two.Result();
   ASSERT_EQ(result.frames.size(), 4u);
   for (std::size_t i = 0; i < 4; ++i) {
     const RefinedFrame& frame = result.frames[i];
-    EXPECT_EQ(frame.accepted, i != 2);
-    EXPECT_TRUE(frame.structure_from_sensor.isApprox(
-        i == 2 ? two.frames[i].fallback : state.poses[i].ToPose(), 1e-12));
+    EXPECT_EQ(frame.solved, i != 2);
+    EXPECT_TRUE(frame.structure_from_sensor.isApprox(state.poses[i].ToPose(), 1e-12));
     EXPECT_TRUE(frame.first_from_sensor.isApprox(
         two.placements[i / 2] * frame.structure_from_sensor, 1e-12));
     // Of a frame that stays, depth is as it was measured.
@@ -105,7 +101,7 @@ TEST(MakeResult, FramesAreTheStatesOrStayAtTheirFallbacks) {
 
 TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
   TwoStills two;
-  FreeSet& free = two.accepted.solution.free;
+  FreeSet& free = two.agreed.solution.free;
   free.offset.assign(4, 0);
   free.gain.assign(4, 0);
   free.size = false;
@@ -174,32 +170,20 @@ TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
   }
 }
 
-TEST(MakeResult, ARefusedPoseWidensTheCovariance) {
-  TwoStills two;
-  const Matrix6d before = two.Result().frames[1].covariance;
-  two.accepted.solution.held[1] = 1;
-  two.accepted.refused[1] << 0.01, 0, 0, 0, 0.002, 0;
-  const Matrix6d more = two.Result().frames[1].covariance - before;
-  EXPECT_NEAR(more(0, 0), 1e-4, 1e-9);
-  EXPECT_NEAR(more(4, 4), 4e-6, 1e-9);
-  EXPECT_NEAR(more(0, 4), 2e-5, 1e-9);
-  EXPECT_NEAR(more(1, 1), 0, 1e-12);
-}
-
 // What a frame that disagrees reports is its own, whatever the joint solution has.
 TEST(MakeResult, AFrameThatWasSetAsideKeepsItsOwn) {
   TwoStills two;
-  two.accepted.solution.held[1] = 1;
+  two.agreed.solution.held[1] = 1;
   SetAside aside;
   aside.together = RingPose(77);
   aside.contradicts = {3, 0};
-  aside.alone = two.accepted.solution.state;
+  aside.alone = two.agreed.solution.state;
   aside.alone.poses[1] = PoseBlock(RingPose(88));
   aside.alone.offsets[1] = 0.02;
   aside.alone.gains[1] = 0.03;
   two.agreed.of[1] = aside;
   const RefinedFrame frame = two.Result().frames[1];
-  EXPECT_TRUE(frame.accepted);
+  EXPECT_TRUE(frame.solved);
   EXPECT_TRUE(frame.structure_from_sensor.isApprox(RingPose(88), 1e-12));
   EXPECT_TRUE(frame.covariance.isApprox(two.agreed.measured[1].covariance, 1e-12));
   EXPECT_NEAR(frame.depth_offset, 0.02, 1e-12);
@@ -211,7 +195,7 @@ TEST(MakeResult, AFrameThatWasSetAsideKeepsItsOwn) {
 
 TEST(MakeResult, PlacementsBoxesSizeAndLens) {
   TwoStills two;
-  State& state = two.accepted.solution.state;
+  State& state = two.agreed.solution.state;
   state.boxes[1][static_cast<std::size_t>(BuildModel::X(2))] = 0.005;
   state.boxes[1][static_cast<std::size_t>(BuildModel::Z(2))] = -0.003;
   state.boxes[1][static_cast<std::size_t>(BuildModel::Yaw(2))] = 0.02;
@@ -233,7 +217,7 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
   FaceObservation face;
   face.label = testing_infer::LabelOf(two.neighbours.rig.structure,
                                       two.neighbours.rig.structure.boxes()[2].name + "/front");
-  two.accepted.solution.observed[3].faces = {face};
+  two.agreed.solution.observed[3].faces = {face};
   EXPECT_TRUE(two.Result().placements[1].boxes[2].estimated);
   EXPECT_FALSE(two.Result().placements[1].boxes[1].estimated);
   EXPECT_FALSE(two.Result().placements[0].boxes[2].estimated) << "another still";
@@ -250,17 +234,17 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
   EXPECT_NEAR(result.lenses[0].sigmas[1], sigma(two.problem->layout.Lens(0) + 1), 1e-12);
 }
 
-TEST(MakeResult, SizeIsEstimatedByFramesThatAreAccepted) {
+TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
   TwoStills two;
-  two.accepted.solution.held.assign(4, 1);
+  two.agreed.solution.held.assign(4, 1);
   EXPECT_FALSE(two.Result().size_estimated);
 }
 
 // Both stills show the same: each has the pair of its own frames, alike, and none across.
 TEST(MakeResult, PairsAreOfOneStill) {
   TwoStills two;
-  two.accepted.solution.state.offsets.assign(4, 0);
-  two.accepted.solution.state.gains.assign(2, 0);
+  two.agreed.solution.state.offsets.assign(4, 0);
+  two.agreed.solution.state.gains.assign(2, 0);
   const std::vector<RefinedPair> pairs = two.Result().pairs;
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(std::make_pair(pairs[0].a, pairs[0].b), std::make_pair(0, 1));
@@ -273,14 +257,14 @@ TEST(MakeResult, PairsAreOfOneStill) {
 // that is not of it errs by itself.
 TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   TwoStills two;
-  two.accepted.solution.state.offsets.assign(4, 0);
-  two.accepted.solution.state.gains.assign(2, 0);
+  two.agreed.solution.state.offsets.assign(4, 0);
+  two.agreed.solution.state.gains.assign(2, 0);
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
   difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
   const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
   EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
-  two.agreed.of[3] = SetAside{Pose::Identity(), {}, two.accepted.solution.state};
+  two.agreed.of[3] = SetAside{Pose::Identity(), {}, two.agreed.solution.state};
   const RefineResult result = two.Result();
   EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
@@ -289,10 +273,10 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
 // Clouds that the same shift of one sensor moves apart, if all that is uncertain is that shift.
 TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   TwoStills two;
-  State& state = two.accepted.solution.state;
+  State& state = two.agreed.solution.state;
   state.offsets.assign(4, 0);
   state.gains.assign(2, 0);
-  for (FrameObservations& observed : two.accepted.solution.observed)
+  for (FrameObservations& observed : two.agreed.solution.observed)
     observed.noise.depth.white_m = observed.noise.depth.smooth_m = 0;
   const ParameterLayout& layout = two.problem->layout;
   const auto predict = [&](Eigen::Index column, double sigma) {
@@ -315,9 +299,9 @@ TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   EXPECT_LT(offset, 0.01 * 1.5) << "along rays up to 45 deg off the axis";
   EXPECT_GT(predict(layout.Gain(2), 0.01), offset) << "everything is farther than 1 m";
   predict(layout.Pose(2), 0);
-  two.accepted.solution.observed[3].noise.depth.white_m = 0.01;
+  two.agreed.solution.observed[3].noise.depth.white_m = 0.01;
   const double white = two.Result().pairs.at(1).predicted_rms;
-  two.accepted.solution.observed[3].noise.depth.smooth_m = 0.01;
+  two.agreed.solution.observed[3].noise.depth.smooth_m = 0.01;
   EXPECT_GT(two.Result().pairs.at(1).predicted_rms, 1.2 * white);
   state.poses[3] = PoseBlock(Pose(Eigen::Translation3d(0, 5, 0) * state.poses[3].ToPose()));
   const RefinedPair apart = two.Result().pairs.at(1);

@@ -85,7 +85,7 @@ TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
   }
 }
 
-TEST(KeepInitial, LeavesNoErrors) {
+TEST(HoldFrame, LeavesNoErrors) {
   const Neighbours made;
   const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
   Solution solution{
@@ -94,7 +94,7 @@ TEST(KeepInitial, LeavesNoErrors) {
     solution.state.errors[i].fill(0.001);
     solution.state.nuisances[i].fill(0.001);
   }
-  KeepInitial(problem, 0, &solution);
+  HoldFrame(problem, 0, &solution);
   EXPECT_EQ(solution.state.errors[0], (std::array<double, kFrameErrors>{}));
   EXPECT_EQ(solution.state.nuisances[0], (std::array<double, kNuisances>{}));
   EXPECT_EQ(solution.state.errors[1][kBounced], 0.001) << "another frame";
@@ -120,18 +120,19 @@ TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
     EXPECT_EQ(kept[i].noise.depth.smooth_m, 2 * fitted[i].noise.depth.smooth_m) << "not fitted";
 }
 
-TEST(AssociateAndSolve, GoesOnWithoutASensorThatHasNoPose) {
+TEST(AssociateAndSolve, GoesOnWithoutASensorWhoseNumbersFail) {
   Neighbours made;
-  made.frames[0].start.translation().x() = std::nan("");
+  made.frames[0].noise = UsualNoise("");
+  made.frames[0].noise->depth.smooth_m = std::nan("");
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
-  const Solution solution = AssociateAndSolve(
-      problem, {AskedFor({}, problem.priors, 2, 4),
-                NominalState(made.rig.structure, {made.frames[0].start, made.poses[1]}),
-                {},
-                {0, 0}});
+  const Solution solution =
+      AssociateAndSolve(problem, {AskedFor({}, problem.priors, 2, 4),
+                                  NominalState(made.rig.structure, made.poses),
+                                  {},
+                                  {0, 0}});
   EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
-  EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its fallback";
+  EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its start";
   EXPECT_TRUE(solution.observed[0].faces.empty());
   EXPECT_LT(ComparePoses(solution.state.poses[1].ToPose(), made.poses[1]).translation_m, 3e-3);
 }

@@ -25,7 +25,6 @@ inline std::vector<CloudPoint> Strip(bool along_x, double z, int count = 15) {
       CloudPoint point;
       point.p = along_x ? Eigen::Vector3d(along, across, z) : Eigen::Vector3d(across, along, z);
       point.normal = {0, 0, -1};
-      point.use = BlockUse::kFit;
       cloud.push_back(point);
     }
   }
@@ -52,8 +51,7 @@ struct TwoSensors {
   Pose pose = Eigen::Translation3d(30, 0, 0) * RingPose(40);
   SensorPoints a, b;
   RefineOptions options;
-  std::vector<FrameInput> frames = {{Borrowed(a), pose, pose, pose},
-                                    {Borrowed(b), pose, pose, pose}};
+  std::vector<FrameInput> frames = {{Borrowed(a), pose}, {Borrowed(b), pose}};
   refine_internal::State state = refine_internal::NominalState(structure, {pose, pose});
 
   TwoSensors(std::vector<CloudPoint> of_a, std::vector<CloudPoint> of_b) {

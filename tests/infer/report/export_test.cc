@@ -128,7 +128,6 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
     EXPECT_DOUBLE_EQ(sensor.depth_offset_m, from.depth_offset_m);
     EXPECT_DOUBLE_EQ(sensor.depth_gain, from.depth_gain);
     EXPECT_DOUBLE_EQ(sensor.sigma_depth_gain, from.sigma_depth_gain);
-    EXPECT_EQ(sensor.refinement_accepted, from.refinement_accepted);
     EXPECT_EQ(sensor.points, from.points);
   }
   ASSERT_EQ(read.placements.size(), 1u);
