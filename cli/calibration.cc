@@ -155,7 +155,8 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
                   "would be chosen")
       ->take_all();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
-  app->add_option("--set", request->assignments, "KEY=VALUE over the config, e.g. refine.threads=1")
+  app->add_option("--set", request->assignments,
+                  "KEY=VALUE over the config, e.g. refine.box_sigma_m=0.01")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
   AddAssignment(app, "--device", "device", &request->assignments, "cpu, cuda or cuda:N");

@@ -9,7 +9,7 @@ Counted is each numeric literal of C++ code (no comments, no strings) that is
 - inline: anywhere else, if it is written with a point or an exponent;
 and in configs/intrinsics.yaml each figure of a kind's errors and lens_sigmas whose line names neither a measurement, [M], nor a
 publication, [P]. Not counted: 0, 1, 2 and a half, of either sign; whole numbers inline, which are indices, sizes and
-units; `infinity` and such. Numbers of a law (3 of a root mean square of what falls linearly) are counted: the rule does not read.
+units; the last default of an option that is gone (`Fixed`); `infinity` and such. Numbers of a law (3 of a root mean square of what falls linearly) are counted: the rule does not read.
 
 A room that has fewer than its limit lowers it: the limit is what was reached. --rooms counts others and holds them to nothing.
 """
@@ -36,6 +36,7 @@ TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|R"\((?:.*?)\)"|"(?:\\.|[^"\\\n])*"|\'(?:\
 DIRECTIVE = re.compile(r"^\s*#.*$", re.M)
 TEMPLATE = re.compile(r"(?<=\w)<[^<>;(){}]*>")  # twice: one within another
 EXTENT = re.compile(r"\[\d*\]")
+FIXED = re.compile(r"\bFixed\([^)]*\)")  # an option that is gone, with its last default
 STRUCT = re.compile(r"^ *struct \w+[^;{]*\{.*?^ *\};", re.M | re.S)
 # A constant's, a member's or an argument's name, with what it is set to. Arrays may be over several lines.
 CONSTANT = re.compile(r"\b(?:constexpr|const)\b[^;{}()=]*?\bk[A-Z]\w*(?:\[\w*\])?\s*(?==|\{)[^;]*;")
@@ -53,7 +54,7 @@ def blank(match):
 
 def of_code(text, header):
     """(line, literal, "named" or "inline") of each tuned number."""
-    for pattern in (TEXT, DIRECTIVE, TEMPLATE, TEMPLATE, EXTENT):
+    for pattern in (TEXT, DIRECTIVE, FIXED, TEMPLATE, TEMPLATE, EXTENT):
         text = pattern.sub(blank, text)
     found = []
 

@@ -126,6 +126,12 @@ Constraint Removed(std::string name, std::string instead,
   return {"", nullptr, nullptr, "", std::move(name), std::move(instead), std::move(harmless)};
 }
 
+Constraint Fixed(std::string name, double value) {
+  const std::string text = config_internal::ToText(value);
+  return Removed(std::move(name), "it is " + text + " now; leave the key out",
+                 std::vector<std::string>{text});
+}
+
 namespace {
 
 void Flatten(const YAML::Node& node, const std::string& prefix, const std::string& name,

@@ -53,6 +53,8 @@ Constraint FormerlyNamed(std::string name);
 /// effect, which saved configurations have; it is passed over.
 Constraint Removed(std::string name, std::string instead,
                    std::optional<std::vector<std::string>> harmless = std::nullopt);
+/// Removed, of a key that was a number and has one value now.
+Constraint Fixed(std::string name, double value);
 
 /// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
 /// of scalars are one leaf; sequences of maps become "sensors[0].name".

@@ -29,13 +29,13 @@ std::vector<Enum> ValuesOf(const Words<Enum, N>& words) {
 }
 
 /// Describes a key whose values are words.
-template <class Archive, class Enum, std::size_t N>
+template <class Archive, class Enum, std::size_t N, class... Constraints>
 void DescribeWord(Archive& ar, const std::string& name, Enum& value, const Words<Enum, N>& words,
-                  const char* doc) {
+                  const char* doc, Constraints... constraints) {
   std::vector<std::string> allowed;
   for (const auto& [text, meaning] : words) allowed.emplace_back(text);
   std::string word = WordOf(words, value);
-  ar(name, word, doc, OneOf(allowed));
+  ar(name, word, doc, OneOf(allowed), constraints...);
   for (const auto& [text, meaning] : words) {
     if (word == text) value = meaning;
   }

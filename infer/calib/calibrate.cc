@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <thread>
 #include <utility>
 
 #include "core/base/stage_clock.h"
@@ -39,9 +40,8 @@ CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& sta
   Joint joint = SolveJointly(std::move(seen), stack, segmenter, options, progress, clock);
 
   begin("residuals and verdict");
-  const PerFrame<std::optional<Finding>> suspect_lenses =
-      CheckLenses(FindPlanes(joint.seen.views, joint.seen.lenses, threads), joint.seen.lenses,
-                  estimated, options.verdict.lens);
+  const PerFrame<std::optional<Finding>> suspect_lenses = CheckLenses(
+      FindPlanes(joint.seen.views, joint.seen.lenses, threads), joint.seen.lenses, estimated);
   clock->Lap("lenses");
   CalibrationResult result = Judge(std::move(joint), stack, suspect_lenses, options);
   clock->Lap("metrics");
@@ -79,9 +79,13 @@ StackFinding InspectStack(const CalibrationResult& result, const Structure& stru
 }  // namespace
 
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
-                            Segmenter* segmenter, const CalibrateOptions& options,
+                            Segmenter* segmenter, const CalibrateOptions& asked_for,
                             const CalibrateProgress& progress) {
   StageClock clock;
+  CalibrateOptions options = asked_for;
+  // Ceres warns of more threads than there are processors.
+  options.refine.threads =
+      std::min(options.threads, static_cast<int>(std::thread::hardware_concurrency()));
   const CaptureSet capture = CheckRequest(stills, structure, options, segmenter != nullptr);
   const StackFinding not_asked(stills.size());
   CalibrationResult result = CalibrateAs(capture, not_asked, segmenter, options, progress, &clock);

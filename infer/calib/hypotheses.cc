@@ -13,6 +13,7 @@
 #include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
 #include "core/geometry/typical_intrinsics.h"
+#include "infer/checks/verification.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/view/alike.h"
 #include "infer/view/sensor_view.h"
@@ -259,8 +260,7 @@ void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibra
 
 // Intrinsics that the stated kind does not have.
 
-void SuspectIntrinsics(const std::vector<Still>& stills, const VerdictOptions& options,
-                       FrameResult* sensor) {
+void SuspectIntrinsics(const std::vector<Still>& stills, FrameResult* sensor) {
   const SensorFrame* frame = FindFrame(stills.front(), sensor->name);
   if (!frame || sensor->code == SensorCode::kWrongUnits || sensor->code == SensorCode::kNoDepth)
     return;
@@ -278,7 +278,7 @@ void SuspectIntrinsics(const std::vector<Still>& stills, const VerdictOptions& o
   const std::optional<Intrinsics> typical =
       TypicalIntrinsics(frame->sensor, given.width, given.height);
   if (sensor->status == SensorStatus::kOk || !typical ||
-      std::abs(std::log(given.fx / typical->fx)) < options.far_off_intrinsics)
+      std::abs(std::log(given.fx / typical->fx)) < kFarOffIntrinsics)
     return;
   static_cast<Finding&>(*sensor) = {
       SensorCode::kIntrinsicsSuspect,
@@ -368,7 +368,7 @@ void TryHypotheses(const std::vector<Still>& stills, const Structure& structure,
                    CalibrationResult* result) {
   for (FrameResult& sensor : result->sensors) {
     SuspectSpoilt(&sensor);
-    SuspectIntrinsics(stills, options.verdict, &sensor);
+    SuspectIntrinsics(stills, &sensor);
   }
   DoubtTheRest(result);
   TryExchanges(stills, recalibrate, result);

@@ -199,14 +199,14 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
 }  // namespace
 
 SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>& located,
-                                  const SomeFrames<FrameInput>& frames, const RefineResult& refined,
-                                  const InitialPoseOptions& options) {
+                                  const SomeFrames<FrameInput>& frames,
+                                  const RefineResult& refined) {
   SomeFrames<Finding> shapeless;
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : frames) {
     const Pose& pose = found++->structure_from_sensor;
     if (!std::get<LocatedFrame>(located[id]).shape_log_odds ||
-        ShapeLogOdds(seen.views[id], refined.placements[id.still].built, pose, options)) {
+        ShapeLogOdds(seen.views[id], refined.placements[id.still].built, pose)) {
       continue;
     }
     shapeless[id] = ExplainMissingShape();
@@ -276,8 +276,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       if (labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
       continue;
     }
-    const SomeFrames<Finding> shapeless =
-        FindShapeless(seen, located.results, frames, refined, options.initial);
+    const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
     if (!shapeless.empty()) {  // set aside
       located = Join(seen, Without(std::move(located.results), shapeless));
     } else {  // look

@@ -68,7 +68,7 @@ bool StandsStill(double moved_m, const RefinedFrame& refined);
 /// The frames that geometry alone has located and that stand where their views do not have the
 /// structure's shape. `refined`: of `frames`, which are the located ones.
 SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>& located,
-                                  const SomeFrames<FrameInput>& frames, const RefineResult& refined,
-                                  const InitialPoseOptions& options);
+                                  const SomeFrames<FrameInput>& frames,
+                                  const RefineResult& refined);
 
 }  // namespace volalign

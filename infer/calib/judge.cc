@@ -81,7 +81,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   static_cast<PoseQuality&>(*sensor) = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
       labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose,
-      options.initial.patch.min_confidence);
+      kLeastConfidence);
   sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
                                                     joint.seen.capture->structure, sensor->initial)
                                            .rms_m;
@@ -109,14 +109,14 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   DemoteIfNotFinite(sensor);
 }
 
-void JudgeTwins(const VerdictOptions& options, std::vector<FrameResult>* sensors) {
+void JudgeTwins(std::vector<FrameResult>* sensors) {
   std::vector<std::string> names;
   std::vector<std::optional<Pose>> poses;
   for (const FrameResult& sensor : *sensors) {
     names.push_back(sensor.name);
     poses.push_back(sensor.structure_from_sensor);
   }
-  const std::vector<std::optional<Finding>> twins = FindTwins(names, poses, options);
+  const std::vector<std::optional<Finding>> twins = FindTwins(names, poses);
   for (std::size_t i = 0; i < twins.size(); ++i) {
     if (twins[i]) SetFinding(SensorStatus::kWeak, *twins[i], &(*sensors)[i]);
   }
@@ -150,8 +150,8 @@ std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std
     views[i] = &joint.seen.views[{still, i}];
     poses[i] = solution->second.refined.structure_from_sensor;
   }
-  const std::vector<std::optional<SeenThrough>> found = FindSeenThrough(
-      views, poses, joint.stacks[still].built, options.verdict.refuting_odds, options.threads);
+  const std::vector<std::optional<SeenThrough>> found =
+      FindSeenThrough(views, poses, joint.stacks[still].built, kDecisiveOdds, options.threads);
   std::vector<std::optional<RefutedByPair>> refuted(count);
   for (std::size_t i = 0; i < count; ++i) {
     if (!found[i] || joint.seen.labelled[{still, i}].given) continue;
@@ -306,7 +306,7 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
                         std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                         Joint* joint) {
   RefinedPlacement& stack = joint->stacks[still];
-  JudgeTwins(options.verdict, &sensors);
+  JudgeTwins(&sensors);
   DoubtThoseAlone(&sensors);
   if (options.assembly.enabled && !(assembly && assembly->altered())) {
     AssemblyReport told = AsFarAsTold(sensors, joint->seen.capture->structure, joint->findings);

@@ -74,7 +74,7 @@ Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
   std::vector<std::vector<DepthFinding>> depths;
   for (std::size_t s = 0; s < capture.stills.size(); ++s) {
     const std::vector<SensorFrame>& frames = capture.stills[s].frames;
-    depths.push_back(CheckDepths(frames, seen.views.OfStill(s), options.verdict));
+    depths.push_back(CheckDepths(frames, seen.views.OfStill(s)));
   }
   seen.depths = PerFrame(std::move(depths));
   clock->Lap("rays");

@@ -15,6 +15,11 @@ namespace volalign {
 
 namespace {
 
+constexpr double kLeastValid = 0.01;  // share of pixels with depth
+constexpr double kMostMedian = 10;    // m, of a frame in a room
+/// m: one pixel in twenty has to be farther, since nearer than that no sensor sees a structure.
+constexpr double kLeastFar = 0.9;
+
 /// m: a depth of a structure in a room.
 constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
 constexpr double kFarQuantile = 1 - kNotable;
@@ -34,11 +39,10 @@ std::string Metres(double depth) {
 std::string Times(double factor) { return fmt::format(factor < 10 ? "{:.1f}" : "{:.0f}", factor); }
 
 /// Of depths that no room gives.
-std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double depth_scale,
-                                        const VerdictOptions& options) {
+std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double depth_scale) {
   const double median = Quantile(depths, 0.5), far = Quantile(depths, kFarQuantile);
-  const bool beyond = median > options.max_median_depth_m;
-  if (!beyond && far >= options.min_far_depth_m) return std::nullopt;
+  const bool beyond = median > kMostMedian;
+  if (!beyond && far >= kLeastFar) return std::nullopt;
   const std::string text =
       fmt::format("half of its depths are {} {}", beyond ? "beyond" : "under", Metres(median));
   const double least = beyond ? median / kFarRoom : kNearRoom / median,
@@ -59,8 +63,7 @@ std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double
 }  // namespace
 
 std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
-                                      const std::vector<SensorView>& views,
-                                      const VerdictOptions& options) {
+                                      const std::vector<SensorView>& views) {
   std::vector<DepthFinding> findings(views.size());
   for (std::size_t i = 0; i < views.size(); ++i) {
     const DepthImage& depth = views[i].depth;
@@ -68,14 +71,13 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
     const double valid =
         depth.empty() ? 0
                       : static_cast<double>(measured.size()) / static_cast<double>(depth.size());
-    if (valid < options.min_valid_share) {
+    if (valid < kLeastValid) {
       findings[i].failure = Finding{SensorCode::kNoDepth,
                                     fmt::format("{:.1f} % of the pixels have depth", 100 * valid),
                                     "check the depth file and the sensor's lens cap"};
       continue;
     }
-    if (std::optional<DepthFinding> problem =
-            UnitProblem(measured, frames[i].depth_scale, options)) {
+    if (std::optional<DepthFinding> problem = UnitProblem(measured, frames[i].depth_scale)) {
       findings[i] = *std::move(problem);
       continue;
     }

@@ -22,8 +22,7 @@ struct DepthFinding {
 /// structure), or equal to another sensor's. Of equal ones the first stays; both name the other.
 /// One result a frame; `views` are theirs.
 std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
-                                      const std::vector<SensorView>& views,
-                                      const VerdictOptions& options);
+                                      const std::vector<SensorView>& views);
 
 /// Removes values that stand for "no measurement", 65535 units for example: what a notable share of
 /// the pixels has to the last digit, nothing else is near, and no sensor measures in a room.

@@ -16,6 +16,10 @@ namespace {
 /// Focal lengths are tried in equal ratios, so many each way, up to this factor.
 constexpr int kFocalSteps = 5;
 constexpr double kMaxFocalFactor = 1.4;
+/// Other intrinsics are believed from this agreement of labels and depth with the structure on,
+/// which has to exceed that with those given by so much, and are worth a word from this relative
+/// change of the focal length, or of the principal point in focal lengths, on.
+constexpr double kLeastScore = 0.8, kLeastGain = 0.08, kLeastChange = 0.05;
 
 /// What scores intrinsics: a frame, its labels decimated.
 struct LabelledDepth {
@@ -73,8 +77,7 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,
-                                                     const InitialPoseOptions& initial,
-                                                     const IntrinsicsCheckOptions& options) {
+                                                     const InitialPoseOptions& initial) {
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const LabelledDepth frame{view, stride, Decimate(segmentation, stride)};
   const auto score = [&](const Intrinsics& intrinsics) {
@@ -92,7 +95,7 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
   for (const auto& [cx, cy] : {std::pair{given.cy, given.cx},
                                std::pair{(given.width - 1) / 2.0, (given.height - 1) / 2.0}}) {
     const double shift = std::hypot((cx - given.cx) / given.fx, (cy - given.cy) / given.fy);
-    if (shift < options.min_change) continue;
+    if (shift < kLeastChange) continue;
     Intrinsics moved = given;
     moved.cx = cx;
     moved.cy = cy;
@@ -101,8 +104,8 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
     best = {moved, fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy), best.given_score, moved_score,
             shift};
   }
-  if (best.score < options.min_score || best.score < best.given_score + options.min_gain ||
-      best.size < options.min_change)
+  if (best.score < kLeastScore || best.score < best.given_score + kLeastGain ||
+      best.size < kLeastChange)
     return std::nullopt;
   return best;
 }

@@ -3,33 +3,12 @@
 #include <optional>
 #include <string>
 
-#include "core/config/config.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/view/segmentation.h"
 
 namespace volalign {
-
-struct IntrinsicsCheckOptions {
-  double min_score = 0.8;
-  double min_gain = 0.08;
-  double min_change = 0.05;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("min_score", min_score,
-       "least agreement of labels and depth with the structure for other intrinsics to be believed",
-       Between(0, 1));
-    ar("min_gain", min_gain, "by how much it has to exceed the agreement with those given",
-       Between(0, 1));
-    ar("min_change", min_change,
-       "least relative change of the focal length, or of the principal point in focal lengths, "
-       "that "
-       "is worth a word",
-       Above(0));
-  }
-};
 
 /// Other intrinsics than those given, with which a frame fits the structure clearly better.
 struct BetterIntrinsics {
@@ -44,13 +23,12 @@ struct BetterIntrinsics {
 /// Of the view's depths, which err as it says. Tries focal lengths from 1 / 1.4 to 1.4 times those
 /// given, the principal point with its coordinates exchanged, and the principal point in the
 /// image's middle, each with a new initial pose on about kCoarseRays rays. Nothing unless the best
-/// of them passes the limits of `options`. Costs some 15 initial poses, so it is for frames that
+/// of them fits clearly better. Costs some 15 initial poses, so it is for frames that
 /// fit badly.
 std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,
                                                      const Structure& structure,
-                                                     const InitialPoseOptions& initial,
-                                                     const IntrinsicsCheckOptions& options = {});
+                                                     const InitialPoseOptions& initial);
 
 }  // namespace volalign

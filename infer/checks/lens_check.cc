@@ -9,6 +9,13 @@ namespace volalign {
 
 namespace {
 
+/// A lens is suspect that differs from the one that makes large planes flat by so many standard
+/// deviations, and bends them by so much, m.
+constexpr double kBentSigmas = 4, kLeastBend = 0.008;
+/// Standard deviations of its prior by which a focal length may come out other than given: one in
+/// 80 that is as the prior has it exceeds them.
+constexpr double kMostFocalSigmas = 2.5;
+
 /// The change that planes ask for beyond what a lens has, where its prior is put aside, and by how
 /// many standard deviations (those of its prior included) k1 and k2 are off.
 struct Excess {
@@ -30,15 +37,14 @@ Excess ExcessOf(const LensEvidence& evidence, const SensorLens& lens) {
 }  // namespace
 
 PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& planes,
-                                             const LensSet& lenses, bool estimated,
-                                             const LensCheckOptions& options) {
+                                             const LensSet& lenses, bool estimated) {
   return MapFrames(planes, 1, [&](FrameId id) -> std::optional<Finding> {
     const SensorLens& lens = lenses.Of(id);
     const Excess excess =
         ExcessOf(Straightness({planes[id]}).EvidenceAt({lenses.assumed[id]}, lens.change), lens);
     const double bend = LargestBend(planes[id], excess.change);
     // Before the focal length, which a lens that is left out moves along.
-    if (excess.sigmas > options.min_sigmas && bend > options.min_bend_m) {
+    if (excess.sigmas > kBentSigmas && bend > kLeastBend) {
       return Finding{
           SensorCode::kLensSuspect,
           fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that "
@@ -52,11 +58,11 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
     // Beyond what a kind varies from what is given, or one sensor from others of it.
     const double own = lenses.own_focal[id];
     const bool alone =
-        lens.own_focal_sigma > 0 && std::abs(own) > options.max_focal_sigmas * lens.own_focal_sigma;
+        lens.own_focal_sigma > 0 && std::abs(own) > kMostFocalSigmas * lens.own_focal_sigma;
     const double focal = alone ? own : lenses.ChangeOf(id)[0],
                  usual = alone ? lens.own_focal_sigma
                                : std::hypot(lens.prior_sigmas[0], lens.own_focal_sigma);
-    if (std::abs(focal) > options.max_focal_sigmas * usual) {
+    if (std::abs(focal) > kMostFocalSigmas * usual) {
       const Intrinsics found = lenses.Effective(id);
       return Finding{
           SensorCode::kIntrinsicsSuspect,

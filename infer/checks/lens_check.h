@@ -14,7 +14,6 @@ namespace volalign {
 /// lenses' changes. `estimated`: that is what the lenses' changes
 /// were allowed to be. A lens whose focal length is far from the one given is suspect too.
 PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& planes,
-                                             const LensSet& lenses, bool estimated,
-                                             const LensCheckOptions& options);
+                                             const LensSet& lenses, bool estimated);
 
 }  // namespace volalign

@@ -19,6 +19,10 @@ namespace volalign {
 
 namespace {
 
+/// Standard deviation of a rotation, deg, above which overlap does not fix it; of a position it is
+/// kRoughPose.
+constexpr double kMostSigmaDeg = 2;
+
 constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open direction
 /// Share of the largest eigenvalue of the sides' normals below which a direction is open.
 constexpr double kOpen = 0.05;
@@ -95,7 +99,7 @@ Eigen::Matrix3d FrameOf(const Eigen::Vector3d& normal, const Eigen::Vector3d& up
 
 /// The initial pose, and one from each of the largest upright sides alone.
 std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& neighbours,
-                             const Structure& structure, KeypointKind keypoints) {
+                             const Structure& structure) {
   std::vector<Pose> starts;
   if (lost.labelled.initial.found) starts.push_back(lost.labelled.initial.structure_from_sensor);
   std::vector<SidePatch> sides = lost.labelled.initial.patches;
@@ -106,7 +110,8 @@ std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& nei
     Pose pose = Pose::Identity();
     pose.linear() = FrameOf(normal, Eigen::Vector3d::UnitY()) *
                     FrameOf(side.normal, UpOf(neighbours)).transpose();
-    pose.translation() = structure.Keypoint(side.label, keypoints) - pose.linear() * side.centroid;
+    pose.translation() =
+        structure.Keypoint(side.label, KeypointKind::kExposed) - pose.linear() * side.centroid;
     if (pose.matrix().allFinite()) starts.push_back(pose);
   }
   return starts;
@@ -148,13 +153,13 @@ std::vector<Candidate> BestApart(std::vector<Candidate> all) {
 }
 
 std::vector<Candidate> Search(const Lost& lost, const std::vector<Neighbour>& neighbours,
-                              const Structure& structure, KeypointKind keypoints) {
+                              const Structure& structure) {
   const std::vector<Eigen::Vector3d> open =
       OpenDirections(lost.labelled.initial.patches, structure);
   const int steps = static_cast<int>(std::lround(kReach / kStep));
   const int across = open.size() > 1 ? steps : 0, along = open.empty() ? 0 : steps;
   std::vector<Candidate> candidates;
-  for (const Pose& start : StartPoses(lost, neighbours, structure, keypoints)) {
+  for (const Pose& start : StartPoses(lost, neighbours, structure)) {
     for (int i = -along; i <= along; ++i) {
       for (int j = -across; j <= across; ++j) {
         Pose pose = start;
@@ -189,14 +194,11 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
 
   const Refined refined{found.structure_from_sensor,
                         LargestSigmaPosition(found.structure_from_sensor, found.covariance)};
-  const VerdictOptions& limits = options.verdict;
   const bool explains =
       !IsRefuted(ExplainView(lost.view, lost.labelled.ByNetwork(), structure, refined.pose,
-                             options.refine.box_sigma_m, options.initial.patch.min_confidence),
-                 limits);
-  const bool fixed =
-      refined.sigma_position_m <= limits.max_sigma_by_neighbours_m &&
-      LargestSigmaRotationDeg(found.covariance) <= limits.max_sigma_by_neighbours_deg;
+                             options.refine.box_sigma_m, kLeastConfidence));
+  const bool fixed = refined.sigma_position_m <= kRoughPose &&
+                     LargestSigmaRotationDeg(found.covariance) <= kMostSigmaDeg;
   if (!found.solved || !found.problem.empty() || !explains || !fixed ||
       !(LogOddsBeside(lost, neighbours, refined.pose, structure) > 0))
     return std::nullopt;
@@ -207,8 +209,7 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
 std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& neighbours,
                                 const Structure& structure, const LocateOptions& options) {
   std::optional<Refined> found;
-  for (const Candidate& candidate :
-       Search(lost, neighbours, structure, options.initial.keypoints)) {
+  for (const Candidate& candidate : Search(lost, neighbours, structure)) {
     const std::optional<Refined> refined =
         RefineWith(lost, neighbours, candidate.pose, structure, options);
     if (!refined) continue;

@@ -13,10 +13,10 @@ namespace volalign {
 /// which the other sensors are mounted. Those at which the largest part of what the frame measured
 /// lies on what its neighbours measured are refined together with the located frames, by structure
 /// and overlap. The frame is located where one of them explains its view of the structure, is more
-/// probable than not by what sensors measured beside it (LogOddsOfPairs), is known to
-/// options.verdict.max_sigma_by_neighbours_*, and no other pose meets these conditions.
-/// LocatedFrame::by_neighbours then says so; a frame that is not located keeps its finding. One
-/// that rests on an ambiguous neighbour is ambiguous, too: it would follow it.
+/// probable than not by what sensors measured beside it (LogOddsOfPairs), is known to 3 cm and 2
+/// deg, and no other pose meets these conditions. LocatedFrame::by_neighbours then says so; a frame
+/// that is not located keeps its finding. One that rests on an ambiguous neighbour is ambiguous,
+/// too: it would follow it.
 PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResult> results,
                                           const LocateOptions& options);
 

@@ -17,6 +17,9 @@ namespace volalign {
 
 namespace {
 
+/// Agreement of many sides with the structure below which other intrinsics are tried.
+constexpr double kSuspiciousScore = 0.85;
+
 /// Where many sides fit the structure badly: would they fit it with other intrinsics?
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
                                                 const Intrinsics& intrinsics,
@@ -24,10 +27,9 @@ std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
                                                 const Structure& structure,
                                                 const LocateOptions& options) {
   const InitialPose& initial = labelled.initial;
-  const bool fits = initial.found && initial.agreement.score() >= options.verdict.suspicious_score;
-  if (fits || !SeesManySides(initial.patches, options.verdict)) return std::nullopt;
-  return FindBetterIntrinsics(view, intrinsics, labelled.segmentation, structure, options.initial,
-                              options.verdict.intrinsics);
+  const bool fits = initial.found && initial.agreement.score() >= kSuspiciousScore;
+  if (fits || !SeesManySides(initial.patches)) return std::nullopt;
+  return FindBetterIntrinsics(view, intrinsics, labelled.segmentation, structure, options.initial);
 }
 
 struct OwnPose {
@@ -110,22 +112,20 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   const std::optional<BetterIntrinsics> better =
       CheckIntrinsics(view, seen.lenses.Effective(id), labelled, structure, options);
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
-  if (!initial.found) return ExplainMissingPose(initial, options.verdict);
+  if (!initial.found) return ExplainMissingPose(initial);
 
   const OwnPose own = RefineTwice(seen, id, options);
   const Pose& pose = own.structure_from_sensor;
-  const LocateFacts facts{
-      ExplainView(view, labelled.ByNetwork(), structure, pose, options.refine.box_sigma_m,
-                  options.initial.patch.min_confidence),
-      ConfirmedLabels(view, initial.patches, structure, pose), own.sigma_position_m, &initial,
-      better ? &*better : nullptr};
-  if (std::optional<Finding> failure =
-          VerifyOwnPose(facts, structure, options.initial.keypoints, options.verdict)) {
+  const LocateFacts facts{ExplainView(view, labelled.ByNetwork(), structure, pose,
+                                      options.refine.box_sigma_m, kLeastConfidence),
+                          ConfirmedLabels(view, initial.patches, structure, pose),
+                          own.sigma_position_m, &initial, better ? &*better : nullptr};
+  if (std::optional<Finding> failure = VerifyOwnPose(facts, structure, options.verdict)) {
     return *std::move(failure);
   }
   LocatedFrame located;
   if (labelled.source == PoseSource::kGeometry) {
-    located.shape_log_odds = ShapeLogOdds(view, structure, pose, options.initial);
+    located.shape_log_odds = ShapeLogOdds(view, structure, pose);
     if (!located.shape_log_odds) return ExplainMissingShape();
   }
   if (labelled.up_unknown) return UpUnknown(labelled);
@@ -160,7 +160,7 @@ std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
                                              const LocateOptions& options) {
   SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.capture->structure,
-                                     options.refine, options.initial.patch.min_confidence);
+                                     options.refine, kLeastConfidence);
   points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
   points.lens = seen.lenses.ChangeOf(id);

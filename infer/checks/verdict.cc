@@ -158,15 +158,14 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
 }
 
 std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
-                                              const std::vector<std::optional<Pose>>& poses,
-                                              const VerdictOptions& options) {
+                                              const std::vector<std::optional<Pose>>& poses) {
+  constexpr double kSameDirectionDeg = 2;  // between sensors that are one
   std::vector<std::optional<Finding>> twins(poses.size());
   for (std::size_t i = 0; i < poses.size(); ++i) {
     for (std::size_t j = 0; j < poses.size(); ++j) {
       if (i == j || !poses[i] || !poses[j]) continue;
       const PoseError gap = ComparePoses(*poses[i], *poses[j]);
-      if (gap.translation_m > options.same_place_m || gap.rotation_deg > options.same_direction_deg)
-        continue;
+      if (gap.translation_m > kSamePlace || gap.rotation_deg > kSameDirectionDeg) continue;
       twins[i] = Finding{SensorCode::kSamePose,
                          fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
                                      names[j], 1000 * gap.translation_m, gap.rotation_deg),

@@ -15,112 +15,25 @@
 
 namespace volalign {
 
-/// When large planes, or the focal length that was estimated, tell that the intrinsics are wrong.
-struct LensCheckOptions {
-  double min_sigmas = 4;
-  double min_bend_m = 0.008;
-  double max_focal_sigmas = 2.5;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("min_sigmas", min_sigmas,
-       "standard deviations by which the lens that makes large planes flat has to differ from the "
-       "one that is used",
-       Above(0));
-    ar("min_bend_m", min_bend_m, "how far, m, it has to bend them", Above(0));
-    ar("max_focal_sigmas", max_focal_sigmas,
-       "standard deviations of its prior by which a focal length may come out other than given; "
-       "one in 80 that is as the prior has it exceeds 2.5",
-       Above(0));
-  }
-};
-
 /// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
 /// neither a near nor a far sensor is favoured.
 struct VerdictOptions {
-  // Of the frame.
-  double min_valid_share = 0.01;
-  double max_median_depth_m = 10;
-  double min_far_depth_m = 0.9;
-  // Of what was labelled, before there is a pose.
-  double sure_confidence = 0.8;
-  double min_sure_area_m2 = 0.05;
-  int many_sides = 4;
-  double many_sides_area_m2 = 0.5;
-  double suspicious_score = 0.85;
-  double far_off_intrinsics = 0.08;
-  IntrinsicsCheckOptions intrinsics;
-  LensCheckOptions lens;
-  // Of the sensor's own pose, for it to be placed.
-  double refuting_odds = kDecisiveOdds;
-  double max_sigma_position_m = 0.25;
-  // Of a pose that neighbours give to a sensor whose own view fixes none.
-  double max_sigma_by_neighbours_m = kRoughPose;
-  double max_sigma_by_neighbours_deg = 2;
+  double max_sigma_position_m = 0.25;  ///< of the sensor's own pose, for it to be placed
   // Of the reported pose, for the sensor to be ok.
   double weak_inlier_share = 0.9;
-  double weak_label_iou = 0.5;
+  double weak_label_iou = 0.5;  ///< intersection over union of labels; not a key
   double weak_rms_m = kSamePlace;
   double weak_sigma_position_m = kSamePlace;
   double weak_sigma_rotation_deg = 1.5;
-  double same_place_m = kSamePlace;
-  double same_direction_deg = 2;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("min_valid_share", min_valid_share,
-       "least share of pixels with depth; below it: failed, no_depth", Between(0, 1));
-    ar("max_median_depth_m", max_median_depth_m,
-       "largest median depth, m, of a frame in a room; above it: failed, wrong_units", Above(0));
-    ar("min_far_depth_m", min_far_depth_m,
-       "depth, m, that one pixel in twenty has to exceed, since nearer than that no sensor sees a "
-       "structure; otherwise: failed, wrong_units",
-       AtLeast(0));
-    ar("sure_confidence", sure_confidence,
-       "mean probability of a side's labels from which on the network is sure of the side",
-       Between(0, 1));
-    ar("min_sure_area_m2", min_sure_area_m2,
-       "least area, m^2, of sides that the network is sure of, for a frame without a pose to show "
-       "a structure at all; below it: failed, no_structure rather than degenerate_sides",
-       AtLeast(0));
-    ar("many_sides", many_sides,
-       "sides that the network is sure of from which on a misfit is put down to the stack or the "
-       "intrinsics rather than to what else is in the room",
-       AtLeast(1));
-    ar("many_sides_area_m2", many_sides_area_m2,
-       "least area of these sides, m^2; a structure that is seen from one corner shows over 1",
-       AtLeast(0));
-    ar("suspicious_score", suspicious_score,
-       "agreement of many sides with the structure below which other intrinsics are tried",
-       Between(0, 1));
-    ar("far_off_intrinsics", far_off_intrinsics,
-       "error of the intrinsics, in focal lengths, from which on a pose is decimetres off: failed, "
-       "intrinsics_suspect rather than weak",
-       Above(0));
-    ar("intrinsics", intrinsics, "when other intrinsics are believed");
-    ar("lens", lens, "when the lens is not the one that the intrinsics describe");
-    ar("refuting_odds", refuting_odds,
-       "odds of a wrong pose to the right one from which on what was measured behind the "
-       "structure refutes a pose; together with what the labels name, 1 is enough",
-       AtLeast(1));
     ar("max_sigma_position_m", max_sigma_position_m,
        "standard deviation of the sensor's position in the direction in which it is known least, "
        "m, above which its own view fixes no pose",
        Above(0), FormerlyNamed("max_sigma_translation_m"));
-    ar("max_sigma_by_neighbours_m", max_sigma_by_neighbours_m,
-       "standard deviation of the sensor's position in the direction in which it is known least, "
-       "m, above which overlap with placed sensors does not fix the pose of a sensor whose own "
-       "view "
-       "leaves it open",
-       Above(0));
-    ar("max_sigma_by_neighbours_deg", max_sigma_by_neighbours_deg,
-       "standard deviation of its rotation about the axis about which it is known least, deg, "
-       "above which it does not",
-       Above(0));
     ar("weak_inlier_share", weak_inlier_share, "inlier share below which a placed sensor is weak",
        Between(0, 1));
-    ar("weak_label_iou", weak_label_iou,
-       "that intersection over union below which a placed sensor is weak", Between(0, 1));
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
     ar("weak_sigma_position_m", weak_sigma_position_m,
@@ -130,13 +43,16 @@ struct VerdictOptions {
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
        "standard deviation of its rotation about the axis about which it is known least, deg, "
        "above which it is weak",
-       Above(0));
-    ar("same_place_m", same_place_m,
-       "distance, m, below which two sensors with one direction are one sensor under two names",
-       AtLeast(0));
-    ar("same_direction_deg", same_direction_deg,
-       "angle, deg, below which two sensors in one place are one sensor under two names",
-       AtLeast(0));
+       Above(0), Fixed("min_valid_share", 0.01), Fixed("max_median_depth_m", 10),
+       Fixed("min_far_depth_m", 0.9), Fixed("sure_confidence", 0.8),
+       Fixed("min_sure_area_m2", 0.05), Fixed("many_sides", 4), Fixed("many_sides_area_m2", 0.5),
+       Fixed("suspicious_score", 0.85), Fixed("far_off_intrinsics", 0.08),
+       Fixed("intrinsics.min_score", 0.8), Fixed("intrinsics.min_gain", 0.08),
+       Fixed("intrinsics.min_change", 0.05), Fixed("lens.min_sigmas", 4),
+       Fixed("lens.min_bend_m", 0.008), Fixed("lens.max_focal_sigmas", 2.5),
+       Fixed("refuting_odds", kDecisiveOdds), Fixed("max_sigma_by_neighbours_m", kRoughPose),
+       Fixed("max_sigma_by_neighbours_deg", 2), Fixed("same_place_m", kSamePlace),
+       Fixed("same_direction_deg", 2), Fixed("weak_label_iou", 0.5));
   }
 };
 
@@ -198,7 +114,6 @@ double LargestSigmaRotationDeg(const Matrix6d& covariance);
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
 /// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.
 std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
-                                              const std::vector<std::optional<Pose>>& poses,
-                                              const VerdictOptions& options);
+                                              const std::vector<std::optional<Pose>>& poses);
 
 }  // namespace volalign

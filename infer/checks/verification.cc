@@ -13,17 +13,25 @@ namespace volalign {
 
 namespace {
 
+/// The network is sure of a side whose labels have this mean probability.
+constexpr double kSureConfidence = 0.8;
+/// m^2, of such sides, for a frame without a pose to show a structure at all.
+constexpr double kLeastSureArea = 0.05;
+/// From so many such sides of such an area, m^2, on a misfit is put down to the stack or the
+/// intrinsics rather than to what else is in the room. One that is seen from one corner shows
+/// over 1.
+constexpr std::size_t kManySides = 4;
+constexpr double kManySidesArea = 0.5;
+
 std::string CountSides(std::size_t count) {
   return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
 }
 
 /// Odds of a wrong pose to the right one.
-bool Refutes(double log_odds, const VerdictOptions& options) {
-  return -log_odds >= std::log(options.refuting_odds);
-}
+bool Refutes(double log_odds) { return -log_odds >= std::log(kDecisiveOdds); }
 
 /// Why a pose that does not explain the view does not.
-Finding ExplainMisfit(const LocateFacts& facts, const VerdictOptions& options) {
+Finding ExplainMisfit(const LocateFacts& facts) {
   if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
   const ViewExplanation& view = facts.explanation;
   std::string shares =
@@ -33,9 +41,8 @@ Finding ExplainMisfit(const LocateFacts& facts, const VerdictOptions& options) {
     shares += fmt::format(" and {:.0f} % of the labelled pixels lie on the side that they name",
                           100 * view.named_so_share());
   }
-  const bool nothing_fits =
-      Refutes(view.LogOddsByDepth(), options) && Refutes(view.LogOddsByLabels(), options);
-  if (SeesManySides(facts.initial->patches, options) && !nothing_fits) {
+  const bool nothing_fits = Refutes(view.LogOddsByDepth()) && Refutes(view.LogOddsByLabels());
+  if (SeesManySides(facts.initial->patches) && !nothing_fits) {
     return {SensorCode::kInconsistent,
             "the sides that were found do not fit the structure together: " + shares,
             "check that the boxes are stacked as the structure file says, and the intrinsics and "
@@ -47,24 +54,23 @@ Finding ExplainMisfit(const LocateFacts& facts, const VerdictOptions& options) {
 
 }  // namespace
 
-SureSides CountSureSides(const std::vector<SidePatch>& patches, const VerdictOptions& options) {
+SureSides CountSureSides(const std::vector<SidePatch>& patches) {
   SureSides sure;
   for (const SidePatch& patch : patches) {
-    if (patch.mean_confidence < options.sure_confidence) continue;
+    if (patch.mean_confidence < kSureConfidence) continue;
     sure.area += patch.area;
     ++sure.count;
   }
   return sure;
 }
 
-bool SeesManySides(const std::vector<SidePatch>& patches, const VerdictOptions& options) {
-  const SureSides sure = CountSureSides(patches, options);
-  return sure.count >= static_cast<std::size_t>(options.many_sides) &&
-         sure.area > options.many_sides_area_m2;
+bool SeesManySides(const std::vector<SidePatch>& patches) {
+  const SureSides sure = CountSureSides(patches);
+  return sure.count >= kManySides && sure.area > kManySidesArea;
 }
 
-Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options) {
-  if (CountSureSides(initial.patches, options).area < options.min_sure_area_m2)
+Finding ExplainMissingPose(const InitialPose& initial) {
+  if (CountSureSides(initial.patches).area < kLeastSureArea)
     return {SensorCode::kNoStructure, "no side of the structure was found", kLookHint};
   return {SensorCode::kDegenerateSides,
           fmt::format("{} found; that fixes no pose", CountSides(initial.patches.size())),
@@ -87,16 +93,16 @@ Finding SuspectIntrinsics(const BetterIntrinsics& better) {
           "give the intrinsics of this sensor at this resolution and orientation"};
 }
 
-bool IsRefuted(const ViewExplanation& explanation, const VerdictOptions& options) {
+bool IsRefuted(const ViewExplanation& explanation) {
   const double by_depth = explanation.LogOddsByDepth();
-  return Refutes(by_depth, options) ||
+  return Refutes(by_depth) ||
          (explanation.has_labels() && by_depth + explanation.LogOddsByLabels() < 0);
 }
 
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
-                                     KeypointKind keypoints, const VerdictOptions& options) {
-  if (IsRefuted(facts.explanation, options)) return ExplainMisfit(facts, options);
-  if (!SidesFixPose(structure, facts.confirmed, keypoints)) {
+                                     const VerdictOptions& options) {
+  if (IsRefuted(facts.explanation)) return ExplainMisfit(facts);
+  if (!SidesFixPose(structure, facts.confirmed)) {
     return Finding{
         SensorCode::kDegenerateSides,
         fmt::format(
@@ -110,7 +116,7 @@ std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& 
                                CountSides(facts.confirmed.size()), facts.sigma_position_m),
                    kLookHint};
   }
-  if (facts.better_intrinsics && facts.better_intrinsics->size >= options.far_off_intrinsics)
+  if (facts.better_intrinsics && facts.better_intrinsics->size >= kFarOffIntrinsics)
     return SuspectIntrinsics(*facts.better_intrinsics);
   return std::nullopt;
 }

@@ -14,19 +14,22 @@
 
 namespace volalign {
 
+/// Error of the intrinsics, in focal lengths, from which on a pose is decimetres off.
+inline constexpr double kFarOffIntrinsics = 0.08;
+
 /// Sides that the network is sure of.
 struct SureSides {
   std::size_t count = 0;
   double area = 0;  ///< m^2
 };
-SureSides CountSureSides(const std::vector<SidePatch>& patches, const VerdictOptions& options);
+SureSides CountSureSides(const std::vector<SidePatch>& patches);
 
 /// Enough of what looks like sides to ask why they do not fit.
-bool SeesManySides(const std::vector<SidePatch>& patches, const VerdictOptions& options);
+bool SeesManySides(const std::vector<SidePatch>& patches);
 
 /// Why a frame without an initial pose has none: one or two sides that the network is sure of are a
 /// structure seen too narrowly (degenerate_sides), less is none (no_structure).
-Finding ExplainMissingPose(const InitialPose& initial, const VerdictOptions& options);
+Finding ExplainMissingPose(const InitialPose& initial);
 
 /// Why a frame without a network's labels has no initial pose.
 Finding ExplainMissingShape();
@@ -43,11 +46,11 @@ struct LocateFacts {
 /// Would a wrong pose explain the depths of a view so much better than this one does, or depths and
 /// labels together better at all? Depths refute it alone: labels that fit do not outweigh that a
 /// sensor sees through the structure.
-bool IsRefuted(const ViewExplanation& explanation, const VerdictOptions& options);
+bool IsRefuted(const ViewExplanation& explanation);
 
 /// Nothing if what the sensor saw is consistent with its own pose, or why the sensor is not placed.
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
-                                     KeypointKind keypoints, const VerdictOptions& options);
+                                     const VerdictOptions& options);
 
 /// intrinsics_suspect, with what would fit better.
 Finding SuspectIntrinsics(const BetterIntrinsics& better);

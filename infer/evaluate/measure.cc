@@ -68,17 +68,16 @@ class SharedSegmenter : public Segmenter {
   std::vector<Known> known_;
 };
 
-bool SeesAPose(const Structure& structure, const LabelImage& labels,
-               const InitialPoseOptions& options) {
+bool SeesAPose(const Structure& structure, const LabelImage& labels) {
   std::map<int, int> pixels;
   for (const std::uint8_t label : labels) {
     if (label) ++pixels[label];
   }
   std::vector<int> seen;
   for (const auto& [label, count] : pixels) {
-    if (count >= options.patch.min_pixels) seen.push_back(label);
+    if (count >= kFewestSidePixels) seen.push_back(label);
   }
-  return SidesFixPose(structure, seen, KeypointKind::kExposed);
+  return SidesFixPose(structure, seen);
 }
 
 EvaluatedErrors ErrorsOf(const FrameResult& sensor, const Pose& truth) {
@@ -90,12 +89,11 @@ EvaluatedErrors ErrorsOf(const FrameResult& sensor, const Pose& truth) {
 }
 
 /// Whether the sensor with index i truly sees enough in one still; none where that is not known.
-std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i,
-                                   const InitialPoseOptions& options) {
+std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i) {
   if (i >= still.labels.size()) return std::nullopt;
-  return SeesAPose(still.structure, still.labels[i], options) ||
+  return SeesAPose(still.structure, still.labels[i]) ||
          std::any_of(still.further.begin(), still.further.end(), [&](const FurtherStill& other) {
-           return SeesAPose(still.structure, other.labels.at(i), options);
+           return SeesAPose(still.structure, other.labels.at(i));
          });
 }
 
@@ -116,7 +114,7 @@ EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const Evaluati
   sensor.name = result.name;
   sensor.status = result.status;
   sensor.code = result.code;
-  sensor.sides_fix_pose = SidesFixPoseOf(still, i, options);
+  sensor.sides_fix_pose = SidesFixPoseOf(still, i);
   if (!result.structure_from_sensor) return sensor;
   sensor.sides = static_cast<int>(result.sides.size());
   sensor.initial_rms_to_structure_m = result.initial_rms_to_structure_m;

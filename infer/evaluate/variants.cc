@@ -15,7 +15,7 @@ std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source,
   const std::size_t equals = compare.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == compare.size()) {
     throw ConfigError(fmt::format(
-        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.min_overlap=0.05,0.1", compare));
+        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.box_sigma_m=0.004,0.01", compare));
   }
   std::vector<EvaluationVariant> variants;
   std::set<std::string> names;

@@ -16,28 +16,25 @@ namespace {
 constexpr double kMostOff = 2 * kRoughPose;
 
 InitialPose SearchPose(const SensorView& view, const SegmentationResult& segmentation,
-                       const Structure& structure, const InitialPoseOptions& options,
-                       const Pose* near) {
+                       const Structure& structure, const Pose* near) {
   InitialPose result;
-  result.patches = LargestPatches(CollectPatches(view, segmentation, structure, options.patch));
+  result.patches = LargestPatches(CollectPatches(view, segmentation, structure));
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const SensorView coarse = Decimate(view, stride);
   const SegmentationResult coarse_labels = Decimate(segmentation, stride);
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   const auto compare = [&](const Pose& pose) {
-    return CompareWithView(coarse, coarse_labels, structure, pose, options.patch.min_confidence,
-                           tolerance);
+    return CompareWithView(coarse, coarse_labels, structure, pose, kLeastConfidence, tolerance);
   };
 
   const auto correct = [&](const SensorView& by, double max_distance_m, const Pose& pose) {
-    return CorrectForVisibility(by, result.patches, structure, options, max_distance_m, pose)
-        .value_or(pose);
+    return CorrectForVisibility(by, result.patches, structure, max_distance_m, pose).value_or(pose);
   };
 
-  std::vector<Pose> candidates = FindCandidates(result.patches, structure, options, near);
+  std::vector<Pose> candidates = FindCandidates(result.patches, structure, near);
   if (near) candidates.push_back(*near);
   for (const Pose& candidate : candidates) {
-    const Pose pose = correct(coarse, options.max_keypoint_error_m, candidate);
+    const Pose pose = correct(coarse, kMostKeypointError, candidate);
     if (near && !SamePose(structure, pose, *near)) continue;
     const Agreement agreement = compare(pose);
     if (result.found && !(agreement.score() > result.agreement.score())) continue;
@@ -57,9 +54,8 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options,
                                 const Pose* near) {
-  return options.method == PoseMethod::kPaper
-             ? EstimatePaperPose(view, segmentation, structure, options)
-             : SearchPose(view, segmentation, structure, options, near);
+  return options.method == PoseMethod::kPaper ? EstimatePaperPose(view, segmentation, structure)
+                                              : SearchPose(view, segmentation, structure, near);
 }
 
 }  // namespace volalign

@@ -20,38 +20,28 @@ inline constexpr Words<PoseMethod, 4> kPoseMethodWords = {{{"auto", PoseMethod::
                                                            {"network", PoseMethod::kNetwork},
                                                            {"geometry", PoseMethod::kGeometry},
                                                            {"paper", PoseMethod::kPaper}}};
-inline constexpr Words<KeypointKind, 2> kKeypointWords = {
-    {{"exposed", KeypointKind::kExposed}, {"centre", KeypointKind::kCentre}}};
 
 struct InitialPoseOptions {
   PoseMethod method = PoseMethod::kAuto;
-  KeypointKind keypoints = KeypointKind::kExposed;
-  double max_keypoint_error_m = 0.2;
-  double max_normal_error_deg = 30;
-  SidePatchOptions patch;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    DescribeWord(ar, "method", method, kPoseMethodWords,
-                 "what initial poses come from: network (its labels), geometry (the structure's "
-                 "shape alone, which needs no model), auto (both propose where there is a model, "
-                 "and one verification chooses), or paper: the median of the pixels of each side "
-                 "that the network found against the centre of what no other box covers of it, "
-                 "Procrustes over all visible sides; it uses no other option");
-    DescribeWord(ar, "keypoints", keypoints, kKeypointWords,
-                 "point that stands for a side before its visible part is known: exposed (centroid "
-                 "of the area that no other box covers) or centre (the paper)");
-    ar("max_keypoint_error_m", max_keypoint_error_m,
-       "distance between a side's keypoint and its measured one beyond which they contradict each "
-       "other, m",
-       Above(0));
-    ar("max_normal_error_deg", max_normal_error_deg,
-       "angle between a side's normal and its fitted one beyond which they contradict each other, "
-       "deg",
-       Between(1, 90));
-    ar("patch", patch, "collection of each side's pixels", FormerlyNamed("evidence"),
-       Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
-               std::vector<std::string>{"0"}));
+    DescribeWord(
+        ar, "method", method, kPoseMethodWords,
+        "what initial poses come from: network (its labels), geometry (the structure's "
+        "shape alone, which needs no model), auto (both propose where there is a model, "
+        "and one verification chooses), or paper: the median of the pixels of each side "
+        "that the network found against the centre of what no other box covers of it, "
+        "Procrustes over all visible sides",
+        Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
+                std::vector<std::string>{"0"}),
+        Removed("keypoints",
+                "a side's point is the centroid of the area that no other box covers; "
+                "leave the key out",
+                std::vector<std::string>{"exposed"}),
+        Fixed("max_keypoint_error_m", 0.2), Fixed("max_normal_error_deg", 30),
+        Fixed("patch.min_confidence", kLeastConfidence),
+        Fixed("patch.min_pixels", kFewestSidePixels));
   }
 };
 

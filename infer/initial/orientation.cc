@@ -42,8 +42,8 @@ void TakeChoice(const LabelContext& context, const LabelRequest& from, const Pos
   for (const OrientationTrial* other : trials) {
     if (other != &trial) others.push_back(&other->segmentation);
   }
-  ReconcileLabels(*from.view, context.structure, context.aliases, pose, others,
-                  context.initial.patch.min_confidence, &out->segmentation);
+  ReconcileLabels(*from.view, context.structure, context.aliases, pose, others, kLeastConfidence,
+                  &out->segmentation);
   out->initial =
       EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
 }

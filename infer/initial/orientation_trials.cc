@@ -43,9 +43,8 @@ std::vector<OrientationTrial> Try(const LabelContext& context, const Orientation
     const Pose& pose = trial.initial.structure_from_sensor;
     const int stride = StrideForRays(view.depth.size(), kCoarseRays);
     const SegmentationResult labels = Decimate(trial.segmentation, stride);
-    const ViewExplanation explanation =
-        ExplainView(Decimate(view, stride), &labels, context.structure, pose, kRoughPose,
-                    context.initial.patch.min_confidence);
+    const ViewExplanation explanation = ExplainView(
+        Decimate(view, stride), &labels, context.structure, pose, kRoughPose, kLeastConfidence);
     trial.by_view = explanation.LogOddsByDepth() + explanation.LogOddsByLabels();
     trial.by_floor = FloorMargin(view, context.structure, context.aliases, pose);
   });

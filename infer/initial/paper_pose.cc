@@ -12,7 +12,7 @@
 namespace volalign {
 
 InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
-                              const Structure& structure, const InitialPoseOptions& options) {
+                              const Structure& structure) {
   const auto classes = static_cast<std::size_t>(structure.num_classes());
   std::vector<std::array<std::vector<double>, 3>> coordinates(classes);
   view.VisitMeasured(1, [&](int u, int v) {
@@ -30,13 +30,12 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
     target.push_back(structure.Keypoint(static_cast<int>(label), KeypointKind::kExposed));
   }
   InitialPose result;
-  result.patches = CollectPatches(view, segmentation, structure, options.patch);
+  result.patches = CollectPatches(view, segmentation, structure);
   if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
   result.found = true;
   result.structure_from_sensor = AlignPoints(source, target).target_from_source;
-  result.agreement =
-      CompareWithView(view, segmentation, structure, result.structure_from_sensor,
-                      options.patch.min_confidence, SurfaceTolerance::AtRoughPose(view.errors));
+  result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
+                                     kLeastConfidence, SurfaceTolerance::AtRoughPose(view.errors));
   return result;
 }
 

@@ -14,6 +14,6 @@ namespace volalign {
 /// Procrustes over all of them. Keypoint pose and initial pose are the same. Nothing is found where
 /// fewer than three sides, or sides in a line, are visible.
 InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
-                              const Structure& structure, const InitialPoseOptions& options);
+                              const Structure& structure);
 
 }  // namespace volalign

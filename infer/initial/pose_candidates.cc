@@ -14,6 +14,9 @@ namespace volalign {
 
 namespace {
 
+/// Between a side's normal and its fitted one, beyond which they contradict each other, rad.
+constexpr double kMostNormalError = 30 * kDegree;
+
 /// Errors that the weights assume: of keypoints (visibility, labels), m, and of normals beside
 /// their own, rad.
 constexpr double kKeypointSigma = kRoughPose, kNormalSigma = 0.01;
@@ -61,7 +64,7 @@ std::vector<PatchSet> StartSets(std::size_t patches) {
 /// Solves with the members, then with the patches that agree, until these are the members.
 std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& patches,
                               const std::vector<Eigen::Vector3d>& keypoints,
-                              const Structure& structure, const InitialPoseOptions& options) {
+                              const Structure& structure) {
   std::optional<Pose> pose;
   bool stable = false;
   for (int round = 0; round <= kRounds && !stable; ++round) {
@@ -69,8 +72,8 @@ std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& pa
     pose = SolvePose(patches, members, keypoints, structure);
     if (!pose) return std::nullopt;
     if (round == kRounds) break;
-    const PatchSet agreeing = AgreeingPatches(patches, keypoints, structure, options,
-                                              options.max_keypoint_error_m, *pose);
+    const PatchSet agreeing =
+        AgreeingPatches(patches, keypoints, structure, kMostKeypointError, *pose);
     stable = agreeing == members;
     members = agreeing;
   }
@@ -92,10 +95,11 @@ std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches) {
 }
 
 std::vector<Eigen::Vector3d> SideKeypoints(const std::vector<SidePatch>& patches,
-                                           const Structure& structure, KeypointKind kind) {
+                                           const Structure& structure) {
   std::vector<Eigen::Vector3d> keypoints;
   keypoints.reserve(patches.size());
-  for (const SidePatch& patch : patches) keypoints.push_back(structure.Keypoint(patch.label, kind));
+  for (const SidePatch& patch : patches)
+    keypoints.push_back(structure.Keypoint(patch.label, KeypointKind::kExposed));
   return keypoints;
 }
 
@@ -137,8 +141,7 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
 
 PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
                          const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
-                         const InitialPoseOptions& options, double max_distance_m,
-                         const Pose& structure_from_sensor) {
+                         double max_distance_m, const Pose& structure_from_sensor) {
   std::map<int, std::pair<double, std::size_t>> nearest;  // of each label: distance and patch
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const SidePatch& patch = patches[i];
@@ -146,8 +149,8 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
     const double cosine = (structure_from_sensor.linear() * patch.normal)
                               .dot(structure.SideOfLabel(patch.label).normal);
     const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
-    const double max_angle = options.max_normal_error_deg * kDegree +
-                             kNormalSigmas * std::min(patch.normal_sigma, kMaxNormalSigma);
+    const double max_angle =
+        kMostNormalError + kNormalSigmas * std::min(patch.normal_sigma, kMaxNormalSigma);
     if (distance > max_distance_m || angle > max_angle) continue;
     const auto known = nearest.find(patch.label);
     if (known == nearest.end() || distance < known->second.first)
@@ -159,12 +162,11 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
 }
 
 std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
-                                 const InitialPoseOptions& options, const Pose* near) {
-  const std::vector<Eigen::Vector3d> keypoints =
-      SideKeypoints(patches, structure, options.keypoints);
+                                 const Pose* near) {
+  const std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure);
   CandidateMap unique;
   for (const PatchSet& start : StartSets(patches.size())) {
-    if (const auto candidate = Grow(start, patches, keypoints, structure, options))
+    if (const auto candidate = Grow(start, patches, keypoints, structure))
       unique.emplace(candidate->members, *candidate);
   }
   std::vector<Candidate> candidates;

@@ -22,9 +22,13 @@ using PatchSet = std::bitset<kMaxPatches>;
 /// At most kMaxPatches patches, the largest first.
 std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches);
 
+/// m: distance between a side's keypoint and its measured one beyond which they contradict each
+/// other.
+inline constexpr double kMostKeypointError = 0.2;
+
 /// One for each patch: its side's keypoint, with which the patch's centroid is compared, m.
 std::vector<Eigen::Vector3d> SideKeypoints(const std::vector<SidePatch>& patches,
-                                           const Structure& structure, KeypointKind kind);
+                                           const Structure& structure);
 
 /// Weighted Procrustes over the members' keypoints and, as a second point of each side, its fitted
 /// normal: the centroids of four parallel sides fix no rotation. Nothing if the members fix no
@@ -34,17 +38,16 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
                               const Structure& structure);
 
 /// The patches whose centroid lies within `max_distance_m` of its keypoint, and whose normal is
-/// within options.max_normal_error_deg and its own uncertainty of its side's; of two patches with
+/// within 30 deg and its own uncertainty of its side's; of two patches with
 /// one label the nearer one.
 PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
                          const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
-                         const InitialPoseOptions& options, double max_distance_m,
-                         const Pose& structure_from_sensor);
+                         double max_distance_m, const Pose& structure_from_sensor);
 
 /// Poses that follow from every pair and triple of the largest patches, from all patches and from
 /// all but one, each solved again with the patches that agree with it: the eight with the largest
 /// area of such patches, the largest first. With `near`, only those that are about that pose.
 std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
-                                 const InitialPoseOptions& options, const Pose* near);
+                                 const Pose* near);
 
 }  // namespace volalign

@@ -53,7 +53,7 @@ Pose EstimateAgain(const PoseCandidate& pose, const DecimatedTrials& coarse,
     if (t != pose.trial) others.push_back(&coarse.labels[t]);
   }
   ReconcileLabels(coarse.view, structure, aliases, pose.structure_from_sensor, others,
-                  options.patch.min_confidence, &labels);
+                  kLeastConfidence, &labels);
   const InitialPose again =
       EstimateInitialPose(coarse.view, labels, structure, options, &pose.structure_from_sensor);
   return again.found ? again.structure_from_sensor : pose.structure_from_sensor;
@@ -127,7 +127,7 @@ void WeighPoses(const SensorView& view, const Structure& structure,
     PoseCandidate& pose = (*poses)[k];
     const auto explain = [&](const SegmentationResult* labels) {
       return ExplainView(coarse.view, labels, structure, pose.structure_from_sensor, kRoughPose,
-                         initial.patch.min_confidence);
+                         kLeastConfidence);
     };
     pose.by_floor = floors[k].LogOdds();
     ViewExplanation best = explain(nullptr);

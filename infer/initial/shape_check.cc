@@ -32,8 +32,7 @@ bool IsTilted(const SidePatch& patch, const Structure& structure,
 }  // namespace
 
 std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
-                                   const Pose& structure_from_sensor,
-                                   const InitialPoseOptions& options) {
+                                   const Pose& structure_from_sensor) {
   if (FindFloor(view, structure, structure_from_sensor).Floats()) return std::nullopt;
   const double log_odds =
       MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor).LogOdds();
@@ -41,7 +40,7 @@ std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& stru
   const std::vector<SidePatch> patches = CollectPatches(
       view,
       LabelsFromPose(view, structure, structure_from_sensor, SurfaceTolerance::AtPose(view.errors)),
-      structure, options.patch);
+      structure);
   const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SidePatch& patch) {
     return IsTilted(patch, structure, structure_from_sensor);
   });

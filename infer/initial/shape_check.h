@@ -13,7 +13,6 @@ namespace volalign {
 /// refute it (kDecisiveOdds). It is looked at more closely then: other boxes may have the
 /// structure's outline to a few centimetres, but they do not face as its sides do.
 std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
-                                   const Pose& structure_from_sensor,
-                                   const InitialPoseOptions& options);
+                                   const Pose& structure_from_sensor);
 
 }  // namespace volalign

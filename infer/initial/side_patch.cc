@@ -192,15 +192,15 @@ SidePatch Describe(const SensorView& view, const SegmentationResult& segmentatio
 
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
-                                      const Structure& structure, const SidePatchOptions& options) {
+                                      const Structure& structure) {
   const std::vector<std::vector<int>> by_label =
-      ConnectedPixels(view, segmentation, structure.num_classes(), options.min_confidence,
-                      static_cast<std::size_t>(options.min_pixels) / 2);
+      ConnectedPixels(view, segmentation, structure.num_classes(), kLeastConfidence,
+                      static_cast<std::size_t>(kFewestSidePixels) / 2);
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {
     const std::vector<int>& pixels = by_label[static_cast<std::size_t>(label)];
-    if (static_cast<int>(pixels.size()) < options.min_pixels) continue;
+    if (static_cast<int>(pixels.size()) < kFewestSidePixels) continue;
     std::vector<Eigen::Vector3d> points;
     points.reserve(pixels.size());
     for (const int i : pixels) points.push_back(view.Point(i % view.width(), i / view.width()));
@@ -210,8 +210,7 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
     RandomStream random(0, static_cast<std::uint64_t>(label), "side_patch");
     std::vector<int> candidates(pixels.size());
     for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
-    const std::vector<int> first =
-        FindPatch(points, candidates, limits, options.min_pixels, random);
+    const std::vector<int> first = FindPatch(points, candidates, limits, kFewestSidePixels, random);
     if (first.empty()) continue;
     found.push_back(Describe(view, segmentation, label, pixels, points, first));
 
@@ -221,7 +220,7 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
                                     [&](int i) { return used[static_cast<std::size_t>(i)] != 0; }),
                      candidates.end());
     const std::vector<int> second =
-        FindPatch(points, candidates, limits, options.min_pixels, random);
+        FindPatch(points, candidates, limits, kFewestSidePixels, random);
     if (kRivalDivisor * second.size() >= first.size()) {
       found.push_back(Describe(view, segmentation, label, pixels, points, second));
     }

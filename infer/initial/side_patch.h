@@ -3,25 +3,16 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "core/config/config.h"
 #include "core/geometry/structure.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
 
-/// How a side's pixels are collected.
-struct SidePatchOptions {
-  double min_confidence = 0.5;
-  int min_pixels = 25;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("min_confidence", min_confidence, "least probability of a pixel's label", Between(0, 1));
-    ar("min_pixels", min_pixels, "least pixels on the plane of a side that counts as found",
-       AtLeast(3));
-  }
-};
+/// Least probability of a pixel's label for it to count.
+inline constexpr double kLeastConfidence = 0.5;
+/// Least pixels on the plane of a side that counts as found.
+inline constexpr int kFewestSidePixels = 25;
 
 /// A planar patch of pixels that carry one side's label. Sensor frame, metres.
 struct SidePatch {
@@ -40,6 +31,6 @@ struct SidePatch {
 /// wrong label therefore changes nothing. Deterministic.
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
-                                      const Structure& structure, const SidePatchOptions& options);
+                                      const Structure& structure);
 
 }  // namespace volalign

@@ -21,11 +21,12 @@ struct PlanePoint {
 
 }  // namespace
 
-bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, KeypointKind kind) {
+bool SidesFixPose(const Structure& structure, const std::vector<int>& labels) {
   const std::set<int> unique(labels.begin(), labels.end());
   std::vector<Eigen::Vector3d> keypoints;
   keypoints.reserve(unique.size());
-  for (const int label : unique) keypoints.push_back(structure.Keypoint(label, kind));
+  for (const int label : unique)
+    keypoints.push_back(structure.Keypoint(label, KeypointKind::kExposed));
   if (keypoints.size() >= 3 && SecondSingularValue(keypoints) > kMinSecondSingularValue)
     return true;
 

@@ -11,6 +11,6 @@ namespace volalign {
 /// where these do not, by their planes: the normal equations of point-to-plane distances have rank
 /// 6, every eigenvalue above 0.3 % of the trace, with rotations measured in units of the sides'
 /// extent.
-bool SidesFixPose(const Structure& structure, const std::vector<int>& labels, KeypointKind kind);
+bool SidesFixPose(const Structure& structure, const std::vector<int>& labels);
 
 }  // namespace volalign

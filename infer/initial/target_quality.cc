@@ -164,11 +164,10 @@ TargetView MeasureView(const Structure& structure, const std::vector<StructureAl
   for (const std::uint8_t label : view.labels) ++pixels[label];
   std::vector<int> usable;
   for (int label = 1; label < structure.num_classes(); ++label) {
-    if (pixels[static_cast<std::size_t>(label)] >= SidePatchOptions().min_pixels)
-      usable.push_back(label);
+    if (pixels[static_cast<std::size_t>(label)] >= kFewestSidePixels) usable.push_back(label);
   }
   out.sides = static_cast<int>(usable.size());
-  out.sides_fix_pose = SidesFixPose(structure, usable, KeypointKind::kExposed);
+  out.sides_fix_pose = SidesFixPose(structure, usable);
   out.weakest_m = WeakestSigma(PatchInformation(view, rays, structure, pose) +
                                EdgeInformation(view, rays, pose));
   const DepthImage coarse = CastView(structure, all_rays.coarse, pose).depth;

@@ -42,10 +42,10 @@ std::vector<ShownPart> ShownParts(const SensorView& view, const Structure& struc
 
 std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
                                               const std::vector<SidePatch>& patches,
-                                              const Structure& structure, KeypointKind kind,
+                                              const Structure& structure,
                                               const Pose& structure_from_sensor) {
   const std::vector<ShownPart> shown = ShownParts(view, structure, structure_from_sensor);
-  std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure, kind);
+  std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure);
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const ShownPart& part = shown[static_cast<std::size_t>(patches[i].label)];
     if (!(part.area > 0) || part.area < kLeastShown * patches[i].area) continue;
@@ -56,13 +56,12 @@ std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
 
 std::optional<Pose> CorrectForVisibility(const SensorView& view,
                                          const std::vector<SidePatch>& patches,
-                                         const Structure& structure,
-                                         const InitialPoseOptions& options, double max_distance_m,
+                                         const Structure& structure, double max_distance_m,
                                          const Pose& structure_from_sensor) {
   const std::vector<Eigen::Vector3d> keypoints =
-      VisibleKeypoints(view, patches, structure, options.keypoints, structure_from_sensor);
-  const PatchSet agreeing = AgreeingPatches(patches, keypoints, structure, options, max_distance_m,
-                                            structure_from_sensor);
+      VisibleKeypoints(view, patches, structure, structure_from_sensor);
+  const PatchSet agreeing =
+      AgreeingPatches(patches, keypoints, structure, max_distance_m, structure_from_sensor);
   if (agreeing.count() < 2) return std::nullopt;
   return SolvePose(patches, agreeing, keypoints, structure);
 }

@@ -16,7 +16,7 @@ namespace volalign {
 /// and the view measured; the side's keypoint where that is much less than the patch.
 std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
                                               const std::vector<SidePatch>& patches,
-                                              const Structure& structure, KeypointKind kind,
+                                              const Structure& structure,
                                               const Pose& structure_from_sensor);
 
 /// The centroid of a half-hidden side is not that of the side. Solves again with keypoints of what
@@ -24,8 +24,7 @@ std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
 /// these fix no pose.
 std::optional<Pose> CorrectForVisibility(const SensorView& view,
                                          const std::vector<SidePatch>& patches,
-                                         const Structure& structure,
-                                         const InitialPoseOptions& options, double max_distance_m,
+                                         const Structure& structure, double max_distance_m,
                                          const Pose& structure_from_sensor);
 
 }  // namespace volalign

@@ -82,13 +82,13 @@ void CountSides(const LabelImage& labels, const Structure& structure,
   for (const std::uint8_t label : labels) ++pixels[label];
   std::vector<int> usable;
   for (std::size_t label = 1; label < pixels.size(); ++label) {
-    if (pixels[label] < options.patch.min_pixels) continue;
+    if (pixels[label] < kFewestSidePixels) continue;
     usable.push_back(static_cast<int>(label));
     sensor->sides.emplace_back(names[label - 1], pixels[label]);
   }
   std::stable_sort(sensor->sides.begin(), sensor->sides.end(),
                    [](const auto& a, const auto& b) { return a.second > b.second; });
-  sensor->sides_fix_pose = SidesFixPose(structure, usable, KeypointKind::kExposed);
+  sensor->sides_fix_pose = SidesFixPose(structure, usable);
 }
 
 void AddTrial(const FrameResult& result, PlannedSensor* sensor) {

@@ -28,29 +28,34 @@ struct PriorOptions {
   double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
+  /// How far a side bulges in its middle. Sides of real stacks of cardboard boxes stray by 2 to 4
+  /// mm from a plane, part of which is the sensor's.
   double bulge_sigma_m = 0.002;
   double depth_gain_sigma_percent = -1;
   double depth_offset_sigma_m = 0.007;
-  double edge_shift_sigma_px = 0.7;
+  double edge_shift_sigma_px = 0.7;  ///< by which a sensor widens silhouettes
   double sensor_moved_sigma_m = 2e-4;
   double sensor_moved_sigma_deg = 0.005;
-  double depth_drift_sigma_m = 0.002;
+  double depth_drift_sigma_m = 0.002;  ///< of a depth offset from one still to another (warmth)
 };
 
 /// How a refinement goes about it: its rounds and their limits.
 struct RefineSchedule {
-  int inner_iterations = 12;
-  int associations = kRounds;
+  int inner_iterations = 12;   ///< most steps of a Ceres solution
+  int associations = kRounds;  ///< of points with surfaces, each followed by a Ceres solution
   int max_overlap_points = 4000;
+  /// Least share of a sensor's points that another one sees, for their overlap to count and the two
+  /// to be a pair.
   double min_overlap = kNotable;
-  int threads = 2;
+  int threads = 2;  ///< of Ceres
 };
 
 /// The config's keys, and what of a capture is refined in which way.
 struct RefineOptions : PriorOptions, RefineSchedule {
   std::string estimate = "auto";
   bool lens_per_sensor = false;
-  int max_side_points = 3000;
+  int max_side_points = 3750;  ///< most labelled points of a sensor
+  /// Most silhouette points of a sensor, and as many again of those with no depth behind.
   int max_edge_points = 600;
 
   template <class Archive>
@@ -67,11 +72,6 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "prior standard deviation of a box's turn about the vertical, deg", AtLeast(0));
     ar("size_sigma_percent", size_sigma_percent,
        "prior standard deviation of the size error that all boxes share, percent", AtLeast(0));
-    ar("bulge_sigma_m", bulge_sigma_m,
-       "prior standard deviation of how far a side bulges in its middle, m (sides of real stacks "
-       "of "
-       "cardboard boxes stray by 2 to 4 mm from a plane, part of which is the sensor's)",
-       AtLeast(0));
     ar("depth_gain_sigma_percent", depth_gain_sigma_percent,
        "prior standard deviation of every sensor's depth gain, percent; -1: that of its kind "
        "(unit_gain of configs/intrinsics.yaml)",
@@ -80,44 +80,27 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "prior standard deviation, m, of a constant that a sensor's depth is off by (Azure Kinect: "
        "up to 11 mm)",
        AtLeast(0));
-    ar("edge_shift_sigma_px", edge_shift_sigma_px,
-       "prior standard deviation of the pixels by which a sensor widens silhouettes", AtLeast(0));
     ar("sensor_moved_sigma_m", sensor_moved_sigma_m,
        "of several captures: prior standard deviation of how far a sensor moves from one to "
-       "another, "
-       "m (floors give way, and tripods creep)",
+       "another, m (floors give way, and tripods creep)",
        Above(0));
     ar("sensor_moved_sigma_deg", sensor_moved_sigma_deg,
        "of several captures: prior standard deviation of how far a sensor turns from one to "
-       "another, "
-       "deg",
+       "another, deg",
        Above(0));
-    ar("depth_drift_sigma_m", depth_drift_sigma_m,
-       "of several captures: prior standard deviation, m, of how far a sensor's depth offset "
-       "drifts "
-       "from one to another (warmth)",
-       Above(0));
-    ar("inner_iterations", inner_iterations, "most steps of a Ceres solution", AtLeast(1));
-    ar("associations", associations,
-       "associations of points with surfaces, each followed by a Ceres solution", AtLeast(1),
-       FormerlyNamed("fine_iterations"));
-    ar("max_side_points", max_side_points, "most labelled points of a sensor", AtLeast(100));
-    ar("max_edge_points", max_edge_points,
-       "most silhouette points of a sensor, and as many again of those with no depth behind",
-       AtLeast(0));
     ar("max_overlap_points", max_overlap_points,
        "most matches of one sensor's points with those of all others, as many with each; 0 leaves "
        "every sensor to itself",
-       AtLeast(0));
-    ar("min_overlap", min_overlap,
-       "least share of a sensor's points that another one sees, for their overlap to count and the "
-       "two to be a pair",
-       Between(0, 1),
+       AtLeast(0),
        Removed("without_structure",
-               "a sensor is placed by its own view of the structure, and "
-               "overlap counts beside it",
-               std::vector<std::string>{}));
-    ar("threads", threads, "threads of Ceres", AtLeast(1));
+               "a sensor is placed by its own view of the structure, and overlap counts beside it",
+               std::vector<std::string>{}),
+       Fixed("bulge_sigma_m", 0.002), Fixed("edge_shift_sigma_px", 0.7),
+       Fixed("depth_drift_sigma_m", 0.002), Fixed("inner_iterations", 12), Fixed("associations", 3),
+       Fixed("fine_iterations", 3), Fixed("max_side_points", 3750), Fixed("max_edge_points", 600),
+       Fixed("min_overlap", 0.05),
+       Removed("threads", "threads of the calibration are those of Ceres, too; leave the key out",
+               std::vector<std::string>{"1", "2"}));
   }
 };
 

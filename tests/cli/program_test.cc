@@ -237,9 +237,9 @@ std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
 constexpr double kExact = 0.0007;
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
-  const Outcome run =
-      Volalign("calibrate --capture " + WriteSmallCapture() +
-               " --model models/m05-lite.pt --set refine.max_edge_points=599 -o " + Path("out"));
+  const Outcome run = Volalign(
+      "calibrate --capture " + WriteSmallCapture() +
+      " --model models/m05-lite.pt --set refine.max_overlap_points=3999 -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
   const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
@@ -279,13 +279,13 @@ TEST_F(Program, CalibratesACaptureFromFiles) {
   }
   EXPECT_EQ(CountPlyPoints(Path("out/clouds/merged.ply"), kPointBytes), points);
   EXPECT_EQ(ReadFile(Path("out/rig.glb")).substr(0, 4), "glTF");
-  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.max_edge_points=599 -o "),
+  EXPECT_NE(ReadFile(Path("out/report.html")).find("--set refine.max_overlap_points=3999 -o "),
             std::string::npos);
   // The resolved options, which --config reads again.
   EXPECT_NE(run.output.find("options.yaml"), std::string::npos) << run.output;
   const auto options =
       ReadConfig<CalibrateOptions>(ConfigSource::FromFile(Path("out/options.yaml")));
-  EXPECT_EQ(options.refine.max_edge_points, 599);
+  EXPECT_EQ(options.refine.max_overlap_points, 3999);
   EXPECT_EQ(WriteConfig(options), ReadFile(Path("out/options.yaml")));
 }
 
@@ -392,7 +392,7 @@ TEST_F(Program, EvaluatesRigsAndCaptures) {
   const std::string command =
       "evaluate --model models/m05-lite.pt --rigs " + Path("rig.yaml") +
       " --sensors azure_kinect_nfov_binned realsense_d415 --seeds 5:7 --captures " + capture +
-      " --compare initial.keypoints=exposed,centre -o " + Path("eval");
+      " --compare refine.box_sigma_deg=0.5,0.6 -o " + Path("eval");
   const Outcome first = Volalign(command);
   EXPECT_EQ(first.status, 0) << first.output;
   const nlohmann::json json = ReadJson(Path("eval/evaluation.json"));
@@ -408,9 +408,9 @@ TEST_F(Program, EvaluatesRigsAndCaptures) {
       EXPECT_LT(refined.at("rotation_deg").get<double>(), 0.11) << one.dump();
     }
   }
-  EXPECT_NE(first.output.find("| rig | azure_kinect_nfov_binned | exposed |"), std::string::npos)
+  EXPECT_NE(first.output.find("| rig | azure_kinect_nfov_binned | 0.5 |"), std::string::npos)
       << first.output;
-  EXPECT_NE(first.output.find("| " + capture + " | A | centre | ok |"), std::string::npos)
+  EXPECT_NE(first.output.find("| " + capture + " | A | 0.6 | ok |"), std::string::npos)
       << first.output;
 
   const Outcome again = Volalign(command);

@@ -87,8 +87,7 @@ MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
   for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const InitialPose pose =
-        EstimatePaperPose(still.views[i], segmented[i], still.still.structure, options);
+    const InitialPose pose = EstimatePaperPose(still.views[i], segmented[i], still.still.structure);
     result.initial.push_back(pose.found ? std::optional<Pose>(pose.structure_from_sensor)
                                         : std::nullopt);
     result.labels.push_back(std::move(segmented[i].labels));
@@ -110,7 +109,7 @@ MethodResult RunMarkers(const SuiteStill& still) {
 
 MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int threads) {
   CalibrateOptions options;
-  options.threads = options.refine.threads = threads;
+  options.threads = threads;
   CalibrationResult calibration =
       Calibrate(still.still.frames, still.still.structure, segmenter, options);
   MethodResult result;

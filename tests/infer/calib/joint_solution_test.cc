@@ -43,7 +43,7 @@ class Shapeless : public testing::Test {
     }
   }
 
-  SomeFrames<Finding> Find() const { return FindShapeless(seen_, located_, frames_, refined_, {}); }
+  SomeFrames<Finding> Find() const { return FindShapeless(seen_, located_, frames_, refined_); }
 
   const Structure structure_ = PaperStructure();
   const Pose truth_ = RingPose(40);

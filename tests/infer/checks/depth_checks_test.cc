@@ -35,7 +35,7 @@ SensorFrame Ramp(const std::string& name, float nearest, float farthest) {
 std::vector<DepthFinding> Check(const std::vector<SensorFrame>& frames) {
   std::vector<SensorView> views;
   for (const SensorFrame& frame : frames) views.push_back(MakeSensorView(frame, frame.intrinsics));
-  return CheckDepths(frames, views, VerdictOptions());
+  return CheckDepths(frames, views);
 }
 
 TEST(DepthChecks, ARoomPasses) {

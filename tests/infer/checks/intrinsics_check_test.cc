@@ -25,12 +25,11 @@ Intrinsics Wide() {
   return intrinsics;
 }
 
-std::optional<BetterIntrinsics> Find(const Intrinsics& truth, const Intrinsics& given,
-                                     const IntrinsicsCheckOptions& options = {}) {
+std::optional<BetterIntrinsics> Find(const Intrinsics& truth, const Intrinsics& given) {
   const Structure structure = PaperStructure();
   const auto rendered = Render(structure, truth, RingPose(35, 2.3), {true, 3.5});
   return FindBetterIntrinsics(MakeSensorView(rendered.depth, given), given,
-                              Certain(rendered.labels), structure, {}, options);
+                              Certain(rendered.labels), structure, {});
 }
 
 TEST(FindBetterIntrinsics, NothingBeatsTheTrueOnes) {
@@ -79,21 +78,6 @@ TEST(FindBetterIntrinsics, FindsThePrincipalPointInTheMiddle) {
   ASSERT_TRUE(better.has_value());
   EXPECT_EQ(better->intrinsics.cx, 159.5);
   EXPECT_EQ(better->intrinsics.cy, 89.5);
-}
-
-TEST(FindBetterIntrinsics, KeepsWithinItsLimits) {
-  Intrinsics given = Kinect();
-  given.fx *= 1.15;
-  given.fy *= 1.15;
-  IntrinsicsCheckOptions options;
-  options.min_change = 0.2;
-  EXPECT_FALSE(Find(Kinect(), given, options).has_value());
-  options = {};
-  options.min_gain = 0.9;
-  EXPECT_FALSE(Find(Kinect(), given, options).has_value());
-  options = {};
-  options.min_score = 1;
-  EXPECT_FALSE(Find(Kinect(), given, options).has_value());
 }
 
 }  // namespace

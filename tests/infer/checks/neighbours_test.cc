@@ -125,9 +125,6 @@ TEST(LocateByNeighbours, HowWellAPoseIsKnownDecidesAndDoesNotDependOnTheOrigin) 
   LabelOneSide("mid_bottom/right", &rig);
   const double here = FixedTo(rig);
   ASSERT_GT(here, 0);
-  CalibrateOptions strict;
-  strict.verdict.max_sigma_by_neighbours_m = 0.001 * (here - 1);
-  EXPECT_TRUE(std::holds_alternative<Finding>(LocateLost(rig, strict)));
   // The same boxes, described about a point 6 m beside the stack.
   const Pose away(Eigen::Translation3d(6, 0, 0));
   rig.structure = rig.structure.Displaced(std::vector<Pose>(rig.structure.boxes().size(), away));

@@ -68,8 +68,7 @@ TEST(MeasureQuality, IsOfThePoseThatItIsGiven) {
   const auto rendered = testing_infer::Render(structure, intrinsics, truth);
   const SensorView view = MakeSensorView(rendered.depth, intrinsics);
   const SegmentationResult labels = Certain(rendered.labels);
-  const std::vector<SidePatch> patches =
-      CollectPatches(view, labels, structure, SidePatchOptions());
+  const std::vector<SidePatch> patches = CollectPatches(view, labels, structure);
   const PoseQuality right = MeasureQuality(view, labels, patches, structure, truth, 0.5);
   EXPECT_NEAR(right.miou, 1, 1e-9);
   EXPECT_NEAR(right.label_iou, 1, 1e-9);

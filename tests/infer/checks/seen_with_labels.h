@@ -18,8 +18,8 @@ inline Seen SeenWithLabels(const CaptureSet& capture, const std::vector<LabelIma
   seen.lenses = GivenLenses(capture);
   seen.views = LookThrough(capture, seen.lenses, 1);
   seen.clouds = MapFrames(seen.views, 1, [&](FrameId id) { return SampleCloud(seen.views[id]); });
-  seen.depths = PerFrame<DepthFinding>(
-      {CheckDepths(capture.stills[0].frames, seen.views.OfStill(0), options.verdict)});
+  seen.depths =
+      PerFrame<DepthFinding>({CheckDepths(capture.stills[0].frames, seen.views.OfStill(0))});
   seen.labelled = MapFrames(seen.views, 1, [&](FrameId id) {
     Labelled of;
     of.segmentation = Certain(labels[id.frame]);

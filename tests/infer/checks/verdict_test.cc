@@ -144,8 +144,7 @@ TEST(FindTwins, NamesSensorsInOnePlaceWithOneDirection) {
   Pose a = Pose::Identity(), near = Pose::Identity(), turned = Pose::Identity();
   near.translation().x() = 0.019;
   turned.linear() = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  const auto twins =
-      FindTwins({"A", "B", "C", "D"}, {a, near, turned, std::nullopt}, VerdictOptions());
+  const auto twins = FindTwins({"A", "B", "C", "D"}, {a, near, turned, std::nullopt});
   ASSERT_TRUE(twins[0].has_value());
   EXPECT_EQ(twins[0]->code, SensorCode::kSamePose);
   EXPECT_NE(twins[0]->reason.find("where B stands, to 19.0 mm"), std::string::npos)

@@ -49,7 +49,7 @@ struct AtTheLimits {
   /// Four sides that the network is sure of, 0.6 m^2 together.
   void SeeManySides() { initial.patches.assign(4, Patch(0.15, 0.9)); }
   std::optional<Finding> Verify() const {
-    return VerifyOwnPose(facts, structure, KeypointKind::kExposed, VerdictOptions());
+    return VerifyOwnPose(facts, structure, VerdictOptions());
   }
 };
 
@@ -110,28 +110,17 @@ TEST(VerifyOwnPose, ManySidesThatDoNotFitAreInconsistent) {
   }
 }
 
-TEST(VerifyOwnPose, TheOddsAreAnOption) {
-  AtTheLimits sensor;
-  VerdictOptions options;
-  options.refuting_odds = 10;
-  EXPECT_TRUE(IsRefuted(sensor.facts.explanation, options));
-  options.refuting_odds = 1e9;
-  SeeThrough(&sensor.facts);
-  sensor.facts.explanation.named_so = 40;
-  EXPECT_FALSE(IsRefuted(sensor.facts.explanation, options));
-}
-
 TEST(VerifyOwnPose, DepthsAndLabelsTogetherHaveToSpeakForThePose) {
   AtTheLimits sensor;
   ViewExplanation& view = sensor.facts.explanation;
-  EXPECT_FALSE(IsRefuted(view, VerdictOptions()));
+  EXPECT_FALSE(IsRefuted(view));
   view.named_so = 15;
   view.named_otherwise = 5;
   ASSERT_GT(view.LogOddsByLabels(), 0);
-  ASSERT_GT(view.LogOddsByDepth(), -std::log(VerdictOptions().refuting_odds));
-  EXPECT_TRUE(IsRefuted(view, VerdictOptions()));
+  ASSERT_GT(view.LogOddsByDepth(), -std::log(kDecisiveOdds));
+  EXPECT_TRUE(IsRefuted(view));
   view.named_so = view.named_otherwise = 0;
-  EXPECT_FALSE(IsRefuted(view, VerdictOptions())) << "depths alone have to have odds of 100";
+  EXPECT_FALSE(IsRefuted(view)) << "depths alone have to have odds of 100";
 }
 
 TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
@@ -154,12 +143,11 @@ TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
 }
 
 TEST(SeesManySides, CountsSidesThatTheNetworkIsSureOf) {
-  const VerdictOptions options;
-  EXPECT_TRUE(SeesManySides(std::vector<SidePatch>(4, Patch(0.13, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(3, Patch(0.3, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(4, Patch(0.12, 0.8)), options));
-  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(9, Patch(0.3, 0.79)), options));
-  const SureSides sure = CountSureSides({Patch(0.2, 0.9), Patch(4, 0.5), Patch(0.1, 0.8)}, options);
+  EXPECT_TRUE(SeesManySides(std::vector<SidePatch>(4, Patch(0.13, 0.8))));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(3, Patch(0.3, 0.8))));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(4, Patch(0.12, 0.8))));
+  EXPECT_FALSE(SeesManySides(std::vector<SidePatch>(9, Patch(0.3, 0.79))));
+  const SureSides sure = CountSureSides({Patch(0.2, 0.9), Patch(4, 0.5), Patch(0.1, 0.8)});
   EXPECT_EQ(sure.count, 2u);
   EXPECT_NEAR(sure.area, 0.3, 1e-12);
 }
@@ -167,11 +155,11 @@ TEST(SeesManySides, CountsSidesThatTheNetworkIsSureOf) {
 TEST(ExplainMissingPose, SidesThatTheNetworkIsNotSureOfAreNone) {
   InitialPose initial;
   initial.patches = {Patch(0.06, 0.9)};
-  EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kDegenerateSides);
+  EXPECT_EQ(ExplainMissingPose(initial).code, SensorCode::kDegenerateSides);
   initial.patches = {Patch(0.04, 0.9)};
-  EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kNoStructure);
+  EXPECT_EQ(ExplainMissingPose(initial).code, SensorCode::kNoStructure);
   initial.patches = {Patch(0.6, 0.7)};
-  EXPECT_EQ(ExplainMissingPose(initial, {}).code, SensorCode::kNoStructure);
+  EXPECT_EQ(ExplainMissingPose(initial).code, SensorCode::kNoStructure);
 }
 
 }  // namespace

@@ -86,7 +86,7 @@ TEST_F(EvaluateFiles, AKilledRunContinues) {
   run_.program = "2";
   Run(Items(3));
   EXPECT_EQ(loaded_, 6);
-  variants_[1].options.refine.min_overlap = 0.06;
+  variants_[1].options.refine.box_sigma_m = 0.006;
   Run(Items(3));
   EXPECT_EQ(loaded_, 9);
   std::vector<EvaluationItem> items = Items(3);

@@ -98,8 +98,8 @@ TEST(Measure, TheNetworkSeesEachFrameOnce) {
   const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, TwoVariants(), segmenter);
   EXPECT_EQ(segmenter.frames, 3);
   ASSERT_EQ(cases.size(), 2u);
-  EXPECT_EQ(cases[0].variant, "exposed");
-  EXPECT_EQ(cases[1].variant, "centre");
+  EXPECT_EQ(cases[0].variant, "network");
+  EXPECT_EQ(cases[1].variant, "paper");
   // As if each variant had run alone.
   for (std::size_t i = 0; i < 2; ++i) {
     StoredSegmenter own = ring.rig.PerfectSegmenter();

@@ -41,9 +41,9 @@ inline void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSeg
 }
 
 inline std::vector<EvaluationVariant> TwoVariants() {
-  EvaluationVariant exposed{"exposed", {}}, centre{"centre", {}};
-  centre.options.initial.keypoints = KeypointKind::kCentre;
-  return {exposed, centre};
+  EvaluationVariant network{"network", {}}, paper{"paper", {}};
+  paper.options.initial.method = PoseMethod::kPaper;
+  return {network, paper};
 }
 
 }  // namespace volalign::testing_infer

@@ -21,7 +21,7 @@ SidePatch WholeSide(const Structure& structure, const std::string& name, const P
   SidePatch patch;
   patch.label = LabelOf(structure, name);
   const Side& side = structure.SideOfLabel(patch.label);
-  patch.centroid = pose.inverse() * side.centre;
+  patch.centroid = pose.inverse() * structure.Keypoint(patch.label, KeypointKind::kExposed);
   patch.normal = pose.linear().transpose() * side.normal;
   patch.area = 4 * side.half_u * side.half_v;
   patch.normal_sigma = 0.01;
@@ -31,9 +31,7 @@ SidePatch WholeSide(const Structure& structure, const std::string& name, const P
 class PoseCandidates : public ::testing::Test {
  protected:
   void Add(const std::string& name) { patches.push_back(WholeSide(structure, name, truth)); }
-  std::vector<Eigen::Vector3d> Centres() const {
-    return SideKeypoints(patches, structure, KeypointKind::kCentre);
-  }
+  std::vector<Eigen::Vector3d> Keypoints() const { return SideKeypoints(patches, structure); }
   void ExpectTruth(const Pose& pose) const {
     const PoseError error = ComparePoses(pose, truth);
     EXPECT_FALSE(!(error.translation_m < 1e-9)) << error.translation_m;
@@ -43,13 +41,12 @@ class PoseCandidates : public ::testing::Test {
   Structure structure = PaperStructure();
   Pose truth = RingPose(35);
   std::vector<SidePatch> patches;
-  InitialPoseOptions options;
 };
 
 TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
   Add("top/front");
   Add("mid_top/right");
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1), Centres(), structure);
+  const auto pose = SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -57,7 +54,7 @@ TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
 // Four centres in a plane alone would leave a mirror image; three in a line a turn about it.
 TEST_F(PoseCandidates, NormalsFixWhatParallelSidesLeaveFree) {
   for (const char* name : {"mid_bottom/front", "mid_top/front", "top/front"}) Add(name);
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1).set(2), Centres(), structure);
+  const auto pose = SolvePose(patches, PatchSet().set(0).set(1).set(2), Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -67,7 +64,7 @@ TEST_F(PoseCandidates, SidesAboveEachOtherFixNoTurn) {
                                              Box::FromMinMax("high", {0, 0.8, 0}, {0.4, 1, 0.4})});
   Add("low/up");
   Add("high/up");
-  EXPECT_FALSE(SolvePose(patches, PatchSet().set(0).set(1), Centres(), structure).has_value());
+  EXPECT_FALSE(SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure).has_value());
 }
 
 TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
@@ -82,7 +79,7 @@ TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
   patches[5].normal = Eigen::AngleAxisd(35 * M_PI / 180, axis) * patches[5].normal;
   patches[5].normal_sigma = 0.2;  // a sliver, whose normal says little
   const PatchSet agreeing =
-      AgreeingPatches(patches, Centres(), structure, options, options.max_keypoint_error_m, truth);
+      AgreeingPatches(patches, Keypoints(), structure, kMostKeypointError, truth);
   EXPECT_EQ(agreeing, PatchSet().set(0).set(5));
 }
 
@@ -95,24 +92,23 @@ TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
   std::swap(patches[4].label, patches[5].label);
   patches = LargestPatches(patches);
   for (std::size_t i = 1; i < patches.size(); ++i) EXPECT_GE(patches[i - 1].area, patches[i].area);
-  options.keypoints = KeypointKind::kCentre;
-  const std::vector<Pose> poses = FindCandidates(patches, structure, options, nullptr);
+  const std::vector<Pose> poses = FindCandidates(patches, structure, nullptr);
   ASSERT_FALSE(poses.empty());
   ExpectTruth(poses.front());
   EXPECT_LE(poses.size(), 8u);
   // Near a pose that is far from it, it is none.
   const Pose elsewhere = RingPose(125);
-  for (const Pose& pose : FindCandidates(patches, structure, options, &elsewhere))
+  for (const Pose& pose : FindCandidates(patches, structure, &elsewhere))
     EXPECT_TRUE(SamePose(structure, pose, elsewhere));
-  const std::vector<Pose> near = FindCandidates(patches, structure, options, &truth);
+  const std::vector<Pose> near = FindCandidates(patches, structure, &truth);
   ASSERT_FALSE(near.empty());
   ExpectTruth(near.front());
 }
 
 TEST_F(PoseCandidates, OneSideOrNoneGivesNoCandidate) {
-  EXPECT_TRUE(FindCandidates(patches, structure, options, nullptr).empty());
+  EXPECT_TRUE(FindCandidates(patches, structure, nullptr).empty());
   Add("top/front");
-  EXPECT_TRUE(FindCandidates(patches, structure, options, nullptr).empty());
+  EXPECT_TRUE(FindCandidates(patches, structure, nullptr).empty());
 }
 
 }  // namespace

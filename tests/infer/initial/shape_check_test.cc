@@ -24,18 +24,17 @@ const Pose kTruth = RingPose(40, 1.9, 0.9, 90, {0, 0.35, 0});
 
 TEST(ShapeLogOdds, AtTheTruePoseOnly) {
   const SensorView view = See(Stack(), kTruth);
-  EXPECT_TRUE(ShapeLogOdds(view, Stack(), kTruth, InitialPoseOptions()).has_value());
+  EXPECT_TRUE(ShapeLogOdds(view, Stack(), kTruth).has_value());
   const Pose aside = Eigen::Translation3d(-0.08, 0, -0.05) * kTruth;
-  EXPECT_FALSE(ShapeLogOdds(view, Stack(), aside, InitialPoseOptions()).has_value());
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), aside).has_value());
 }
 
 // Within the tolerance of a first look, the sides of a box that is turned lie where they should.
 TEST(ShapeLogOdds, NotWhereASideFacesElsewhere) {
   const SensorView view = See(Stack(16), kTruth);
   EXPECT_TRUE(HasShape(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth)));
-  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth, InitialPoseOptions()).has_value());
-  EXPECT_TRUE(
-      ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth, InitialPoseOptions()).has_value());
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
+  EXPECT_TRUE(ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
 }
 
 // The upper box is 20 cm narrower than described: so much of it is seen through.
@@ -44,7 +43,7 @@ TEST(ShapeLogOdds, NotWhereMuchIsMissing) {
       Structure::FromBoxes("narrow", {Standing("low", {0.5, 0.35, 0.4}, {0, 0, 0}),
                                       Standing("high", {0.15, 0.4, 0.3}, {0.15, 0.35, 0})});
   const SensorView view = See(narrow, kTruth);
-  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth, InitialPoseOptions()).has_value());
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
 }
 
 // The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
@@ -54,7 +53,7 @@ TEST(FloorFit, FloatsWhereTheRoomReachesUnderTheStack) {
   EXPECT_FALSE(FindFloor(view, Stack(), kTruth).Floats());
   const Pose lying(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
   EXPECT_TRUE(FindFloor(view, Stack(), lying * kTruth).Floats());
-  EXPECT_FALSE(ShapeLogOdds(view, Stack(), lying * kTruth, InitialPoseOptions()).has_value());
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), lying * kTruth).has_value());
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ class OneBox : public ::testing::Test {
 };
 
 TEST_F(OneBox, GivesCentreNormalAndAreaOfWholeFaces) {
-  ExpectExact(CollectPatches(view, Certain(rendered.labels), structure, {}), 0.003);
+  ExpectExact(CollectPatches(view, Certain(rendered.labels), structure), 0.003);
 }
 
 // Beside the axis a pixel covers more than on it.
@@ -67,7 +67,7 @@ TEST_F(OneBox, ThroughALensToo) {
   view = MakeSensorView(rendered.depth, lens);
   const Eigen::Vector3d centre = pose.inverse() * Eigen::Vector3d::Zero();
   EXPECT_GT(centre.head<2>().norm() / centre.z(), 0.4);
-  ExpectExact(CollectPatches(view, Certain(rendered.labels), structure, {}), 0.005);
+  ExpectExact(CollectPatches(view, Certain(rendered.labels), structure), 0.005);
 }
 
 TEST_F(OneBox, AHandfulOfFarPixelsHasNoSay) {
@@ -90,13 +90,13 @@ TEST_F(OneBox, AHandfulOfFarPixelsHasNoSay) {
     }
   }
   ASSERT_GT(spoilt, 100);
-  ExpectExact(CollectPatches(view, Certain(labels), structure, {}), 0.005);
+  ExpectExact(CollectPatches(view, Certain(labels), structure), 0.005);
 }
 
 TEST_F(OneBox, UnsurePixelsAreNotEvidence) {
   SegmentationResult segmentation = Certain(rendered.labels);
   for (float& c : segmentation.confidence) c = 0.49f;
-  EXPECT_TRUE(CollectPatches(view, segmentation, structure, {}).empty());
+  EXPECT_TRUE(CollectPatches(view, segmentation, structure).empty());
 }
 
 TEST(SidePatch, ALabelOnTwoSurfacesGivesBoth) {
@@ -111,7 +111,7 @@ TEST(SidePatch, ALabelOnTwoSurfacesGivesBoth) {
   }
   int patches = 0;
   bool near_top = false, near_bottom = false;
-  for (const SidePatch& patch : CollectPatches(view, Certain(labels), structure, {})) {
+  for (const SidePatch& patch : CollectPatches(view, Certain(labels), structure)) {
     if (patch.label != to) continue;
     ++patches;
     const double height = (pose * patch.centroid).y();

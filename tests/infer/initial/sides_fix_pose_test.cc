@@ -23,20 +23,19 @@ std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::str
 
 TEST(SidesFixPose, KnowsTheStructuresCollinearKeypoints) {
   const Structure structure = PaperStructure();
-  const auto fixes = [&](const std::vector<std::string>& names, KeypointKind kind) {
-    return SidesFixPose(structure, LabelsOf(structure, names), kind);
+  const auto fixes = [&](const std::vector<std::string>& names) {
+    return SidesFixPose(structure, LabelsOf(structure, names));
   };
   // Exactly collinear centres, of parallel sides.
-  EXPECT_FALSE(fixes({"mid_bottom/front", "mid_top/front", "top/front"}, KeypointKind::kCentre));
-  EXPECT_FALSE(fixes({"bottom/right", "mid_bottom/right", "mid_top/right"}, KeypointKind::kCentre));
-  EXPECT_FALSE(fixes({"mid_bottom/front"}, KeypointKind::kCentre));
-  EXPECT_FALSE(fixes({"mid_bottom/front", "mid_top/right"}, KeypointKind::kCentre));
-  EXPECT_FALSE(fixes({}, KeypointKind::kCentre));
+  EXPECT_FALSE(fixes({"mid_bottom/front", "mid_top/front", "top/front"}));
+  EXPECT_FALSE(fixes({"bottom/right", "mid_bottom/right", "mid_top/right"}));
+  EXPECT_FALSE(fixes({"mid_bottom/front"}));
+  EXPECT_FALSE(fixes({"mid_bottom/front", "mid_top/right"}));
+  EXPECT_FALSE(fixes({}));
   // One side off the line.
-  EXPECT_TRUE(fixes({"mid_bottom/front", "mid_top/front", "top/front", "bottom/front"},
-                    KeypointKind::kCentre));
-  EXPECT_TRUE(fixes({"mid_bottom/front", "mid_top/front", "top/right"}, KeypointKind::kCentre));
-  EXPECT_TRUE(fixes({"bottom/right", "mid_bottom/front", "mid_top/up"}, KeypointKind::kExposed));
+  EXPECT_TRUE(fixes({"mid_bottom/front", "mid_top/front", "top/front", "bottom/front"}));
+  EXPECT_TRUE(fixes({"mid_bottom/front", "mid_top/front", "top/right"}));
+  EXPECT_TRUE(fixes({"bottom/right", "mid_bottom/front", "mid_top/up"}));
 }
 
 TEST(SidesFixPose, PlanesFixWhatKeypointsInALineDoNot) {
@@ -54,8 +53,8 @@ TEST(SidesFixPose, PlanesFixWhatKeypointsInALineDoNot) {
   for (const int label : labels) centres.push_back(mixed.SideOfLabel(label).centre);
   ASSERT_LT((centres[1] - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
   ASSERT_LT(SecondSingularValue(centres), 1e-9);
-  EXPECT_TRUE(SidesFixPose(mixed, labels, KeypointKind::kCentre));
-  EXPECT_FALSE(SidesFixPose(mixed, LabelsOf(mixed, {"a/front", "b/right"}), KeypointKind::kCentre));
+  EXPECT_TRUE(SidesFixPose(mixed, labels));
+  EXPECT_FALSE(SidesFixPose(mixed, LabelsOf(mixed, {"a/front", "b/right"})));
 }
 
 }  // namespace

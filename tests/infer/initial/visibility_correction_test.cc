@@ -50,9 +50,8 @@ TEST(VisibleKeypoints, AreCentroidsOfWhatIsSeen) {
     const auto rendered = Render(structure, Kinect(), pose);
     const SensorView view = MakeSensorView(rendered.depth, Kinect());
     const std::vector<SidePatch> patches =
-        CollectPatches(view, Certain(rendered.labels), structure, {});
-    const std::vector<Eigen::Vector3d> keypoints =
-        VisibleKeypoints(view, patches, structure, KeypointKind::kExposed, pose);
+        CollectPatches(view, Certain(rendered.labels), structure);
+    const std::vector<Eigen::Vector3d> keypoints = VisibleKeypoints(view, patches, structure, pose);
     ASSERT_EQ(keypoints.size(), patches.size());
     for (std::size_t i = 0; i < patches.size(); ++i) {
       const Side& side = structure.SideOfLabel(patches[i].label);
@@ -72,13 +71,11 @@ TEST(VisibleKeypoints, StayThoseOfTheSideWhereThePoseShowsNothingOfIt) {
   const Pose pose = RingPose(20);
   const auto rendered = Render(structure, Kinect(), pose);
   const SensorView view = MakeSensorView(rendered.depth, Kinect());
-  const std::vector<SidePatch> patches =
-      CollectPatches(view, Certain(rendered.labels), structure, {});
+  const std::vector<SidePatch> patches = CollectPatches(view, Certain(rendered.labels), structure);
   // From the other side of the structure.
   const Pose other = RingPose(200);
   const LabelImage seen = Render(structure, Kinect(), other).labels;
-  const std::vector<Eigen::Vector3d> keypoints =
-      VisibleKeypoints(view, patches, structure, KeypointKind::kExposed, other);
+  const std::vector<Eigen::Vector3d> keypoints = VisibleKeypoints(view, patches, structure, other);
   int hidden = 0;
   for (std::size_t i = 0; i < patches.size(); ++i) {
     if (std::find(seen.begin(), seen.end(), patches[i].label) != seen.end()) continue;
@@ -90,24 +87,23 @@ TEST(VisibleKeypoints, StayThoseOfTheSideWhereThePoseShowsNothingOfIt) {
 
 TEST(CorrectForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
   const Structure structure = PaperStructure();
-  InitialPoseOptions options;
   for (const double phi : {15.0, 130.0, 250.0}) {
     const Pose truth = RingPose(phi);
     const auto rendered = Render(structure, Kinect(), truth);
     const SensorView view = MakeSensorView(rendered.depth, Kinect());
     const std::vector<SidePatch> patches =
-        LargestPatches(CollectPatches(view, Certain(rendered.labels), structure, {}));
-    const std::vector<Pose> candidates = FindCandidates(patches, structure, options, nullptr);
+        LargestPatches(CollectPatches(view, Certain(rendered.labels), structure));
+    const std::vector<Pose> candidates = FindCandidates(patches, structure, nullptr);
     ASSERT_FALSE(candidates.empty()) << phi;
-    const auto corrected = CorrectForVisibility(view, patches, structure, options,
-                                                options.max_keypoint_error_m, candidates[0]);
+    const auto corrected =
+        CorrectForVisibility(view, patches, structure, kMostKeypointError, candidates[0]);
     ASSERT_TRUE(corrected.has_value()) << phi;
     EXPECT_LT(ComparePoses(*corrected, truth).translation_m,
               0.7 * ComparePoses(candidates[0], truth).translation_m)
         << phi;
   }
   const auto none = CorrectForVisibility(MakeSensorView(DepthImage(320, 288), Kinect()), {},
-                                         structure, options, 0.2, RingPose(20));
+                                         structure, 0.2, RingPose(20));
   EXPECT_FALSE(none.has_value());
 }
 
